@@ -4,7 +4,6 @@ mod antenna;
 mod bearing;
 mod bearing_errors;
 mod calibrate;
-mod ceiling;
 mod error;
 mod listeners;
 mod receptions;

@@ -6,7 +6,7 @@ use foxhunt_core::{
 use foxhunt_hunt::calibration::BearingCalibration;
 use nalgebra::Vector3;
 
-use super::{RecordedError, bearings, ceiling::ceilings};
+use super::{RecordedError, bearings};
 use crate::recording::{Record, Recording};
 
 /// σ of recorded numbers where the recording has none.
@@ -92,7 +92,6 @@ pub fn recorded_receptions(
     let file = recording.file();
     let no_place = |line| RecordedError::NoPlace { file: file.to_owned(), line };
     let mut of_drone: BTreeMap<&str, Vec<(u64, Reception)>> = BTreeMap::new();
-    let ceilings = ceilings(recording);
     let mut order = 0.0;
     for record in recording.records() {
         order += 1.0;
@@ -105,8 +104,7 @@ pub fn recorded_receptions(
         }
         let receiver = record.receiver.ok_or_else(|| no_place(record.line))?;
         let time = record.time.unwrap_or(order);
-        let ceiling = ceilings.get(record.drone.as_str()).copied();
-        if let Some(reception) = from_record(record, time, receiver, ceiling, config) {
+        if let Some(reception) = from_record(record, time, receiver, config) {
             check(&reception, file, record.line)?;
             of_drone.entry(&record.drone).or_default().push((record.line, reception));
         }
@@ -158,7 +156,6 @@ fn from_record(
     record: &Record,
     time: f64,
     receiver: Pose,
-    ceiling: Option<f64>,
     config: &ReceptionConfig,
 ) -> Option<Reception> {
     let directional = record.boresight.is_some();
@@ -170,7 +167,7 @@ fn from_record(
         (None, floor) => (None, floor),
         (level, _) => (level, None),
     };
-    let saturation = level.and(ceiling).filter(|ceiling| level >= Some(*ceiling));
+    let saturation = record.ceiling_dbm.filter(|ceiling| level.is_some_and(|l| l >= *ceiling));
     let level = level.filter(|_| saturation.is_none());
     let with_sigma = |rss_dbm| Level { rss_dbm, sigma_db: config.rss_sigma_db };
     let bearing = record.bearing.filter(|_| !directional).map(|bearing| {

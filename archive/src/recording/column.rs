@@ -52,6 +52,9 @@ pub enum Column {
     /// `floor_dbm`: the level, as the levels are given, at or below which the receiver's noise
     /// stands for the beacon's power.
     FloorDbm,
+    /// `ceiling_dbm`: the level, as the levels are given, at or above which the receiver is
+    /// saturated and the true level is higher.
+    CeilingDbm,
     /// `bearing_deg_compass`: a ready-made bearing from the receiver to the beacon.
     BearingDegCompass,
     /// `relative_bearing_deg`: the same clockwise from the drone's nose.
@@ -102,7 +105,7 @@ const LEAST_SIGMA: f64 = 1e-6;
 
 impl Column {
     /// Every column.
-    pub const ALL: [Self; 34] = [
+    pub const ALL: [Self; 35] = [
         Self::Beacon,
         Self::Drone,
         Self::TimeS,
@@ -124,6 +127,7 @@ impl Column {
         Self::AttenuationDb,
         Self::GainDb,
         Self::FloorDbm,
+        Self::CeilingDbm,
         Self::BearingDegCompass,
         Self::RelativeBearingDeg,
         Self::BearingSigmaDeg,
@@ -161,7 +165,7 @@ impl Column {
 
     /// Returns true if its cells are levels or floors of the receiver.
     pub(super) fn is_level(self) -> bool {
-        matches!(self, Self::RssDbm | Self::RssDb | Self::FloorDbm)
+        matches!(self, Self::RssDbm | Self::RssDb | Self::FloorDbm | Self::CeilingDbm)
     }
 
     /// Whether it names who transmits or receives.
@@ -207,6 +211,7 @@ impl Column {
             Self::AttenuationDb => ("attenuation_db", Kind::Number(-200.0, 200.0)),
             Self::GainDb => ("gain_db", Kind::Number(-200.0, 200.0)),
             Self::FloorDbm => ("floor_dbm", Kind::Number(-500.0, 500.0)),
+            Self::CeilingDbm => ("ceiling_dbm", Kind::Number(-500.0, 500.0)),
             Self::BearingDegCompass => ("bearing_deg_compass", Kind::Number(-360.0, 360.0)),
             Self::RelativeBearingDeg => ("relative_bearing_deg", Kind::Number(-360.0, 360.0)),
             Self::BearingSigmaDeg => ("bearing_sigma_deg", Kind::Number(LEAST_SIGMA, 180.0)),

@@ -10,7 +10,7 @@ use super::{Column, Record, Recording, RecordingError};
 type Cell = fn(&Record, &Recording) -> Option<String>;
 
 /// The columns of a converted recording. A number comes first: a name may begin like a comment.
-const CELLS: [(Column, Cell); 27] = [
+const CELLS: [(Column, Cell); 28] = [
     (Column::TimeS, |record, of| shown(record.time.filter(|_| !of.is_in_utc()))),
     (Column::TimeUtc, |record, of| shown(record.time.filter(|_| of.is_in_utc()))),
     (Column::Turn, |record, _| shown(record.turn)),
@@ -30,6 +30,7 @@ const CELLS: [(Column, Cell); 27] = [
     (Column::RssDbm, |record, of| shown(record.rss_dbm.filter(|_| of.is_calibrated()))),
     (Column::RssDb, |record, of| shown(record.rss_dbm.filter(|_| !of.is_calibrated()))),
     (Column::FloorDbm, |record, _| shown(record.floor_dbm)),
+    (Column::CeilingDbm, |record, _| shown(record.ceiling_dbm)),
     (Column::BearingDegCompass, |record, of| compass(record, of, record.bearing.map(|b| b.angle))),
     (Column::BearingSigmaDeg, |record, _| {
         shown(record.bearing.and_then(|b| b.sigma).map(f64::to_degrees))
@@ -173,8 +174,8 @@ mod tests {
                     (other.time, other.turn, other.position)
                 );
                 assert_eq!(
-                    (one.rss_dbm, one.floor_dbm),
-                    (other.rss_dbm, other.floor_dbm),
+                    (one.rss_dbm, one.floor_dbm, one.ceiling_dbm),
+                    (other.rss_dbm, other.floor_dbm, other.ceiling_dbm),
                     "{name}"
                 );
                 assert_eq!(one.measured, other.measured, "{name}");

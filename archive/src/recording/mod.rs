@@ -5,6 +5,7 @@
 //! counter-clockwise from East, seconds, dBm.
 
 mod beside;
+mod ceiling;
 mod clock_offset;
 mod column;
 mod convert;

@@ -44,7 +44,9 @@ impl Reader<'_> {
         let level = rss_dbm.or(floor_dbm);
         // A row without a level needs no attenuation.
         let added_db = level.map_or(Ok(0.0), |_| self.before_receiver_db())?;
-        let [rss_dbm, floor_dbm] = [rss_dbm, floor_dbm].map(|level| level.map(|l| l + added_db));
+        let ceiling_dbm = self.number(Column::CeilingDbm)?;
+        let [rss_dbm, floor_dbm, ceiling_dbm] =
+            [rss_dbm, floor_dbm, ceiling_dbm].map(|level| level.map(|l| l + added_db));
         if level.is_none() && bearing_deg.is_none() && measured.is_empty() {
             return Ok(Err(LeftOut(rules)));
         }
@@ -105,6 +107,7 @@ impl Reader<'_> {
             turn: self.number(Column::Turn)?.map(whole),
             rss_dbm,
             floor_dbm,
+            ceiling_dbm,
             bearing,
             measured,
             known_range: if self.plan.has(Column::RangeSigmaM) {

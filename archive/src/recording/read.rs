@@ -16,6 +16,7 @@ use super::{
     Backwards, Column, Dropped, FieldProblem, ReadOptions, Record, Recording, RecordingError,
     Rover,
     beside::Joined,
+    ceiling::find_ceilings,
     decompress::decompressed,
     exclusion::{Cause, Exclusions},
     formats,
@@ -338,6 +339,7 @@ impl File<'_> {
             );
             remarks.push(Remark::new("column-not-used", text));
         }
+        remarks.extend(find_ceilings(name, &mut records));
         let recording = Recording {
             file: name.to_owned(),
             format: mapping.name.clone(),

@@ -32,6 +32,9 @@ pub struct Record {
     /// The receiver's floor, as the level is given: a level at or below it is noise, and no level
     /// a silence.
     pub floor_dbm: Option<f64>,
+    /// The receiver's ceiling, as the level is given, stated or found: at a level there or above
+    /// the receiver is saturated, and the true level is higher.
+    pub ceiling_dbm: Option<f64>,
     /// A ready-made bearing.
     pub bearing: Option<RecordedBearing>,
     /// What else was measured: a range, a range difference, a level difference.

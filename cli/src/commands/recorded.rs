@@ -46,6 +46,10 @@ pub(crate) struct Reading {
     /// estimators of all receptions at once take but that the true one was not above it
     #[arg(long, value_name = "DBM", allow_hyphen_values = true)]
     floor_dbm: Option<f64>,
+    /// The receiver's ceiling, as its levels are: at it the receiver is saturated and the true level
+    /// is higher; found by itself where the highest level repeats
+    #[arg(long, value_name = "DBM", allow_hyphen_values = true)]
+    ceiling_dbm: Option<f64>,
     /// Where the receiver was at what time: a GPX file, instead of the recording's own places
     #[arg(long, value_name = "GPX")]
     rover: Option<PathBuf>,
@@ -140,6 +144,9 @@ impl Reading {
         }
         if let Some(floor_dbm) = self.floor_dbm {
             options = options.with_constant(Column::FloorDbm, floor_dbm);
+        }
+        if let Some(ceiling_dbm) = self.ceiling_dbm {
+            options = options.with_constant(Column::CeilingDbm, ceiling_dbm);
         }
         Ok(options)
     }

@@ -1,8 +1,9 @@
 use std::collections::BTreeMap;
 
+use foxhunt_core::Remark;
 use nalgebra::Vector2;
 
-use crate::recording::{Record, Recording};
+use super::Record;
 
 /// Number of rows at a ceiling, at least: fewer repeat by chance.
 const LEAST_ROWS: usize = 5;
@@ -21,16 +22,45 @@ const COMPARED: usize = 4;
 /// hovers near a steady transmitter repeats its level, too, and is not clipped.
 const LEAST_EXTENT: f64 = 0.03;
 
-/// The ceilings of a recording's receivers, in dBm by receiver: the greatest level, where it
-/// repeats as only a limit does. Rows of all beacons count, as the limit is the receiver's own.
-pub(super) fn ceilings(recording: &Recording) -> BTreeMap<&str, f64> {
-    let mut of_receiver: BTreeMap<&str, Vec<(f64, Vector2<f64>)>> = BTreeMap::new();
-    for record in recording.records() {
+/// Finds the ceilings of receivers that state none, where the greatest level of one repeats as only
+/// a limit does, and sets them in its records. Rows of all beacons count, as the limit is the
+/// receiver's own. Returns a remark for each.
+pub(super) fn find_ceilings(file: &str, records: &mut [Record]) -> Vec<Remark> {
+    let mut of_receiver: BTreeMap<String, Vec<(f64, Vector2<f64>)>> = BTreeMap::new();
+    for record in records.iter().filter(|record| record.ceiling_dbm.is_none()) {
         let Some((level, receiver)) = level(record) else { continue };
-        of_receiver.entry(&record.drone).or_default().push((level, receiver));
+        match of_receiver.get_mut(&record.drone) {
+            Some(levels) => levels.push((level, receiver)),
+            None => {
+                of_receiver.insert(record.drone.clone(), vec![(level, receiver)]);
+            }
+        }
     }
-    let ceiling = |(drone, levels): (_, Vec<_>)| Some((drone, ceiling(levels)?));
-    of_receiver.into_iter().filter_map(ceiling).collect()
+    let found =
+        of_receiver.into_iter().filter_map(|(drone, levels)| Some((drone, ceiling(levels)?)));
+    let found: BTreeMap<String, f64> = found.collect();
+    if found.is_empty() {
+        return Vec::new();
+    }
+    let mut rows: BTreeMap<&str, usize> = BTreeMap::new();
+    for record in records.iter_mut() {
+        let Some((drone, ceiling)) = found.get_key_value(&record.drone) else { continue };
+        if record.ceiling_dbm.is_none() {
+            record.ceiling_dbm = Some(*ceiling);
+            let is_at_it = record.rss_dbm.is_some_and(|level| level >= *ceiling);
+            *rows.entry(drone).or_default() += usize::from(is_at_it);
+        }
+    }
+    let remark = |(drone, rows): (&str, usize)| {
+        let ceiling = found.get(drone).copied().unwrap_or_default();
+        let text = format!(
+            "{file}: {rows} levels of {drone} are {ceiling} dB, its highest: the receiver is \
+             taken to be at its ceiling there, and the true levels to be higher; --ceiling-dbm \
+             states another ceiling, and a high one none"
+        );
+        Remark::new("receiver-at-ceiling", text)
+    };
+    rows.into_iter().map(remark).collect()
 }
 
 /// The level of an omnidirectional antenna, and its place.
