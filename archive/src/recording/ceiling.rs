@@ -1,4 +1,4 @@
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use foxhunt_core::Remark;
 use nalgebra::Vector2;
@@ -26,9 +26,13 @@ const LEAST_EXTENT: f64 = 0.03;
 /// a limit does, and sets them in its records. Rows of all beacons count, as the limit is the
 /// receiver's own. Returns a remark for each.
 pub(super) fn find_ceilings(file: &str, records: &mut [Record]) -> Vec<Remark> {
+    let steady = steady_beacons(records);
     let mut of_receiver: BTreeMap<String, Vec<(f64, Vector2<f64>)>> = BTreeMap::new();
     for record in records.iter().filter(|record| record.ceiling_dbm.is_none()) {
         let Some((level, receiver)) = level(record) else { continue };
+        if steady.contains(&record.beacon) {
+            continue;
+        }
         match of_receiver.get_mut(&record.drone) {
             Some(levels) => levels.push((level, receiver)),
             None => {
@@ -61,6 +65,18 @@ pub(super) fn find_ceilings(file: &str, records: &mut [Record]) -> Vec<Remark> {
         Remark::new("receiver-at-ceiling", text)
     };
     rows.into_iter().map(remark).collect()
+}
+
+/// The beacons with one level alone: a number that stands for all of them is no limit.
+fn steady_beacons(records: &[Record]) -> BTreeSet<Option<String>> {
+    let mut extremes: BTreeMap<&Option<String>, (f64, f64)> = BTreeMap::new();
+    for record in records {
+        let Some((level, _)) = level(record) else { continue };
+        let (low, high) = extremes.entry(&record.beacon).or_insert((level, level));
+        (*low, *high) = (low.min(level), high.max(level));
+    }
+    let steady = extremes.into_iter().filter(|(_, (low, high))| high - low < SAME_DB);
+    steady.map(|(beacon, _)| beacon.clone()).collect()
 }
 
 /// The level of an omnidirectional antenna, and its place.
