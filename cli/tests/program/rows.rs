@@ -139,7 +139,8 @@ fn tables_of_people_are_located() {
     let comma = foxhunt(["--json", "locate", &data("tables/decimal-comma.csv")]).json();
     assert_eq!(codes(&comma), [""; 0]);
     let positive = data("tables/positive-rssi.csv");
-    assert_eq!(codes(&foxhunt(["--json", "locate", &positive]).json()), ["positive-levels"]);
+    let taken = foxhunt(["--json", "locate", &positive]).json();
+    assert_eq!(codes(&taken).first(), Some(&"positive-levels"));
     let mended = foxhunt(["--json", "locate", &positive, "--negate-levels"]).json();
     assert_eq!(codes(&mended), [""; 0]);
     let off = [0, 1].map(|axis| place(&mended)[axis] - place(&comma)[axis]);

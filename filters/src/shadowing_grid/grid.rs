@@ -190,6 +190,8 @@ impl PosteriorMap {
         let around = Vector2::repeat(4.0 * sigma_m);
         let cell_m = self.grid.cell_m.max(sigma_m / 3.0);
         let grid = Grid::over(low - around, high + around, cell_m, max_cells);
+        // Cells that are larger than σ are filled evenly, not at their centres alone.
+        let sigma_m = libm::hypot(sigma_m, grid.cell_m / libm::sqrt(12.0));
         let kernel = |offset_m: f64| libm::exp(-0.5 * (offset_m / sigma_m) * (offset_m / sigma_m));
         // The kernel is a product of one along each axis: rows first, then columns.
         let columns = grid.columns as usize;

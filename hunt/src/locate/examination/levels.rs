@@ -4,7 +4,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::{
     super::{Area, LocateConfig, Located, Power},
-    APART, UNSTATED_SIGMA_M, has_law, spoken,
+    shared::{APART, UNSTATED_SIGMA_M, has_law, spoken},
 };
 
 /// Fewer levels than this are not examined.

@@ -7,14 +7,15 @@
 mod fit;
 mod levels;
 mod open;
+mod shared;
 
 use foxhunt_core::{Bearing, Quantity, Reception, Remark};
 use foxhunt_wire::geodesy::radians_to_compass_deg;
-use nalgebra::Vector2;
 
 pub(crate) use self::fit::{Datum, Kind, Outliers, Scale, misfit_p, outliers, reversals};
 use self::fit::{Meeting, meeting};
-use super::{Area, LocateConfig, Located, Power};
+use self::shared::{APART, UNSTATED_SIGMA_M, is_assumed, scale, spoken};
+use super::{Area, LocateConfig, Located};
 
 /// Receptions with measurements that an answer depends on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,19 +43,6 @@ const UNKNOWN_SIGMA: f64 = 25.0 * std::f64::consts::PI / 180.0;
 
 /// Measurements that scatter by more than this many of their σ make a remark.
 const SCATTER: f64 = 1.5;
-
-/// Number of measurements that a σ of their own is worth for the search of outliers.
-const OWN_FREEDOM: f64 = 8.0;
-
-/// σ of the receiver's place on each axis where none is stated, in metres: by satellites. Bearings
-/// from a few metres away are of little use.
-const UNSTATED_SIGMA_M: f64 = 2.0;
-
-/// Number of measurements that a σ is worth which stands for unknown ones.
-const ASSUMED_FREEDOM: f64 = 4.0;
-
-/// χ² with two degrees of freedom that a clean answer exceeds once in 10,000.
-const APART: f64 = 18.4;
 
 /// Finds what casts doubt on an answer, and adds it to the answer's remarks. Returns the indices of
 /// the receptions whose bearing, range or difference the others contradict.
@@ -185,19 +173,6 @@ fn data(receptions: &[Reception], config: &LocateConfig, uses: Uses) -> Vec<Datu
         }
     }
     data
-}
-
-/// Returns the knowledge of the measurements' σ.
-fn scale(data: &[Datum], config: &LocateConfig) -> Scale {
-    let is_assumed = data.iter().any(|datum| is_assumed(datum, config));
-    let least = if is_assumed { ASSUMED_FREEDOM } else { OWN_FREEDOM };
-    Scale { freedom: config.bearing_freedom.max(least) }
-}
-
-/// Returns true if a bearing has the σ that stands for unknown ones.
-fn is_assumed(datum: &Datum, config: &LocateConfig) -> bool {
-    let sigma = config.assumed_bearing_sigma;
-    datum.kind == Kind::Bearing && sigma.is_some_and(|sigma| datum.sigma >= sigma)
 }
 
 /// Returns the measurements with the largest σ that they may plausibly have.
@@ -362,11 +337,6 @@ fn reversal_text(data: &[Datum], way: &fit::Reversal) -> String {
     }
 }
 
-/// Returns a place in the words of the report.
-fn spoken(place: &Vector2<f64>) -> String {
-    format!("{:.1} m East, {:.1} m North", place.x, place.y)
-}
-
 fn probability(p: f64) -> String {
     if p < 1e-9 { "p < 1e-9".to_owned() } else { format!("p = {p:.0e}") }
 }
@@ -391,9 +361,4 @@ fn what(data: &[Datum]) -> &'static str {
     } else {
         "measurements"
     }
-}
-
-/// Returns true if the power of the transmitter, and so a distance for each level, is known.
-fn has_law(config: &LocateConfig) -> bool {
-    matches!(config.power, Power::Known { .. })
 }

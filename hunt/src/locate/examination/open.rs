@@ -4,9 +4,8 @@ use nalgebra::Vector2;
 
 use super::{
     super::{LocateConfig, Located},
-    Datum, Kind,
-    fit::centre,
-    has_law, meeting, scale,
+    fit::{Datum, Kind, centre, meeting},
+    shared::{has_law, scale},
 };
 
 /// Receivers nearer to each other than this, in metres, are in one place.
