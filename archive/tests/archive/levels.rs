@@ -165,3 +165,19 @@ fn a_room_is_as_large_as_it_is() {
     let (_, held) = judged(all.into_iter().map(|(answer, _)| answer));
     assert!(worst < 0.35 && held >= 7, "{worst} of the room, {held}");
 }
+
+#[test]
+fn a_stated_ceiling_is_the_receivers() {
+    let table =
+        "east_m,north_m,rss_dbm,ceiling_dbm\n0,0,-60,-40\n9,0,-40,-40\n9,9,-38,-40\n0,9,-70,\n";
+    let recording = Recording::from_reader(table.as_bytes(), "stated.csv", &ReadOptions::default());
+    let recording = recording.expect("a table of ours");
+    let config = ReceptionConfig::default();
+    let received = receptions(&[recording], None, &Pritzl2018::default(), &config);
+    let limits = received.expect("readable");
+    let limits =
+        limits.iter().map(|r| (r.level.map(|l| l.rss_dbm), r.saturation.map(|l| l.rss_dbm)));
+    let expected =
+        [(Some(-60.0), None), (None, Some(-40.0)), (None, Some(-40.0)), (Some(-70.0), None)];
+    assert_eq!(limits.collect::<Vec<_>>(), expected);
+}
