@@ -21,6 +21,7 @@ impl Search {
     /// The posterior over the whole area that has to be searched, and on finer cells around the
     /// mass where the first are too coarse for it. Where the prior of the place reaches beyond the
     /// margin and there is mass on the border, up to six wider grids come first.
+    #[cfg(any(feature = "batch", test))]
     pub(crate) fn run<P, E>(
         &self,
         mut posterior: impl FnMut(Grid) -> Result<P, E>,
