@@ -101,8 +101,9 @@ def test_recordings_are_located(tmp_path):
     place = fix["estimate"]
     assert np.hypot(place["east_m"] - 20, place["north_m"] - 15) < 15
     path.write_text(path.read_text().replace(",1.5,", ",nan,", 1))
+    assert [remark["code"] for remark in foxhunt.locate(path)["remarks"]][:1] == ["rows-left-out"]
     with pytest.raises(ValueError, match=r"walk\.csv.*up_m"):
-        foxhunt.locate(path)
+        foxhunt.locate(path, strict=True)
 
 
 def test_other_threads_go_on_meanwhile():
