@@ -238,9 +238,9 @@ def main():
         track = os.path.join(folder, "track.csv")
         passing(track)
         for arguments, strikes in (
-            ([one], [3]),
+            ([one], [2]),
             ([one, "--estimator", "particle"], [3, 0]),
-            ([several, "--every-beacon"], [3]),
+            ([several, "--every-beacon"], [2]),
             (["docs/walk.csv"], [0, 17, 60]),
             (["docs/walk.csv", "--receiver-antenna", "dipole"], [0, 17, 60]),
             ([track, "--track"], [31, 58]),
