@@ -13,7 +13,7 @@ const GZIP: [u8; 2] = [0x1f, 0x8b];
 /// No recording is larger than this: a small file may hold any amount of nothing.
 const LIMIT_BYTES: u64 = 2 << 30;
 
-/// What a file holds, in UTF-8: the file itself, or what was compressed with gzip.
+/// Contents of a file in UTF-8: the file itself, or the text that gzip compressed.
 pub(super) fn decompressed<'b>(
     bytes: &'b [u8],
     file: &str,

@@ -7,7 +7,7 @@ use super::{FieldProblem, RecordingError};
 /// Rows that a remark names; the others are counted.
 const NAMED: usize = 5;
 
-/// Why a row cannot be believed. The order is that of the remarks.
+/// Cause of a row's exclusion, in the order of the remarks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Cause {
     /// A cell cannot be read, or is out of its range.

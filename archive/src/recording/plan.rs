@@ -13,7 +13,7 @@ pub(super) struct Plan {
     pub(super) joined: Vec<Joined>,
     /// The columns that become rows of their own; empty where the mapping melts nothing.
     pub(super) melted: Vec<Melted>,
-    /// Whether levels are written without their sign.
+    /// True if levels are written without their sign.
     pub(super) negate_levels: bool,
     /// The file's columns that nothing reads.
     pub(super) ignored: Vec<String>,

@@ -141,7 +141,7 @@ struct File<'f> {
     folder: Option<&'f Path>,
 }
 
-/// What was read from a file.
+/// Result of reading a file.
 struct Read {
     recording: Recording,
     /// The first place that can be believed, if the frame's origin cannot.

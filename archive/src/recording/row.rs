@@ -163,7 +163,7 @@ impl Reader<'_> {
         }
     }
 
-    /// What is added to the receiver's levels: attenuation before it less gain, in dB.
+    /// Correction of the receiver's levels: attenuation before it less gain, in dB.
     pub(super) fn before_receiver_db(&self) -> Result<f64, RecordingError> {
         let mut added = 0.0;
         for (column, sign) in [(Column::AttenuationDb, 1.0), (Column::GainDb, -1.0)] {

@@ -166,8 +166,9 @@ const FULL_SCALE_M: f64 = 200.0;
 /// two vertical dipoles; the place near the receivers; correlation lengths 15, 30 … 240 m, from
 /// the 10 m of street canyons (3GPP TR 38.901, table 7.5-6) to the hundreds of suburbs (Gudmundson
 /// 1991) and of an antenna's own lobes; nuggets 0.03, 0.1, 0.3 and 1; margin 200 m, cells of 10 m,
-/// at most 2000; segments of 25 m, then of 0.15 of the distance, at most 400; of readings that fade the
-/// 0.9 quantile, as fading takes power away and adds next to none; receivers at known places; σ of 4 dB for one reading.
+/// at most 2000; segments of 25 m, then of 0.15 of the distance, at most 400; of readings that fade
+/// the 0.9 quantile, as fading takes power away and adds next to none; receivers at known places;
+/// σ of 4 dB for one reading.
 impl Default for ShadowingGridConfig {
     fn default() -> Self {
         let proper = "the limits are finite and in order";

@@ -148,7 +148,7 @@ pub fn learn_bearing_sigma<'a>(
     LearnedSigma { factor: square.sqrt(), freedom, left_out }
 }
 
-/// How the bearings of one transmitter meet.
+/// Meeting of the bearings of one transmitter.
 struct Taught {
     index: usize,
     misfit: f64,

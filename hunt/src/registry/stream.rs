@@ -160,7 +160,7 @@ fn without_geometry(reception: &Reception) -> Reception {
     }
 }
 
-/// Whether there are levels of the three segments of a path that `shadowing-grid` needs.
+/// Returns true if there are levels of the three places that `shadowing-grid` needs.
 fn have_levels_of_places(receptions: &[Reception]) -> bool {
     let extent_m = extent_m(receptions);
     let apart_m = ShadowingGridConfig::over(extent_m).segment_m;
