@@ -378,7 +378,8 @@ mod tests {
                 let place = frame.to_geodetic(&Vector3::new(east, north, 0.0));
                 Geodetic { alt_m: 0.0, ..place }
             };
-            let (from, to) = (ground(east, north), ground(east + way_east, north + way_north));
+            let from = ground(east, north);
+            let to = ground(east + way_east, north + way_north);
             let azimuth = azimuth_deg(&from, &to);
             let way = (frame.to_local(&to) - frame.to_local(&from)).xy();
             prop_assume!(way.norm() > 100.0);

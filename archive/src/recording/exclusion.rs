@@ -118,7 +118,8 @@ impl Exclusions {
         if self.bad <= kept {
             return Ok(());
         }
-        let (bad, rows) = (self.bad, self.bad + kept);
+        let bad = self.bad;
+        let rows = bad + kept;
         match self.first.take() {
             None => Ok(()),
             Some(first) if bad == 1 => Err(first),
@@ -134,7 +135,8 @@ impl Exclusions {
             let lines: Vec<&str> = named.iter().map(|(_, text)| text.as_str()).collect();
             let more = excluded.rows - lines.len() as u64;
             let more = if more > 0 { format!("; and {more} more") } else { String::new() };
-            let (count, reason) = (excluded.rows, cause.reason());
+            let count = excluded.rows;
+            let reason = cause.reason();
             let text =
                 format!("{file}: {count} of {rows} rows {reason}: {}{more}", lines.join("; "));
             Remark::new(cause.code(), text)

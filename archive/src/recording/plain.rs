@@ -80,7 +80,8 @@ fn parts(name: &str) -> (String, String) {
     let lower = name.to_lowercase();
     let (name, unit) = lower.split_once(['[', '(']).unwrap_or((&lower, ""));
     let letters = |text: &str| text.chars().filter(char::is_ascii_alphanumeric).collect::<String>();
-    let (name, unit) = (letters(name), letters(unit));
+    let name = letters(name);
+    let unit = letters(unit);
     for suffix in ["degcompass", "dbm", "deg", "db", "ms", "s", "m"] {
         let words = lower.trim_end_matches([']', ')']);
         let is_word =

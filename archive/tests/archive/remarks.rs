@@ -182,7 +182,8 @@ fn everything_from_one_place_leaves_the_range_open() {
         assert!(!codes(&locate(&received, "particle", &config)).contains(&"one-place"));
         let first = received[0];
         for reception in &mut received {
-            let (shift, error) = (0.2 * normal(&mut rng), 0.05 * normal(&mut rng));
+            let shift = 0.2 * normal(&mut rng);
+            let error = 0.05 * normal(&mut rng);
             *reception = first;
             reception.receiver.position.x += shift;
             turn(reception, error.to_degrees());
@@ -326,7 +327,8 @@ fn reversed_animals_spoil_no_others() {
 /// Levels of a flight over a square with white noise of 4 dB.
 fn levels(rng: &mut Xoshiro256PlusPlus, target: Vector2<f64>) -> Vec<Reception> {
     let level = |number: i32, rng: &mut Xoshiro256PlusPlus| {
-        let (lane, along) = (number / 20, number % 20);
+        let lane = number / 20;
+        let along = number % 20;
         let along = if lane % 2 == 0 { along } else { 19 - along };
         let from = Vector2::new(25.0 * f64::from(along), 50.0 * f64::from(lane));
         let range = (target - from).norm().hypot(30.0);

@@ -248,6 +248,23 @@ mod tests {
     use super::*;
 
     #[test]
+    fn lengths_follow_the_extent() {
+        let of = |extent_m| ShadowingGridConfig::over(extent_m);
+        let ends = |config: &ShadowingGridConfig| {
+            let lengths = &config.correlation_lengths_m;
+            (lengths[0], lengths[4], config.segment_m, config.cell_m)
+        };
+        let close = |a: (f64, f64, f64, f64), b: (f64, f64, f64, f64)| {
+            let apart = [a.0 - b.0, a.1 - b.1, a.2 - b.2, a.3 - b.3];
+            assert!(apart.iter().all(|d| d.abs() < 1e-9), "{a:?} for {b:?}");
+        };
+        close(ends(&of(500.0)), ends(&ShadowingGridConfig::default()));
+        close(ends(&of(10.0)), (0.75, 12.0, 1.25, 0.5));
+        close(ends(&of(40_000.0)), (15.0, 10_000.0, 25.0, 10.0));
+        assert!(of(0.0).check().is_ok());
+    }
+
+    #[test]
     fn beyond_the_receivers_the_density_is_students() {
         // Half the diagonal of 60 m by 80 m is 50 m.
         let (low, high) = (Vector2::new(-10.0, 0.0), Vector2::new(50.0, 80.0));

@@ -358,6 +358,29 @@ mod tests {
     }
 
     #[test]
+    fn a_blur_adds_its_variance_and_loses_nothing() {
+        let grid = Grid::over(Vector2::zeros(), Vector2::new(9.0, 9.0), 1.0, 100);
+        let mut mass = alloc::vec![0.0; 81];
+        (mass[4 * 9 + 2], mass[4 * 9 + 6]) = (0.5, 0.5);
+        let map = PosteriorMap::new(grid, mass);
+        let before = map.estimate();
+        // Fine cells for a wide blur, and cells that are far larger than the blur.
+        for (sigma_m, max_cells) in [(4.0, 10_000), (0.05, 10_000), (4.0, 9)] {
+            let blurred = map.blurred(sigma_m, max_cells);
+            assert!((blurred.mass().iter().sum::<f64>() - 1.0).abs() < 1e-12);
+            let after = blurred.estimate();
+            assert!((after.mean - before.mean).norm() < 1e-6, "{after:?}");
+            let added = (after.covariance - before.covariance).diagonal();
+            // A cell is as wide as it is, and its centre need not be that of an old one.
+            let of_cells = blurred.cell_m() * blurred.cell_m() / 3.0;
+            let least = sigma_m * sigma_m - 1.0 / 12.0;
+            let most = sigma_m * sigma_m + of_cells;
+            let fits = added.iter().all(|v| (least..=1.02 * most).contains(v));
+            assert!(fits, "{sigma_m} m, {max_cells} cells: {added:?}");
+        }
+    }
+
+    #[test]
     fn mass_far_off_moves_the_mean_and_not_the_median() {
         let grid = Grid::over(Vector2::zeros(), Vector2::new(100.0, 10.0), 1.0, 1000);
         let mut mass = alloc::vec![0.0; 1000];

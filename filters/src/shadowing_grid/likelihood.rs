@@ -211,25 +211,33 @@ impl Likelihood {
         grid: &Grid,
         gains: &[(f64, f64)],
         regressors: &impl Fn(&Vector2<f64>, &Pose) -> [f64; 2],
-    ) -> Vec<bool> {
-        let mut probable = vec![true; self.regressions.len()];
+    ) -> Vec<usize> {
+        let all: Vec<usize> = (0..self.regressions.len()).collect();
         let stride = grid.len() / (SAMPLED_BLOCKS * LANES);
-        if stride < 2 || probable.len() < 2 {
-            return probable;
+        if stride < 2 || all.len() < 2 {
+            return all;
         }
-        let sample = self.conditionals(grid, stride, &probable, gains, regressors);
-        let mut best = vec![f64::NEG_INFINITY; probable.len()];
+        let sample = self.conditionals(grid, stride, &all, gains, regressors);
+        let mut best = vec![f64::NEG_INFINITY; all.len()];
         for cell in &sample {
             for (best, share) in best.iter_mut().zip(&cell.shares.correlations) {
                 *best = best.max(cell.log_mass + libm::log(*share));
             }
         }
         let peak = best.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        if peak.is_finite() {
-            let matters = best.iter().map(|best| best - peak > -IMPROBABLE);
-            probable = matters.collect();
+        if !peak.is_finite() {
+            return all;
         }
-        probable
+        let matters = best.iter().enumerate().filter(|(_, best)| **best - peak > -IMPROBABLE);
+        matters.map(|(correlation, _)| correlation).collect()
+    }
+
+    /// Some correlations, each with its number.
+    fn explained_by(
+        &self,
+        correlations: &[usize],
+    ) -> impl Iterator<Item = (usize, &Regression)> + Clone {
+        correlations.iter().filter_map(|number| Some((*number, self.regressions.get(*number)?)))
     }
 
     /// One cell in `stride`, given that the target is there, under the probable correlations.
@@ -237,7 +245,7 @@ impl Likelihood {
         &self,
         grid: &Grid,
         stride: usize,
-        probable: &[bool],
+        probable: &[usize],
         gains: &[(f64, f64)],
         regressors: &impl Fn(&Vector2<f64>, &Pose) -> [f64; 2],
     ) -> Vec<Conditional> {
@@ -263,11 +271,8 @@ impl Likelihood {
                 }
             }
             let origins = [self.without_origin(&mut x), self.without_origin(&mut g)];
-            let blocks: Vec<[Products; LANES]> = (self.regressions.iter().zip(probable))
-                .map(|(regression, probable)| {
-                    if !probable {
-                        return Default::default();
-                    }
+            let blocks: Vec<[Products; LANES]> = (self.explained_by(probable))
+                .map(|(_, regression)| {
                     white_x.copy_from_slice(&x);
                     white_g.copy_from_slice(&g);
                     regression.products(&mut white_x, &mut white_g)
@@ -281,8 +286,9 @@ impl Likelihood {
                 let products = blocks.iter().map(|block| &block[k]);
                 let origin = origins.map(|row| row[k]);
                 let silent = silent.iter().map(|both| both[k]);
-                let products = products.zip(probable.iter().copied());
-                let cell = self.conditional(products, origin, silent, gains, best, &mut log_masses);
+                let explained = self.explained_by(probable).zip(products);
+                let cell =
+                    self.conditional(explained, origin, silent, gains, best, &mut log_masses);
                 best = best.max(cell.log_mass);
                 conditionals.push(cell);
             }
@@ -316,20 +322,16 @@ impl Likelihood {
     /// slopes, the gains and the correlations (Handcock & Stein 1993), and what goes with it.
     fn conditional<'a>(
         &self,
-        products: impl Iterator<Item = (&'a Products, bool)> + Clone,
+        explained: impl Iterator<Item = ((usize, &'a Regression), &'a Products)> + Clone,
         origin: [f64; 2],
         silent: impl Iterator<Item = [f64; 2]> + Clone,
         gains: &[(f64, f64)],
         best: f64,
         log_masses: &mut Vec<(f64, f64)>,
     ) -> Conditional {
-        let all = || self.regressions.iter().zip(products.clone()).enumerate();
-        let probable = || all().filter(|(_, (_, (_, probable)))| *probable);
-        let correlations =
-            || probable().map(|(i, (regression, (products, _)))| (i, regression, products));
         log_masses.clear();
         let mut peak = f64::NEG_INFINITY;
-        for (correlation, regression, products) in correlations() {
+        for ((correlation, regression), products) in explained.clone() {
             let per_one = if self.intercept_is_flat { 1.0 / regression.ones_square() } else { 0.0 };
             for &(b, b_weight) in &self.slopes {
                 for &(c, c_weight) in gains {
@@ -361,8 +363,8 @@ impl Likelihood {
         }
         let (mut total, mut log_masses) = (0.0, log_masses.iter());
         let Shares { slopes, gains: of_gains, correlations: shares } = &mut given.shares;
-        for (number, regression, products) in correlations() {
-            let Some(correlation) = shares.get_mut(number) else { break };
+        for ((correlation, regression), products) in explained {
+            let Some(share) = shares.get_mut(correlation) else { break };
             let per_one = 1.0 / regression.ones_square();
             for (&(b, _), slope) in self.slopes.iter().zip(&mut *slopes) {
                 for (&(c, _), gain) in gains.iter().zip(&mut *of_gains) {
@@ -373,7 +375,7 @@ impl Likelihood {
                         continue;
                     }
                     total += weight;
-                    *correlation += weight;
+                    *share += weight;
                     *slope += weight;
                     *gain += weight;
                     // σ² is inverse gamma, of shape ν/2 and scale SSR/2; a is Student's t about â.

@@ -229,7 +229,8 @@ fn several_places(path: &Path, segments: &Segments) -> Result<(), ShadowingGridE
     if segments < LEAST_SEGMENTS { Err(ShadowingGridError::TooFew { segments }) } else { Ok(()) }
 }
 
-/// Length of a segment beyond `segment_m` over the one that its distance alone would allow.
+/// Share of the length by distance alone that a segment far away has, where that is more than
+/// `segment_m`.
 const FAR: f64 = 0.3;
 
 /// Length of the segments of readings that fade over `segment_m`: a fade spans metres, readings

@@ -110,9 +110,9 @@ impl Path {
         summary: Summary,
     ) -> Segments {
         let mut stretch = 1.0;
-        let mut groups = self.cut(|place| length_m(place));
-        let is_zero = self.receivers().all(|receiver| length_m(&receiver.position.xy()) <= 0.0);
-        if groups.len() > max_segments && is_zero {
+        let mut groups = self.cut(&length_m);
+        let is_zero = || self.receivers().all(|receiver| length_m(&receiver.position.xy()) <= 0.0);
+        if groups.len() > max_segments && is_zero() {
             // Lengths of 0 do not grow by any factor: the extent of the path replaces them.
             let whole_m = self.extent_m();
             let mut share = 1e-4;

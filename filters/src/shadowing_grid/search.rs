@@ -122,6 +122,36 @@ mod tests {
 
     use super::*;
 
+    /// A part of the area that misses the mass is widened until it holds it, or all of the area.
+    #[test]
+    fn a_part_is_widened_up_to_the_mass() {
+        let search = Search {
+            low: Vector2::repeat(-50.0),
+            high: Vector2::repeat(50.0),
+            place: PlacePrior::Even,
+            margin_m: 20.0,
+            cell_m: 5.0,
+            max_cells: 4000,
+        };
+        let map = |place: Vector2<f64>| {
+            let posterior = move |grid: Grid| {
+                let density = |i| (-0.5 * (grid.centre(i) - place).norm_squared() / 9.0).exp();
+                let mut mass: Vec<f64> = (0..grid.len()).map(density).collect();
+                let total: f64 = mass.iter().sum();
+                mass.iter_mut().for_each(|mass| *mass /= total);
+                Ok::<_, ()>(PosteriorMap::new(grid, mass))
+            };
+            let part = (Vector2::repeat(-5.0), Vector2::repeat(5.0));
+            search.within(part, 2.0, posterior, |map| map).expect("it never fails")
+        };
+        let found = map(Vector2::new(30.0, -12.0));
+        assert!(found.border_mass() < LITTLE_ON_BORDER);
+        assert!((found.estimate().mean - Vector2::new(30.0, -12.0)).norm() < 0.1);
+        // Beyond the prior's border there is nothing to be found.
+        let beyond = map(Vector2::new(90.0, 0.0));
+        assert!(beyond.estimate().mean.x < 71.0 && beyond.border_mass() > LITTLE_ON_BORDER);
+    }
+
     /// A circular normal of σ 1.5 m about (31, −17): a third of a cell, far from all borders.
     #[test]
     fn a_mass_of_one_cell_is_not_on_the_border() {

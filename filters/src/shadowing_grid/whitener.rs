@@ -9,12 +9,11 @@ pub(super) const LANES: usize = 16;
 /// One row of [`LANES`] right-hand sides.
 pub(super) type Row = [f64; LANES];
 
-/// Earlier readings that each reading is conditioned on, at most. The correlation e^(−d/ℓ) has
-/// nearly no memory beyond the nearest; with twelve the place is the dense factor's within a
-/// hundredth of its σ.
+/// Earlier readings that each reading is conditioned on, at most: the correlation e^(−d/ℓ) has
+/// little memory beyond the nearest.
 pub(super) const NEIGHBOURS: usize = 12;
 
-/// For each reading the nearest ones before it, and the distances between them.
+/// The nearest readings before each one.
 #[derive(Clone, Debug)]
 pub(super) struct Neighbours {
     /// Indices of the neighbours of all readings, one reading behind the other.

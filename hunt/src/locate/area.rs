@@ -21,13 +21,22 @@ pub(crate) struct Area {
     half_side: f64,
 }
 
+/// The south-western and the north-eastern corner of the box about all receivers.
+fn corners(receptions: &[Reception]) -> (Vector2<f64>, Vector2<f64>) {
+    let nowhere = Vector2::repeat(f64::INFINITY);
+    let places = receptions.iter().map(|reception| reception.receiver.position.xy());
+    places.fold((nowhere, -nowhere), |(low, high), place| (low.inf(&place), high.sup(&place)))
+}
+
+/// The diagonal of the box about all receivers, in metres.
+pub(crate) fn extent_m(receptions: &[Reception]) -> f64 {
+    let (low, high) = corners(receptions);
+    (high - low).norm()
+}
+
 impl Area {
     pub(crate) fn about(receptions: &[Reception], margin: f64) -> Self {
-        let places = receptions.iter().map(|reception| reception.receiver.position.xy());
-        let (low, high) = places.fold(
-            (Vector2::repeat(f64::INFINITY), Vector2::repeat(f64::NEG_INFINITY)),
-            |(low, high), place| (low.inf(&place), high.sup(&place)),
-        );
+        let (low, high) = corners(receptions);
         Self { centre: (low + high) / 2.0, half_side: (high - low).max() / 2.0 + margin }
     }
 

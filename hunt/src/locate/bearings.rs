@@ -134,7 +134,8 @@ pub fn learn_bearing_sigma<'a>(
     for _ in 0..20 {
         let is_odd = |of: &&Taught| of.p(square) < odd_p;
         let odd: Vec<usize> = taught.iter().filter(is_odd).map(|of| of.index).collect();
-        let (mut misfit, mut degrees) = (config.bearing_freedom, config.bearing_freedom);
+        let mut misfit = config.bearing_freedom;
+        let mut degrees = config.bearing_freedom;
         for of in taught.iter().filter(|of| !odd.contains(&of.index)) {
             misfit += of.misfit;
             degrees += of.degrees;

@@ -22,7 +22,7 @@ mod region;
 mod shadowing_grid;
 mod strongest;
 
-pub(crate) use area::{Area, FREE_POWER_SIGMA_DB, reference_power};
+pub(crate) use area::{Area, FREE_POWER_SIGMA_DB, extent_m, reference_power};
 #[cfg(feature = "batch")]
 pub(crate) use batch::MultiStart;
 #[cfg(feature = "batch")]
@@ -42,5 +42,5 @@ pub use moving::{Tracked, TrackingConfig, left_out, track, track_watched};
 #[cfg(feature = "batch")]
 pub(crate) use ranges::{Multilateration, RangeDifferences};
 pub use region::Region;
-pub(crate) use shadowing_grid::{CorrelatedShadowing, extent_m};
+pub(crate) use shadowing_grid::CorrelatedShadowing;
 pub(crate) use strongest::{Strongest, WeightedCentroid};

@@ -6,8 +6,8 @@ use nalgebra::Vector2;
 #[cfg(feature = "batch")]
 use super::bearings::{bearing_grid, weighted_line};
 use super::{
-    Explanation, LocateConfig, LocateError, Located, Locator, Power, located::levels_and_silences,
-    region::regions,
+    Explanation, LocateConfig, LocateError, Located, Locator, Power, area::extent_m,
+    located::levels_and_silences, region::regions,
 };
 
 /// All levels at once on a grid, with shadowing that is correlated along the flight and antennas
@@ -21,15 +21,6 @@ pub(crate) struct CorrelatedShadowing;
 /// The cosine below which a dipole's null is filled, by the airframe's and the ground's
 /// reflections: 20 dB below the maximum.
 const NULL: f64 = 0.1;
-
-/// The diagonal of the box about all receivers, in metres.
-pub(crate) fn extent_m(receptions: &[Reception]) -> f64 {
-    let nowhere = Vector2::repeat(f64::INFINITY);
-    let places = receptions.iter().map(|reception| reception.receiver.position.xy());
-    let (low, high) =
-        places.fold((nowhere, -nowhere), |(low, high), place| (low.inf(&place), high.sup(&place)));
-    (high - low).norm()
-}
 
 /// σ of the receivers' own positions on each horizontal axis in metres, the root of the mean
 /// variance; 0 where they are known.

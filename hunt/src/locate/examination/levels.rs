@@ -56,7 +56,7 @@ pub(super) fn examine(
     of_row.into_iter().chain(open).collect()
 }
 
-/// Returns the levels as they are for a transmitter at a place, every so manieth of them.
+/// Returns one level in `stride`, as it is for a transmitter at a place.
 fn rows(
     receptions: &[Reception],
     place: &Vector2<f64>,

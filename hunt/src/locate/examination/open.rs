@@ -35,7 +35,7 @@ pub(super) fn one_place(
     if is_fixed || receptions.len() < 2 && !has_bearings && !has_levels {
         return None;
     }
-    let levels = receptions.iter().filter(|r| has_levels && r.level.or(r.silence).is_some());
+    let levels = receptions.iter().filter(|r| has_levels && r.any_level().is_some());
     let mut places = (data.iter().map(|datum| datum.receiver.xy()))
         .chain(levels.map(|reception| reception.receiver.position.xy()));
     let first = places.next()?;
