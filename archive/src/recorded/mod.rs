@@ -17,7 +17,9 @@ pub use bearing_errors::{BearingsFit, bearing_errors, calibrate_bearings};
 pub use calibrate::{CalibrateConfig, Calibration, calibrate, known_ranges};
 pub use error::RecordedError;
 pub use listeners::listeners;
-pub use receptions::{ReceptionConfig, RecordedReception, receptions, recorded_receptions};
+pub use receptions::{
+    GNSS_SIGMA_M, ReceptionConfig, RecordedReception, receptions, recorded_receptions,
+};
 pub use selection::{Selection, only_beacon};
 pub use station::{
     CrossValidation, StationCalibration, StationConfig, fit_boresights, station_boresights,

@@ -20,7 +20,9 @@ pub struct ReceptionConfig {
     pub positions: u16,
     /// How ready-made bearings err; an extractor has its own.
     pub bearings: BearingCalibration,
-    /// σ of the receiver's own East, North and Up in metres; its place is known where absent.
+    /// σ of the receiver's own East, North and Up in metres, for rows that have none
+    /// ([`Record::receiver_sigma_m`](crate::recording::Record)); where absent it is [`GNSS_SIGMA_M`] for places in degrees,
+    /// and places in metres are known.
     pub receiver_sigma_m: Option<f64>,
     /// Whether the samples of a turn, and what was missed in it, are receptions of their own
     /// ([`Reception::of_samples`]) instead of one level and bearing.
@@ -28,7 +30,8 @@ pub struct ReceptionConfig {
 }
 
 impl Default for ReceptionConfig {
-    /// 8 dB, 10°, 128 positions, bearings as they are, receivers at known places, whole turns.
+    /// 8 dB, 10°, 128 positions, bearings as they are, receivers as satellites place them, whole
+    /// turns.
     fn default() -> Self {
         let bearing_sigma = 10.0_f64.to_radians();
         Self {
@@ -41,6 +44,10 @@ impl Default for ReceptionConfig {
         }
     }
 }
+
+/// σ on each axis of a place that satellites give, in metres: what the receivers of phones state
+/// under an open sky.
+pub const GNSS_SIGMA_M: f64 = 3.0;
 
 /// A reception, with the row of its recording.
 #[derive(Clone, Debug, PartialEq)]
@@ -90,6 +97,12 @@ pub fn recorded_receptions(
     config: &ReceptionConfig,
 ) -> Result<Vec<RecordedReception>, RecordedError> {
     let file = recording.file();
+    let config = &ReceptionConfig {
+        receiver_sigma_m: config
+            .receiver_sigma_m
+            .or(recording.is_in_degrees().then_some(GNSS_SIGMA_M)),
+        ..*config
+    };
     let no_place = |line| RecordedError::NoPlace { file: file.to_owned(), line };
     let mut of_drone: BTreeMap<&str, Vec<(u64, Reception)>> = BTreeMap::new();
     let mut order = 0.0;
@@ -190,7 +203,7 @@ fn from_record(
         silence: silence.map(with_sigma),
         saturation: saturation.map(with_sigma),
         bearing,
-        receiver_sigma_m: config.receiver_sigma_m.map(Vector3::repeat),
+        receiver_sigma_m: record.receiver_sigma_m.or(config.receiver_sigma_m).map(Vector3::repeat),
         measured: record.measured,
         ..Reception::default()
     })

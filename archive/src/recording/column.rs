@@ -31,6 +31,9 @@ pub enum Column {
     NorthM,
     /// `up_m`: the receiver's Up.
     UpM,
+    /// `receiver_sigma_m`: the standard deviation of the receiver's place on each axis; not known
+    /// where it is 0 or less.
+    ReceiverSigmaM,
     /// `heading_deg_compass`: the drone's nose.
     HeadingDegCompass,
     /// `antenna_deg`: the antenna's boresight, clockwise from the nose.
@@ -105,7 +108,7 @@ const LEAST_SIGMA: f64 = 1e-6;
 
 impl Column {
     /// Every column.
-    pub const ALL: [Self; 35] = [
+    pub const ALL: [Self; 36] = [
         Self::Beacon,
         Self::Drone,
         Self::TimeS,
@@ -117,6 +120,7 @@ impl Column {
         Self::EastM,
         Self::NorthM,
         Self::UpM,
+        Self::ReceiverSigmaM,
         Self::HeadingDegCompass,
         Self::AntennaDeg,
         Self::BoresightDegCompass,
@@ -199,6 +203,7 @@ impl Column {
             Self::EastM => ("east_m", Kind::Number(-FAR, FAR)),
             Self::NorthM => ("north_m", Kind::Number(-FAR, FAR)),
             Self::UpM => ("up_m", Kind::Number(-1e5, 1e5)),
+            Self::ReceiverSigmaM => ("receiver_sigma_m", Kind::Number(-FAR, FAR)),
             Self::HeadingDegCompass => ("heading_deg_compass", Kind::Number(-360.0, 360.0)),
             // A stepper counts on past the full turn.
             Self::AntennaDeg => ("antenna_deg", Kind::Number(-36_000.0, 36_000.0)),

@@ -10,7 +10,7 @@ use super::{Column, Record, Recording, RecordingError};
 type Cell = fn(&Record, &Recording) -> Option<String>;
 
 /// The columns of a converted recording. A number comes first: a name may begin like a comment.
-const CELLS: [(Column, Cell); 28] = [
+const CELLS: [(Column, Cell); 29] = [
     (Column::TimeS, |record, of| shown(record.time.filter(|_| !of.is_in_utc()))),
     (Column::TimeUtc, |record, of| shown(record.time.filter(|_| of.is_in_utc()))),
     (Column::Turn, |record, _| shown(record.turn)),
@@ -22,6 +22,7 @@ const CELLS: [(Column, Cell); 28] = [
     (Column::EastM, |record, of| shown(local(record, of).map(|place| place.x))),
     (Column::NorthM, |record, of| shown(local(record, of).map(|place| place.y))),
     (Column::UpM, |record, of| shown(local(record, of).map(|place| place.z))),
+    (Column::ReceiverSigmaM, |record, _| shown(record.receiver_sigma_m)),
     (Column::HeadingDegCompass, |record, of| {
         compass(record, of, record.receiver.map(|r| r.heading))
     }),
@@ -178,6 +179,7 @@ mod tests {
                     (other.rss_dbm, other.floor_dbm, other.ceiling_dbm),
                     "{name}"
                 );
+                assert_eq!(one.receiver_sigma_m, other.receiver_sigma_m, "{name}");
                 assert_eq!(one.measured, other.measured, "{name}");
                 let turned = |angle: Option<f64>| angle.map(f64::sin);
                 assert!(close(turned(one.boresight), turned(other.boresight), 1e-9), "{name}");

@@ -102,6 +102,7 @@ impl Reader<'_> {
             drone: self.text(Column::Drone)?.map_or_else(|| self.stem.to_owned(), Into::into),
             time,
             receiver: position.map(|position| Pose::level(position, heading)),
+            receiver_sigma_m: self.number(Column::ReceiverSigmaM)?.filter(|sigma| *sigma > 0.0),
             boresight: boresight_deg.map(radians),
             position: self.number(Column::Position)?.map(whole).and_then(|i| i.try_into().ok()),
             turn: self.number(Column::Turn)?.map(whole),

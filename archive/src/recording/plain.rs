@@ -6,7 +6,7 @@ use super::{Column, Mapping, RecordingError, Source, Turns, utc::utc_seconds};
 pub(super) const PLAIN: &str = "plain";
 
 /// Common names of columns, the most usual first, without unit, signs and capitals.
-const NAMES: [(Column, &[&str]); 11] = [
+const NAMES: [(Column, &[&str]); 12] = [
     (Column::LatDeg, &["lat", "latitude", "gpslat", "gpslatitude", "currentlatitude"]),
     (
         Column::LonDeg,
@@ -55,6 +55,18 @@ const NAMES: [(Column, &[&str]); 11] = [
             "dbm",
             "snr",
             "smeter",
+        ],
+    ),
+    (
+        Column::ReceiverSigmaM,
+        &[
+            "accuracy",
+            "horizontalaccuracy",
+            "gpsaccuracy",
+            "accuracymeters",
+            "accuracymetres",
+            "hacc",
+            "eph",
         ],
     ),
     (Column::AttenuationDb, &["attenuation", "attenuator"]),
@@ -231,6 +243,10 @@ pub(super) fn mapping(
                 source.scale = scale;
                 column
             }
+            Column::ReceiverSigmaM if *name != Column::ReceiverSigmaM.name() => {
+                source.scale = SIGMA_OF_ACCURACY;
+                *column
+            }
             column => *column,
         };
         columns.insert(column, source);
@@ -252,6 +268,10 @@ pub(super) fn mapping(
         separator: None,
     }))
 }
+
+/// σ on each axis over the radius that holds the place with 68 %, as phones state it: 1/√(−2 ln
+/// 0.32).
+const SIGMA_OF_ACCURACY: f64 = 0.662;
 
 /// The column that a time is, and its scale, by the first cell.
 fn time(cell: Option<&str>, in_milliseconds: bool) -> (Column, f64) {

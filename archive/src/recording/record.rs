@@ -19,6 +19,8 @@ pub struct Record {
     /// the frame's origin for `alt_m`), 0 where the height is not known; the heading is 0 where
     /// it is not known.
     pub receiver: Option<Pose>,
+    /// σ of the receiver's place on each axis in metres, if the recording has it.
+    pub receiver_sigma_m: Option<f64>,
     /// Where the antenna looked, in radians counter-clockwise from East; none for an
     /// omnidirectional antenna.
     pub boresight: Option<f64>,
@@ -118,6 +120,12 @@ impl Recording {
     #[must_use]
     pub fn frame(&self) -> Option<LocalFrame> {
         self.frame
+    }
+
+    /// Returns true if the receivers' places are degrees of latitude and longitude.
+    #[must_use]
+    pub fn is_in_degrees(&self) -> bool {
+        self.in_degrees
     }
 
     /// What the file counts its angles from; those of the records are counted from the frame's

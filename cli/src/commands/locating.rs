@@ -72,8 +72,9 @@ pub(super) struct Locating {
     /// they have to
     #[arg(long, value_name = "M", default_value_t = 200.0)]
     margin_m: f64,
-    /// How uncertain the receiver's own place is, in metres on each axis, as its GNSS has it; known
-    /// unless given
+    /// How uncertain the receiver's own place is, in metres on each axis, as its GNSS has it, for
+    /// rows without receiver_sigma_m; unless given, 3 m for places in degrees, and places in metres
+    /// are known
     #[arg(long, value_name = "M")]
     receiver_sigma_m: Option<f64>,
     /// Where the reference receiver of range and level differences is, in metres of the local frame

@@ -184,8 +184,10 @@ impl PosteriorMap {
         median
     }
 
-    /// The map of a place that is shifted by an unknown amount, N(0, `sigma_m`²) on each axis.
-    pub(super) fn blurred(&self, sigma_m: f64, max_cells: u32) -> Self {
+    /// The map of a place that is shifted by an unknown amount, N(0, `sigma_m`²) on each axis, on
+    /// `max_cells` at most.
+    #[must_use]
+    pub fn blurred(&self, sigma_m: f64, max_cells: u32) -> Self {
         let (low, high) = self.extent_of_mass();
         let around = Vector2::repeat(4.0 * sigma_m);
         let cell_m = self.grid.cell_m.max(sigma_m / 3.0);

@@ -8,7 +8,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::{
     CommonErrors, LocateConfig, LocateError, Located, Locator, StationError, examination,
-    region::regions,
+    located::receiver_sigma_m, region::regions,
 };
 
 /// Where the bearings meet, whatever their own σ: it follows from how they scatter
@@ -45,13 +45,21 @@ impl Locator for Posterior {
         config: &LocateConfig,
     ) -> Result<Located, LocateError> {
         let (fix, count) = posterior(receptions, config)?;
+        let map = match receiver_sigma_m(receptions) {
+            sigma_m if sigma_m > 0.0 => fix.map.blurred(sigma_m, bearing_grid(config).max_cells),
+            _ => fix.map,
+        };
         Ok(Located {
             observations: count,
             border_mass: Some(fix.border_mass),
-            regions_95: regions(&fix.map, 0.95),
+            regions_95: regions(&map, 0.95),
             common_errors: fix.common.map(in_degrees),
-            ..Located::at(fix.map.about(fix.map.median()))
+            ..Located::at(map.about(map.median()))
         })
+    }
+
+    fn uses_receiver_sigma(&self) -> bool {
+        true
     }
 }
 

@@ -6,7 +6,7 @@ use foxhunt_core::{ByQuantity, Intake, Observation, Quantity, State};
 #[cfg(feature = "batch")]
 use foxhunt_filters::BatchFix;
 use foxhunt_filters::{Censoring, Marginal, ShadowedReading};
-use nalgebra::Vector2;
+use nalgebra::{Matrix2, Vector2};
 use serde::Serialize;
 
 #[cfg(feature = "batch")]
@@ -141,6 +141,18 @@ impl Located {
         }
     }
 
+    /// The place where those of the receivers are off by an unknown amount that they share, N(0,
+    /// `sigma_m`²) on each axis.
+    pub(crate) fn shifted(mut self, sigma_m: f64) -> Self {
+        self.estimate.covariance += Matrix2::identity() * (sigma_m * sigma_m);
+        if let Some(ellipse) = &mut self.own_ellipse_95 {
+            let shift_m = sigma_m * (-2.0 * 0.05_f64.ln()).sqrt();
+            ellipse.semi_major = ellipse.semi_major.hypot(shift_m);
+            ellipse.semi_minor = ellipse.semi_minor.hypot(shift_m);
+        }
+        self
+    }
+
     /// The ellipse that holds the transmitter with 95 %; `None` when the covariance is not positive
     /// definite.
     #[must_use]
@@ -254,6 +266,20 @@ pub trait Locator: Send + Sync {
     fn uses_antennas(&self) -> bool {
         false
     }
+
+    /// Whether [`Reception::receiver_sigma_m`] is in its answers; where not, it is added to them,
+    /// as the errors of one receiver's places are much alike.
+    fn uses_receiver_sigma(&self) -> bool {
+        false
+    }
+}
+
+/// σ of the receivers' own positions on each horizontal axis in metres, the root of the mean
+/// variance; 0 where they are known.
+pub(crate) fn receiver_sigma_m(receptions: &[Reception]) -> f64 {
+    let variance = |r: &Reception| r.receiver_sigma_m.map_or(0.0, |s| 0.5 * s.xy().norm_squared());
+    let count = u32::try_from(receptions.len()).unwrap_or(u32::MAX).max(1);
+    (receptions.iter().map(variance).sum::<f64>() / f64::from(count)).sqrt()
 }
 
 /// Level or silence, and bearing, of each reception.

@@ -36,6 +36,7 @@ pub(crate) use examination::{Uses, examine};
 pub(crate) use field_map::HighestOnMap;
 #[cfg(feature = "batch")]
 pub(crate) use least_absolute::LeastAbsolute;
+pub(crate) use located::receiver_sigma_m;
 pub use located::{CommonErrors, Explanation, Located, Locator, Rival, StationError};
 #[cfg(feature = "batch")]
 pub use moving::{Tracked, TrackingConfig, left_out, track, track_watched};

@@ -6,8 +6,10 @@ use nalgebra::Vector2;
 #[cfg(feature = "batch")]
 use super::bearings::{bearing_grid, weighted_line};
 use super::{
-    Explanation, LocateConfig, LocateError, Located, Locator, Power, area::extent_m,
-    located::levels_and_silences, region::regions,
+    Explanation, LocateConfig, LocateError, Located, Locator, Power,
+    area::extent_m,
+    located::{levels_and_silences, receiver_sigma_m},
+    region::regions,
 };
 
 /// All levels at once on a grid, with shadowing that is correlated along the flight and antennas
@@ -21,14 +23,6 @@ pub(crate) struct CorrelatedShadowing;
 /// The cosine below which a dipole's null is filled, by the airframe's and the ground's
 /// reflections: 20 dB below the maximum.
 const NULL: f64 = 0.1;
-
-/// σ of the receivers' own positions on each horizontal axis in metres, the root of the mean
-/// variance; 0 where they are known.
-fn receiver_sigma_m(receptions: &[Reception]) -> f64 {
-    let variance = |r: &Reception| r.receiver_sigma_m.map_or(0.0, |s| 0.5 * s.xy().norm_squared());
-    let count = u32::try_from(receptions.len()).unwrap_or(u32::MAX).max(1);
-    (receptions.iter().map(variance).sum::<f64>() / f64::from(count)).sqrt()
-}
 
 impl Locator for CorrelatedShadowing {
     fn locate(
@@ -99,6 +93,10 @@ impl Locator for CorrelatedShadowing {
         })
     }
     fn uses_antennas(&self) -> bool {
+        true
+    }
+
+    fn uses_receiver_sigma(&self) -> bool {
         true
     }
 }

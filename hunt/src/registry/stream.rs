@@ -10,7 +10,7 @@ use crate::{
     hunt::{Components, Search, TrackStep},
     locate::{
         Area, FREE_POWER_SIGMA_DB, LocateConfig, LocateError, Located, Power, Uses, examine,
-        extent_m, reference_power,
+        extent_m, receiver_sigma_m, reference_power,
     },
 };
 
@@ -86,9 +86,13 @@ impl EstimatorEntry {
         config: &LocateConfig,
     ) -> Result<Located, LocateError> {
         let Some(locator) = self.locator() else { return in_time(receptions, self, config) };
-        locator.locate(receptions, config).map_err(|source| LocateError::Named {
+        let located = locator.locate(receptions, config).map_err(|source| LocateError::Named {
             estimator: self.name.clone().into_owned(),
             source: Box::new(source),
+        })?;
+        Ok(match receiver_sigma_m(receptions) {
+            sigma_m if sigma_m > 0.0 && !locator.uses_receiver_sigma() => located.shifted(sigma_m),
+            _ => located,
         })
     }
 

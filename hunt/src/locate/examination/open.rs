@@ -3,7 +3,7 @@ use foxhunt_wire::geodesy::radians_to_compass_deg;
 use nalgebra::Vector2;
 
 use super::{
-    super::{LocateConfig, Located},
+    super::{LocateConfig, Located, receiver_sigma_m},
     fit::{Datum, Kind, centre, meeting},
     shared::{has_law, scale},
 };
@@ -36,12 +36,19 @@ pub(super) fn one_place(
         return None;
     }
     let levels = receptions.iter().filter(|r| has_levels && r.any_level().is_some());
-    let mut places = (data.iter().map(|datum| datum.receiver.xy()))
-        .chain(levels.map(|reception| reception.receiver.position.xy()));
-    let first = places.next()?;
-    if !places.all(|place| (place - first).norm() < ONE_PLACE_M) {
-        return None;
-    }
+    let places: Vec<Vector2<f64>> = (data.iter().map(|datum| datum.receiver.xy()))
+        .chain(levels.map(|reception| reception.receiver.position.xy()))
+        .collect();
+    let first = *places.first()?;
+    let where_from = if places.iter().all(|place| (place - first).norm() < ONE_PLACE_M) {
+        "in one place".to_owned()
+    } else {
+        let spread_m = standing_still(&places, receiver_sigma_m(receptions))?;
+        format!(
+            "in one place: the receiver's places spread by {spread_m:.1} m on each axis and make \
+             no path, as errors of GNSS do (--receiver-sigma-m, if they are better known)"
+        )
+    };
     let rays = data
         .iter()
         .filter(|datum| datum.kind == Kind::Bearing)
@@ -57,11 +64,41 @@ pub(super) fn one_place(
     Some(Remark::new(
         "one-place",
         format!(
-            "everything was received in one place: {known}; the distance of {metres:.0} m is that \
+            "everything was received {where_from}: {known}; the distance of {metres:.0} m is that \
              of the searched area, not of the transmitter; receive from a second place"
         ),
     ))
 }
+
+/// Returns the spread on each axis of a receiver that stands still, as far as the errors of its
+/// places tell; `sigma_m` is their σ, and 0 where it is not known.
+///
+/// The spread is within the errors, or is no more than such errors may be while each place is as
+/// far from the one before as from any other: half the mean squared difference of neighbours over
+/// the variance is 1 for white errors, and small along a path (von Neumann 1941).
+fn standing_still(places: &[Vector2<f64>], sigma_m: f64) -> Option<f64> {
+    let mut apart: Vec<Vector2<f64>> = places.to_vec();
+    apart.dedup();
+    let count = u32::try_from(apart.len()).ok().filter(|count| *count >= LEAST_JITTER)?;
+    let count = f64::from(count);
+    let middle = apart.iter().sum::<Vector2<f64>>() / count;
+    let variance = apart.iter().map(|place| (place - middle).norm_squared()).sum::<f64>() / count;
+    let steps = apart.windows(2).map(|pair| match pair {
+        [before, after] => (after - before).norm_squared(),
+        _ => 0.0,
+    });
+    let ratio = 0.5 * steps.sum::<f64>() / (count - 1.0) / variance;
+    let spread_m = (0.5 * variance).sqrt();
+    let is_within = spread_m <= 1.5 * sigma_m;
+    let is_white = ratio > 0.7 && spread_m <= MOST_JITTER_M;
+    (is_within || is_white).then_some(spread_m)
+}
+
+/// Places that differ are too few below this number to tell errors from a path.
+const LEAST_JITTER: u32 = 20;
+
+/// Errors of satellite receivers spread by no more than this on each axis, in metres.
+const MOST_JITTER_M: f64 = 15.0;
 
 /// Returns a remark if the measurements do not bound the distance.
 pub(super) fn range_open(
