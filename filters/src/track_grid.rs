@@ -66,7 +66,7 @@ pub struct TrackGrid {
     /// How far the search goes beyond the receivers at first, in metres; it goes farther where the
     /// target does.
     pub margin_m: f64,
-    /// The most cells, at least 100; the search for the area has a sixteenth of them.
+    /// The most cells, at least 100; the search for the area has a quarter of them.
     pub max_cells: u32,
 }
 
@@ -93,6 +93,10 @@ const NEGLIGIBLE: f64 = 1e-3;
 
 /// A model that is less probable is not looked at again.
 const UNLIKELY: f64 = 1e-4;
+
+/// Cells over those of the search for the area. On cells as large as the receivers are apart, a
+/// target among them looks no more probable than one far away.
+const SEARCHED: u32 = 4;
 
 /// The least scale of the prior of the first place.
 const NEAR_M: f64 = 1000.0;
@@ -158,7 +162,7 @@ impl TrackGrid {
             place: PlacePrior::NearReceivers,
             margin_m: self.margin_m,
             cell_m: side_m / 64.0,
-            max_cells: (self.max_cells / 16).max(100),
+            max_cells: (self.max_cells / SEARCHED).max(100),
         };
         let every: Vec<usize> = (0..models.len()).collect();
         let coarse = search.cover(

@@ -8,7 +8,7 @@ use foxhunt_filters::{Places, PosteriorMap, TrackGrid, TrackModel};
 use foxhunt_sensors::BearingOnly;
 use serde::{Deserialize, Serialize};
 
-use super::{Listener, LocateConfig, LocateError, Located, Power, region::regions};
+use super::{Listener, LocateConfig, LocateError, Located, Power, area::extent_m, region::regions};
 
 /// How a moving transmitter is tracked.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -16,9 +16,9 @@ use super::{Listener, LocateConfig, LocateError, Located, Power, region::regions
 pub struct TrackingConfig {
     /// How long a time window is, in seconds: what is received within it is of one place.
     pub window_s: f64,
-    /// What is received within so many seconds counts as one reading: shadowing and reflections
-    /// change only as the transmitter goes some hundred metres. Errors that fall to 1/e in τ are
-    /// worth a reading each 2 τ.
+    /// Seconds within which the receptions of one receiver count as one reading: shadowing and
+    /// reflections change only as the transmitter goes some hundred metres. Errors that fall to 1/e
+    /// in τ are worth a reading each 2 τ. Receivers at other places are readings of their own.
     pub correlation_s: f64,
     /// The root mean square speeds that it may have, in m/s, equally likely before.
     pub speeds_mps: Vec<f64>,
@@ -85,13 +85,10 @@ pub fn track_watched(
     }
     positive("correlation_s", config.correlation_s)?;
     let mut windows = windows(receptions, listeners, config.window_s)?;
-    let mut before = f64::NEG_INFINITY;
-    for window in &mut windows {
-        window.share = ((window.time - before) / config.correlation_s).min(1.0);
-        before = window.time;
-    }
+    let repeated = share_of_repeated_levels(receptions, config.correlation_s);
+    share_out(&mut windows, config.correlation_s, repeated);
     let receivers: Vec<Pose> = receptions.iter().map(|r| r.receiver).collect();
-    let laws = laws(&windows, locate.power);
+    let laws = laws(&windows, locate.power, extent_m(receptions));
     let walk = |speed_mps: f64| {
         let up = locate.target_up_m;
         laws.iter().map({
@@ -170,16 +167,27 @@ const PERSISTENCE_S: f64 = 60.0;
 struct Window {
     /// The mean time of its receptions.
     time: f64,
-    /// How much of it is new: errors are those of the window before for the rest.
-    share: f64,
     received: Vec<Received>,
-    silent: Vec<Listener>,
+    silent: Vec<Silent>,
+}
+
+/// A receiver that received nothing.
+#[derive(Debug)]
+struct Silent {
+    listener: Listener,
+    /// Part that is new, as of [`Received::share`].
+    share: f64,
 }
 
 /// What a receiver received in one place.
 #[derive(Debug)]
 struct Received {
     receiver: Pose,
+    /// Part that is new: the rest has the errors of the window before in which the receiver
+    /// received or was silent.
+    share: f64,
+    /// Part of the level that is new.
+    level_share: f64,
     count: usize,
     /// The sum of the levels, and how many there are.
     levels: (f64, u32),
@@ -192,6 +200,89 @@ impl Received {
         (count > 0).then(|| sum / f64::from(count))
     }
 }
+
+/// Returns the part of a level that is new after another one of the same receiver within
+/// `correlation_s`, by how much the two differ: an autoregressive error whose neighbours correlate
+/// by ρ is worth (1 − ρ)/(1 + ρ) of an independent one (Bayley & Hammersley 1946), and half the
+/// mean squared difference of neighbours is σ² (1 − ρ). Zero where too few levels tell.
+fn share_of_repeated_levels(receptions: &[Reception], correlation_s: f64) -> f64 {
+    let mut last: Vec<(Pose, f64, f64)> = Vec::new();
+    let mut differences: Vec<f64> = Vec::new();
+    let mut ordered: Vec<&Reception> = receptions.iter().filter(|r| r.level.is_some()).collect();
+    ordered.sort_by(|a, b| a.time.total_cmp(&b.time));
+    for reception in ordered {
+        let Some(level) = reception.level else { continue };
+        let here = reception.receiver;
+        let near =
+            |(at, ..): &&mut (Pose, f64, f64)| (at.position - here.position).norm() < APART_M;
+        match last.iter_mut().rev().find(near) {
+            Some((_, before_s, before_dbm)) => {
+                if (f64::MIN_POSITIVE..correlation_s).contains(&(reception.time - *before_s)) {
+                    differences.push((level.rss_dbm - *before_dbm).abs());
+                }
+                (*before_s, *before_dbm) = (reception.time, level.rss_dbm);
+            }
+            None => last.push((here, reception.time, level.rss_dbm)),
+        }
+    }
+    if differences.len() < LEAST_DIFFERENCES {
+        return 0.0;
+    }
+    differences.sort_by(f64::total_cmp);
+    let Some(median) = differences.get(differences.len() / 2) else { return 0.0 };
+    let half_square = 0.5 * (median / QUARTILE).powi(2);
+    let correlation = (1.0 - half_square / SHADOWING_DB.powi(2)).max(0.0);
+    (1.0 - correlation) / (1.0 + correlation)
+}
+
+/// Differences of levels below this number tell nothing of how they correlate.
+const LEAST_DIFFERENCES: usize = 20;
+
+/// Median of the absolute value of a standard normal.
+const QUARTILE: f64 = 0.674_49;
+
+/// σ of shadowing in dB, for which differences of neighbours are judged.
+const SHADOWING_DB: f64 = 6.0;
+
+/// Sets the shares of readings that follow others of the same receiver within `correlation_s`;
+/// `repeated` is the least share of a level.
+fn share_out(windows: &mut [Window], correlation_s: f64, repeated: f64) {
+    let mut last: Vec<(Pose, f64)> = Vec::new();
+    for window in windows {
+        let mut shares: Vec<(Pose, &mut f64)> = Vec::new();
+        for Received { receiver, share, level_share, .. } in &mut window.received {
+            // The level's own share is raised below.
+            *level_share = repeated;
+            shares.push((*receiver, share));
+        }
+        for Silent { listener, share } in &mut window.silent {
+            shares.push((listener.receiver, share));
+        }
+        let mut now: Vec<usize> = Vec::new();
+        for (receiver, share) in shares {
+            let near =
+                |(at, _): &(Pose, f64)| (at.position - receiver.position).norm() < SAME_SHADOWS_M;
+            let known = last.iter().rposition(near).unwrap_or_else(|| {
+                last.push((receiver, f64::NEG_INFINITY));
+                last.len() - 1
+            });
+            let before = last.get(known).map_or(f64::NEG_INFINITY, |(_, before)| *before);
+            *share = ((window.time - before) / correlation_s).min(1.0);
+            now.push(known);
+        }
+        for received in &mut window.received {
+            received.level_share = received.level_share.max(received.share);
+        }
+        for known in now {
+            if let Some((_, before)) = last.get_mut(known) {
+                *before = window.time;
+            }
+        }
+    }
+}
+
+/// Distance between receivers in metres below which they are shadowed alike.
+const SAME_SHADOWS_M: f64 = 50.0;
 
 fn windows(
     receptions: &[Reception],
@@ -225,7 +316,8 @@ impl Window {
         listeners: &[Listener],
         until: f64,
     ) -> Result<Self, LocateError> {
-        let (mut received, mut silent) = (Vec::<Received>::new(), Vec::<Listener>::new());
+        let mut received = Vec::<Received>::new();
+        let mut silent = Vec::<Silent>::new();
         let mut heard: Vec<Pose> = Vec::new();
         let (mut sum_s, mut count, mut first) = (0.0, 0.0, f64::INFINITY);
         for &(index, reception) in receptions {
@@ -238,7 +330,8 @@ impl Window {
             let (here, time) = (reception.receiver, reception.time);
             if let Some(floor) = reception.silence {
                 let floor_dbm = floor.rss_dbm;
-                silent.push(Listener { receiver: here, from: time, until: time, floor_dbm });
+                let listener = Listener { receiver: here, from: time, until: time, floor_dbm };
+                silent.push(Silent { listener, share: 1.0 });
                 continue;
             }
             (sum_s, count, first) = (sum_s + time, count + 1.0, first.min(time));
@@ -252,8 +345,14 @@ impl Window {
             let of_place = match received.iter_mut().find(same) {
                 Some(of_place) => of_place,
                 None => {
-                    let (receiver, bearings) = (here, Vec::new());
-                    received.push(Received { receiver, count: 0, levels: (0.0, 0), bearings });
+                    received.push(Received {
+                        receiver: here,
+                        share: 1.0,
+                        level_share: 1.0,
+                        count: 0,
+                        levels: (0.0, 0),
+                        bearings: Vec::new(),
+                    });
                     let Some(of_place) = received.last_mut() else { continue };
                     of_place
                 }
@@ -266,15 +365,16 @@ impl Window {
             of_place.bearings.extend(bearing);
         }
         // A place that also received something within the window was not silent in it.
-        let quiet = |listener: &Listener| {
-            let away =
-                |heard: &Pose| (heard.position - listener.receiver.position).norm() >= APART_M;
+        let quiet = |silent: &Silent| {
+            let from = silent.listener.receiver.position;
+            let away = |heard: &Pose| (heard.position - from).norm() >= APART_M;
             heard.iter().all(away)
         };
         let listens = |listener: &&Listener| listener.from <= first && until <= listener.until;
-        silent.extend(listeners.iter().filter(listens));
+        let without = |listener: &Listener| Silent { listener: *listener, share: 1.0 };
+        silent.extend(listeners.iter().filter(listens).map(without));
         silent.retain(quiet);
-        Ok(Self { time: sum_s / count, share: 1.0, received, silent })
+        Ok(Self { time: sum_s / count, received, silent })
     }
 
     /// Adds the log likelihood of the bearings.
@@ -282,7 +382,7 @@ impl Window {
         let Ok(model) = BearingOnly::new().with_outliers(OUTLIERS) else { return };
         for received in self.received.iter().filter(|received| !received.bearings.is_empty()) {
             #[expect(clippy::cast_precision_loss, reason = "readings of a window are few")]
-            let share = self.share / received.bearings.len() as f64;
+            let share = received.share / received.bearings.len() as f64;
             for bearing in &received.bearings {
                 add_bearing(&model, bearing, share, places, out);
             }
@@ -331,7 +431,7 @@ struct Law {
 }
 
 /// The laws that may hold, each with its prior weight; none without levels.
-fn laws(windows: &[Window], power: Power) -> Vec<(f64, Option<Law>)> {
+fn laws(windows: &[Window], power: Power, extent_m: f64) -> Vec<(f64, Option<Law>)> {
     let received = || windows.iter().flat_map(|window| &window.received);
     let mut levels: Vec<f64> = received().filter_map(Received::level_dbm).collect();
     levels.sort_by(f64::total_cmp);
@@ -350,13 +450,21 @@ fn laws(windows: &[Window], power: Power) -> Vec<(f64, Option<Law>)> {
             .map(|exponent: f64| (exponent, (-2.0 * (exponent - 2.3).powi(2)).exp()))
             .to_vec(),
     };
-    // The power is such that the median level comes from 30 m, 42 m … 5.4 km.
+    // The power is such that the median level comes from 30 m, 42 m … 5.4 km, and beyond from no
+    // farther than the receivers are apart.
+    let mut ranges_m = vec![30.0];
+    let most_m = extent_m.max(5_400.0);
+    while let Some(range_m) = ranges_m.last().map(|range_m| range_m * core::f64::consts::SQRT_2)
+        && range_m < most_m
+    {
+        ranges_m.push(range_m);
+    }
     let laws = exponents.into_iter().flat_map(|(exponent, weight)| {
-        (0..16).map(move |half_octave| {
-            let range_m = 30.0 * 2.0_f64.powf(0.5 * f64::from(half_octave));
+        let law = move |range_m: f64| {
             let reference_dbm = median + 10.0 * exponent * range_m.log10();
             (weight, Some(Law { reference_dbm, exponent }))
-        })
+        };
+        ranges_m.iter().copied().map(law).collect::<Vec<_>>()
     });
     laws.collect()
 }
@@ -407,17 +515,18 @@ impl TrackModel for Walk<'_> {
             let Some(level) = received.level_dbm() else { continue };
             for ((out, east), north) in out.iter_mut().zip(places.east).zip(places.north) {
                 let (t, widened) = residual(&received.receiver, level, *east, *north);
-                *out -= window.share * 2.5 * elementary::ln(1.0 + 0.25 * t * t);
+                *out -= received.level_share * 2.5 * elementary::ln(1.0 + 0.25 * t * t);
                 if widened > 1.0 {
-                    *out -= window.share * 0.5 * elementary::ln(widened);
+                    *out -= received.level_share * 0.5 * elementary::ln(widened);
                 }
             }
         }
         for silent in &window.silent {
             for ((out, east), north) in out.iter_mut().zip(places.east).zip(places.north) {
-                let (t, _) = residual(&silent.receiver, silent.floor_dbm, *east, *north);
+                let Listener { receiver, floor_dbm, .. } = &silent.listener;
+                let (t, _) = residual(receiver, *floor_dbm, *east, *north);
                 let silence = LOST + (1.0 - LOST) * students_below(t);
-                *out += window.share * elementary::ln(silence);
+                *out += silent.share * elementary::ln(silence);
             }
         }
     }
@@ -538,6 +647,56 @@ mod tests {
         // Taken for independent, such errors make ellipses that are too small.
         let (_, nees, held) = judged(6, 240.0, &alone);
         assert!(nees > 4.0 && held < 0.75, "mean NEES {nees}, {held} held");
+    }
+
+    /// Seven nodes on a ring of 400 m hear a tag that walks at 1 m/s one after the other, each
+    /// every 70 s with shadowing that stays for two minutes.
+    fn in_turns(seed: u64) -> (Vec<Reception>, Vec<Vector2<f64>>) {
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+        let mut shadows: [f64; 7] = std::array::from_fn(|_| rng.sample(StandardNormal));
+        let mut received = Vec::new();
+        let mut way = Vec::new();
+        for burst in 0..140_u16 {
+            let time = 10.0 * f64::from(burst);
+            let place = Vector2::new(-250.0 + 0.3 * time, 120.0 * (0.004 * time).sin());
+            for shadow in &mut shadows {
+                *shadow = next_error(*shadow, 10.0, 120.0, &mut rng);
+            }
+            let node = usize::from(burst % 7);
+            let angle = 2.0 * PI * f64::from(burst % 7) / 7.0;
+            let receiver = Pose::at(400.0 * angle.cos(), 400.0 * angle.sin(), 2.0);
+            let range_m = (place - receiver.position.xy()).norm();
+            let rss_dbm = -25.0 - 26.0 * range_m.log10() + 6.0 * shadows[node];
+            let level = Some(Level { rss_dbm, sigma_db: 6.0 });
+            received.push(Reception { time, receiver, level, ..Reception::default() });
+            way.push(place);
+        }
+        (received, way)
+    }
+
+    #[test]
+    fn receivers_that_hear_in_turns_are_readings_of_their_own() {
+        let config = TrackingConfig { window_s: 5.0, ..TrackingConfig::default() };
+        let mut errors = Vec::new();
+        let mut majors = Vec::new();
+        let mut held = 0;
+        for seed in 0..6 {
+            let (received, way) = in_turns(seed);
+            let tracked = track(&received, &[], &LocateConfig::default(), &config);
+            for ((_, located), truth) in tracked.expect("a track").places.iter().zip(&way) {
+                errors.push((located.estimate.mean - truth).norm());
+                majors.push(located.ellipse_95().map_or(f64::INFINITY, |e| e.semi_major));
+                held += usize::from(located.ellipse_95_holds(truth) == Some(true));
+            }
+        }
+        let count = errors.len();
+        errors.sort_by(f64::total_cmp);
+        majors.sort_by(f64::total_cmp);
+        let error_m = errors[count / 2];
+        let major_m = majors[count / 2];
+        // On coarse cells a tag far away explained as much: 1.2 km off, with ellipses of 4 km.
+        assert!(error_m < 160.0 && major_m < 450.0, "{error_m} m, {major_m} m");
+        assert!(held * 100 >= 90 * count, "{held} of {count}");
     }
 
     #[test]
