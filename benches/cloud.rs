@@ -26,7 +26,8 @@ fn of(what: &str, scheme: Resampling, particles: usize, seed: u64) -> Step {
 fn agree(observations: &[Observation<1>]) {
     for scheme in [Resampling::Multinomial, Resampling::Systematic] {
         let moments = |what| {
-            let (mut sums, mut squares) = (State::<8>::zeros(), State::<8>::zeros());
+            let mut sums = State::<8>::zeros();
+            let mut squares = State::<8>::zeros();
             for seed in 0..100 {
                 let mut step = of(what, scheme, 1000, seed);
                 let last = observations[..20].iter().map(&mut step).last().expect("some");

@@ -42,7 +42,8 @@ fn seconds(criterion: &mut Criterion) {
         let mut config = DetectorConfig::new(rate as f64);
         config.widths_s = widths_s;
         let mut detector = Detector::new(config).expect("it is in order");
-        let (mut index, mut found) = (0, Vec::new());
+        let mut index = 0;
+        let mut found = Vec::new();
         group.throughput(Throughput::Elements(rate as u64));
         group.bench_function(name, |bencher| {
             bencher.iter(|| {

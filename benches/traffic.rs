@@ -1,4 +1,4 @@
-//! What the traffic costs: a look at 8 drones, and new ways for all of them.
+//! Cost of the traffic: a look at 8 drones, and new ways for all of them.
 
 use std::f64::consts::TAU;
 

@@ -47,7 +47,8 @@ impl MeasurementModel<2, 2> for RssBearing {
     }
 }
 
-/// The same step in adskalman: a linear Kalman filter, given the model's Jacobian at the mean.
+/// Observation model of one step in adskalman: a linear Kalman filter, given the model's Jacobian
+/// at the mean.
 struct Linearised {
     h: Matrix2<f64>,
     h_transposed: Matrix2<f64>,
@@ -162,7 +163,7 @@ fn run<E: Estimator<2, 2> + ?Sized>(filter: &mut E, sweep: &[Observation<2>]) {
     }
 }
 
-/// What is compared is the same filter.
+/// Asserts that the compared filters agree.
 fn agree(mut filter: impl Estimator<2, 2>, by_hand: ByHand, sweep: &[Observation<2>]) {
     let mut belief = beacon::prior();
     for (step, observation) in sweep.iter().enumerate() {

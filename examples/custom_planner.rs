@@ -60,7 +60,8 @@ impl FormationPlanner for Ring {
 
 fn main() -> Result<(), Box<dyn Error>> {
     // A line of drones that goes half way to the estimate with every turn, ten times.
-    let (line, mut moves) = (Line::new(8.0)?, 0_u32);
+    let line = Line::new(8.0)?;
+    let mut moves = 0_u32;
     let half_way = planner_fn(move |belief: &dyn Belief, stations: &mut [Station]| {
         moves += 1;
         let count = stations.len();
@@ -100,7 +101,8 @@ fn hunt(name: &str, planner: impl FormationPlanner + 'static) -> Result<(), Box<
     let config = SimulationConfig::default();
     let flown = fly(&mut hunt, &world, &mut drones, config, |_event| Ok::<_, Infallible>(()))?;
     for found in &flown.found {
-        let (fix, error) = (&found.fix, found.error_m());
+        let fix = &found.fix;
+        let error = found.error_m();
         println!("{name}, {}: {error:.2} m off after {} steps", fix.name, fix.steps);
     }
     Ok(())

@@ -32,7 +32,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         Ok::<_, Infallible>(())
     })?;
     for found in &hunt.found {
-        let (fix, error) = (&found.fix, found.error_m());
+        let fix = &found.fix;
+        let error = found.error_m();
         println!("{}: {error:.2} m off after {} steps, {}", fix.name, fix.steps, fix.outcome);
     }
     Ok(())

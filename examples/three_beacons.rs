@@ -27,7 +27,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             Ok::<_, Infallible>(())
         })?;
         for found in &hunt.found {
-            let (fix, error) = (&found.fix, found.error_m());
+            let fix = &found.fix;
+            let error = found.error_m();
             println!("{}: {error:.2} m off after {} steps, {}", fix.name, fix.steps, fix.outcome);
         }
         println!("{:.0} s, {:.0} m\n", hunt.duration_s, hunt.path_m.iter().sum::<f64>());

@@ -1,5 +1,5 @@
 //! A person who walks with a turning antenna, a radio and a GNSS receiver, and finds a beacon: no
-//! drone. The drivers are those of the real devices; the devices are emulated, in memory.
+//! drone. The drivers are the ones for real devices; the devices are emulated, in memory.
 //!
 //! `cargo run --example walker --features hardware`
 
@@ -25,7 +25,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let fox =
         BeaconConfig { name: "fox".into(), east_m: 28.0, north_m: -17.0, ..Default::default() };
     let person = DroneConfig { up_m: 1.5, ..DroneConfig::default() };
-    let (beacons, drones) = (vec![fox], vec![person]);
+    let beacons = vec![fox];
+    let drones = vec![person];
     let world = World::new(&WorldConfig { beacons, drones, ..WorldConfig::default() }, 1)?;
     let (radio_port, radio_end) = memory_pair();
     let (gnss_port, gnss_end) = memory_pair();
@@ -46,7 +47,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let radio = XbeeRadio::new(config, radio_port, world.clock())?;
     let gnss = GnssReceiver::new(GnssConfig::default(), gnss_port, world.clock())?;
     let walker = Shared::new(StillVehicle::new(gnss, frame));
-    let (stepper, rotator) = (StepperConfig::pritzl2018(), world.rotator(0)?);
+    let stepper = StepperConfig::pritzl2018();
+    let rotator = world.rotator(0)?;
     let mut source = StepperSource::new(stepper, radio, rotator, walker.clone(), world.clock());
 
     let model = RssBearing::new(LogDistance::pritzl2018_field());

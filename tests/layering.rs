@@ -1,6 +1,6 @@
-//! Who may import whom: reads the manifests and fails on any edge that the architecture does not
-//! have, on circles between the files of a package, and on clocks and self-seeded generators where
-//! there must be none.
+//! Allowed imports: reads the manifests and fails on any edge that the architecture does not have,
+//! on circles between the files of a package, and on clocks and self-seeded generators where there
+//! must be none.
 
 #[path = "layering/modules.rs"]
 mod modules;
@@ -16,8 +16,8 @@ use std::{
 use modules::Package;
 
 /// Each package's folder and the foxhunt packages that its dependencies may name. Tests may besides
-/// name the package itself, to have all of its features, and `foxhunt-core` with its laws; those of
-/// `archive` also `foxhunt-sim`, whose recordings they read back.
+/// name the package itself, to have all of its features, and `foxhunt-core` with its laws; the
+/// tests of `archive` also `foxhunt-sim`, whose recordings they read back.
 const MAY_IMPORT: [(&str, &[&str]); 18] = [
     ("core", &[]),
     // What judges the estimators shares no code with them: no mistake is made twice.
@@ -62,7 +62,7 @@ fn package(folder: &str) -> String {
     if folder.is_empty() { "foxhunt".to_owned() } else { format!("foxhunt-{folder}") }
 }
 
-/// What reads a clock or seeds itself, and may stand in `hardware` and `cli` alone.
+/// Calls that read a clock or seed themselves, and may stand in `hardware` and `cli` alone.
 const OUTSIDE_ONLY: [&str; 10] = [
     "Instant::now",
     "SystemTime::now",
@@ -76,7 +76,7 @@ const OUTSIDE_ONLY: [&str; 10] = [
     "make_rng",
 ];
 
-/// What prints or ends the program, and may stand in programs alone.
+/// Calls that print or end the program, and may stand in programs alone.
 const PROGRAM_ONLY: [&str; 4] = ["println!", "eprintln!", "print!(", "process::exit"];
 
 fn root() -> &'static Path {

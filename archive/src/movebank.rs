@@ -9,8 +9,8 @@ use nalgebra::{Vector2, Vector3};
 use crate::recording::{RecordingError, utc::utc};
 
 /// The attributes of a fix, by their names in the Movebank Attribute Dictionary
-/// (vocab.nerc.ac.uk/collection/MVB). Its only axes of ellipses are those of Argos, so that the
-/// ellipse is given as the box about it and in words.
+/// (vocab.nerc.ac.uk/collection/MVB). Only Argos has axes of ellipses there, so the ellipse is
+/// given as the box about it and in words.
 const COLUMNS: [&str; 14] = [
     "tag-local-identifier",
     "timestamp",
@@ -33,7 +33,7 @@ const COLUMNS: [&str; 14] = [
 pub struct MovebankFix {
     /// The tag's name.
     pub tag: String,
-    /// When it was received first and last, in seconds since 1970 (UTC).
+    /// Times of the first and the last reception, in seconds since 1970 (UTC).
     pub received: [f64; 2],
     /// East and North in metres.
     pub place: Vector2<f64>,
@@ -74,7 +74,8 @@ pub fn write_movebank(
             None => row.extend(std::iter::repeat_n(String::new(), 7)),
             Some(ellipse) => {
                 let (sin, cos) = ellipse.orientation.sin_cos();
-                let (major, minor) = (ellipse.semi_major, ellipse.semi_minor);
+                let major = ellipse.semi_major;
+                let minor = ellipse.semi_minor;
                 let reach = Vector2::new(
                     (major * cos).hypot(minor * sin),
                     (major * sin).hypot(minor * cos),

@@ -1,5 +1,5 @@
-//! Locating again from the receptions of recordings, without those that were struck out: what a
-//! page needs for that, as lines of JSON.
+//! Repeated locating from the receptions of recordings, without the ones that were struck out: the
+//! input of a page for that, as lines of JSON.
 
 use foxhunt_core::Reception;
 #[cfg(feature = "batch")]
@@ -22,7 +22,7 @@ use crate::{
 /// The version of the lines that this program writes and reads.
 const VERSION: u32 = 1;
 
-/// What was located, and from what.
+/// Transmitters that were located, with the receptions and the settings used.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Relocation {
     header: Header,
@@ -43,7 +43,7 @@ struct Header {
     searches: Vec<Sought>,
 }
 
-/// How a transmitter that moves is tracked.
+/// Settings and listeners for tracking a transmitter that moves.
 #[cfg(feature = "batch")]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -57,7 +57,7 @@ struct Tracking {
 #[serde(deny_unknown_fields)]
 struct Sought {
     name: String,
-    /// Where it truly was at its times, if that is known.
+    /// Its true places with their times, if known.
     truth: Vec<(f64, Vector2<f64>)>,
     /// The time that its place is of.
     time: f64,
@@ -124,19 +124,19 @@ impl Relocation {
         self.header.estimator.as_deref()
     }
 
-    /// How many receptions there are.
+    /// Returns the number of receptions.
     #[must_use]
     pub fn len(&self) -> usize {
         self.rows.len()
     }
 
-    /// Whether there are no receptions.
+    /// Returns true if there are no receptions.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
 
-    /// What the receptions are known by.
+    /// Returns the receptions' row ids.
     #[must_use]
     pub fn ids(&self) -> Vec<RowId> {
         self.rows.iter().map(|row| row.id.clone()).collect()
@@ -224,7 +224,7 @@ fn not_located(name: &str, error: &LocateError) -> SearchOverview {
     SearchOverview { name: name.to_owned(), outcome, ..SearchOverview::default() }
 }
 
-/// Why receptions cannot be located again.
+/// Reason why receptions cannot be located again.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RelocationError {
@@ -237,9 +237,9 @@ pub enum RelocationError {
     /// A line cannot be read.
     #[error("line {line}: no reception to locate from")]
     Line {
-        /// Which line, from 1.
+        /// Line number, from 1.
         line: usize,
-        /// What is wrong with it.
+        /// The JSON error.
         source: serde_json::Error,
     },
 }

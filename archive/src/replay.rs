@@ -17,37 +17,37 @@ use crate::struck::{ReceptionId, Struck};
 /// The result of a replay.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Replay {
-    /// What was found, in the order of the beacons; a search that the log breaks off is included
-    /// as far as it went, with the outcome that the log has, or none.
+    /// Replayed fixes in the order of the beacons. A search that the log breaks off is included as
+    /// far as it went, with the log's outcome if there is one.
     pub fixes: Vec<ReplayedFix>,
-    /// How many estimates of the log were compared.
+    /// Number of the log's estimates that were compared.
     pub compared: usize,
-    /// How many of them differ in any bit. Zero through the log's own configuration.
+    /// Number of them that differ in any bit. Zero through the log's own configuration.
     pub different: usize,
 }
 
 /// A fix, replayed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReplayedFix {
-    /// Which beacon.
+    /// The beacon.
     pub beacon: BeaconId,
     /// Its name.
     pub name: String,
-    /// What is believed after its last reception.
+    /// The estimate after its last reception.
     pub estimate: Estimate<2>,
-    /// When that was, in seconds.
+    /// Time of the estimate, in seconds.
     pub time: f64,
-    /// How many receptions went through the estimator.
+    /// Number of receptions that went through the estimator.
     pub steps: u32,
-    /// The normalised innovations squared of those that have one, at 95 %.
+    /// Normalised innovations squared of the receptions that have one, at 95 %.
     pub nis: ChiSquaredAverage,
     /// The autocorrelation of the normalised innovations, up to 5 receptions apart; empty for an
     /// estimator that does not keep them.
     pub whiteness: Whiteness,
-    /// How many the gate kept out.
+    /// Number of receptions that the gate kept out.
     pub rejected: u32,
-    /// How often the innovations of the last receptions became larger than the estimator can
-    /// explain.
+    /// Number of times that the innovations of the last receptions became larger than the estimator
+    /// can explain.
     pub diverged: u32,
     /// The fix of the log, if the search ended.
     pub logged: Option<Fix>,
@@ -56,17 +56,17 @@ pub struct ReplayedFix {
 /// A search of a log while it is replayed: when it began, or after a reception.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment<'a> {
-    /// Which search, in the order in which they began, from 0.
+    /// Index of the search, in the order in which they began, from 0.
     pub search: usize,
-    /// What is believed now.
+    /// The track at this moment.
     pub track: &'a Track,
-    /// What became of the reception; none at the beginning, and where it was refused or is
+    /// Result of the reception; `None` at the beginning, and for a reception that was refused or is
     /// [struck](Struck).
     pub step: Option<TrackStep>,
 }
 
-/// Over how many receptions the innovations are correlated: three drones receive five times between
-/// two moves, and a short search has no more than some twenty.
+/// Number of receptions over which the innovations are correlated: three drones receive five times
+/// between two moves, and a short search has no more than some twenty.
 const LAGS: usize = 5;
 
 /// Replays a log through its own estimator, or through another one.
@@ -123,7 +123,7 @@ pub struct Replayer<'a> {
     tracks: Box<dyn Tracks + 'a>,
     struck: Struck,
     searches: Vec<ReplayedSearch>,
-    /// Of which beacon the last reception was.
+    /// Beacon of the last reception.
     received: Option<BeaconId>,
     compared: usize,
     different: usize,
@@ -164,13 +164,14 @@ impl<'a> Replayer<'a> {
         let seed = header.seed;
         Ok(Self::of_tracks(move |search: &Search<'_>| {
             let seed = beacon_seed(seed, search.beacon);
-            let (search, pulses) = (*search, pulses.as_ref());
+            let search = *search;
+            let pulses = pulses.as_ref();
             let request = TrackRequest { search, model: &model, reference, pulses, seed };
             estimator.track(&request, true)
         }))
     }
 
-    /// Replays through tracks of one's own.
+    /// Replays through the given tracks.
     fn of_tracks(tracks: impl Tracks + 'a) -> Self {
         Self {
             tracks: Box::new(tracks),
@@ -253,7 +254,7 @@ impl<'a> Replayer<'a> {
         Some(Moment { search: number, track, step })
     }
 
-    /// What was found.
+    /// Returns the replayed fixes and the counts.
     #[must_use]
     pub fn finish(self) -> Replay {
         let fixes = self.searches.into_iter().map(ReplayedSearch::into_fix).collect();
@@ -322,7 +323,7 @@ fn same_bits(a: &Estimate<2>, b: &Estimate<2>) -> bool {
     bits(a) == bits(b)
 }
 
-/// Why a log cannot be replayed.
+/// Reason why a log cannot be replayed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReplayError {
@@ -346,7 +347,7 @@ pub enum ReplayError {
     Estimator {
         /// The beacon.
         beacon: String,
-        /// What is wrong.
+        /// The estimator's error.
         source: EstimatorError,
     },
 }

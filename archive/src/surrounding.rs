@@ -1,6 +1,6 @@
-/// What is before and after a time in rows by rising time, and where the time is between them, from
-/// 0 at the first to 1 at the second; `None` outside the rows, and where the two are more than
-/// `gap_s` apart. At the time of a row it is that row alone.
+/// The values before and after a time in rows by rising time, and the position of the time between
+/// them, from 0 at the first to 1 at the second; `None` outside the rows, and if the two are more
+/// than `gap_s` apart. At the time of a row both are that row.
 pub(crate) fn surrounding<T>(rows: &[(f64, T)], time: f64, gap_s: f64) -> Option<(&T, &T, f64)> {
     let after = rows.partition_point(|(at, _)| *at < time);
     let (later, to) = rows.get(after)?;

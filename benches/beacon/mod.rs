@@ -17,7 +17,7 @@ pub(crate) const REFERENCE_DBM: f64 = -29.06;
 pub(crate) const EXPONENT: f64 = 2.765;
 pub(crate) const DRIFT: f64 = 0.1957;
 pub(crate) const SIGMAS: [f64; 2] = [7.9, 0.5];
-/// How far the sigma points spread.
+/// Spread of the sigma points.
 pub(crate) const ALPHA: f64 = 1e-3;
 
 /// One round of a receiver on a circle of 10 m, 4 m up, the beacon 20 m from its centre. No bearing
@@ -115,7 +115,8 @@ pub(crate) fn hand_ukf(belief: &Estimate<2>, observation: &Observation<2>) -> Op
     let Estimate { mean, covariance } = belief;
     let covariance = covariance + drift();
     let root = covariance.cholesky()?.unpack() * SPREAD.sqrt();
-    let (first, second) = (root.column(0), root.column(1));
+    let first = root.column(0);
+    let second = root.column(1);
     let points = [*mean, mean + first, mean - first, mean + second, mean - second];
     let receiver = &observation.receiver().position;
     let images = points.map(|point| expected(&point, receiver));
@@ -125,7 +126,8 @@ pub(crate) fn hand_ukf(belief: &Estimate<2>, observation: &Observation<2>) -> Op
     for (deviation, weight) in deviations.iter().zip(MEAN_WEIGHTS) {
         shift += deviation * weight;
     }
-    let (mut innovation, mut cross) = (noise(), Matrix2::zeros());
+    let mut innovation = noise();
+    let mut cross = Matrix2::zeros();
     for ((deviation, point), weight) in deviations.iter().zip(&points).zip(WEIGHTS) {
         let deviation = deviation - shift;
         innovation += deviation * deviation.transpose() * weight;

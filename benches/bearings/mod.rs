@@ -46,7 +46,7 @@ impl MeasurementModel<4, 1> for States {
     }
 }
 
-/// The same with loops over columns besides.
+/// The models of [`States`], with loops over columns besides.
 #[derive(Clone, Copy)]
 pub(crate) struct Columns;
 
@@ -86,7 +86,8 @@ impl MeasurementModel<4, 1> for Columns {
     fn log_likelihoods(&self, columns: [&[f64]; 4], observation: &Observation<1>, out: &mut [f64]) {
         let place = observation.receiver().position;
         let bearing = angle::wrap(observation.value()[0] - BIAS);
-        let (peak, slope) = ((1.0 - SHARE) / (SIGMA * TAU.sqrt()), -0.5 / (SIGMA * SIGMA));
+        let peak = (1.0 - SHARE) / (SIGMA * TAU.sqrt());
+        let slope = -0.5 / (SIGMA * SIGMA);
         for ((out, east), north) in out.iter_mut().zip(columns[0]).zip(columns[1]) {
             let off = bearing - elementary::atan2(north - place.y, east - place.x);
             let off = if off > PI { off - TAU } else { off };
@@ -171,7 +172,8 @@ fn plain_loop(scheme: Resampling, particles: usize, seed: u64) -> Step {
     let mut cloud: Vec<Particle> = (0..particles)
         .map(|_| Particle { state: core::array::from_fn(&mut draw), weight: 1.0 / count })
         .collect();
-    let (mut spare, mut marks) = (cloud.clone(), vec![0.0; particles]);
+    let mut spare = cloud.clone();
+    let mut marks = vec![0.0; particles];
     Box::new(move |observation| {
         let size = 1.0 / cloud.iter().map(|p| p.weight * p.weight).sum::<f64>();
         if scheme == Resampling::Multinomial || size < 0.5 * count {
@@ -189,7 +191,8 @@ fn plain_loop(scheme: Resampling, particles: usize, seed: u64) -> Step {
                     *mark = (i as f64 + start) / count;
                 }
             }
-            let (mut at, mut reach) = (0, cloud[0].weight);
+            let mut at = 0;
+            let mut reach = cloud[0].weight;
             for (copy, mark) in spare.iter_mut().zip(&marks) {
                 while reach <= *mark && at + 1 < particles {
                     at += 1;
@@ -199,7 +202,8 @@ fn plain_loop(scheme: Resampling, particles: usize, seed: u64) -> Step {
             }
             core::mem::swap(&mut cloud, &mut spare);
         }
-        let (place, z) = (observation.receiver().position, observation.value()[0]);
+        let place = observation.receiver().position;
+        let z = observation.value()[0];
         let mut total = 0.0;
         for Particle { state: x, weight } in &mut cloud {
             for row in 0..2 {

@@ -1,4 +1,4 @@
-//! What eight drones plan from.
+//! Beliefs that eight drones plan from.
 
 use foxhunt::prelude::*;
 use nalgebra::{Matrix2, Vector2};

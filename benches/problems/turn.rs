@@ -9,7 +9,7 @@ use foxhunt::{
 use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::{Distribution, StandardNormal};
 
-/// A turn with 2 dB of noise and a reflection of so much of the direct amplitude.
+/// A turn with 2 dB of noise and a reflection of this share of the direct amplitude.
 pub(crate) fn turn(reflected: f64) -> Vec<Sample> {
     let antenna = PatternTable::reference_patch();
     let amplitude = |off: f64| 10.0_f64.powf(antenna.gain_dbi(off, 0.0) / 20.0);

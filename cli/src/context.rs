@@ -2,10 +2,10 @@ use foxhunt::registry::Registry;
 
 use crate::output::Output;
 
-/// What every command works with besides its own arguments.
+/// Inputs of every command besides its own arguments.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Context<'a> {
-    /// Where results and notes go.
+    /// Output for results and notes.
     pub(crate) output: Output<'a>,
     /// The estimators, extractors, planners and sources, by name.
     pub(crate) registry: &'a Registry,

@@ -7,7 +7,7 @@ use std::{
     process::ExitCode,
 };
 
-/// Why a command gave no result.
+/// Reason why a command gave no result.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CommandError {
@@ -19,7 +19,7 @@ pub enum CommandError {
     Failure(String),
 }
 
-/// How the program ends when it does not succeed.
+/// Error that ends the program.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum CliError {
     /// Wrong use or input: exit code 2.

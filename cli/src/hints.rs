@@ -1,4 +1,4 @@
-//! What a build lacks: hints on wrong names and on commands of other versions.
+//! Hints on names that a build lacks, on wrong names and on commands of other versions.
 
 use clap::{
     Error,
@@ -42,7 +42,8 @@ pub(crate) fn feature_of(name: &str) -> Option<&'static str> {
     NAMES.iter().find(|(_, names)| names.contains(&name)).map(|(feature, _)| *feature)
 }
 
-/// What a name is now that `campaign` took besides scenarios in earlier versions.
+/// Returns the present command for a name that `campaign` took besides scenarios in earlier
+/// versions.
 pub(crate) fn retired_campaign(name: &str) -> Option<String> {
     match name {
         "antennas" | "planners" => Some(format!("foxhunt compare {name}")),
@@ -94,7 +95,7 @@ fn hint(error: &Error, registry: &Registry) -> Option<String> {
     }
 }
 
-/// How the program is built with a feature.
+/// Returns the command that installs the program with a feature.
 pub(crate) fn build(feature: &str) -> String {
     format!("`cargo install foxhunt-cli --features {feature}`")
 }

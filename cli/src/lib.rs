@@ -1,4 +1,4 @@
-//! The program `foxhunt` as a library: the same commands over a registry of one's own.
+//! The program `foxhunt` as a library: the same commands over your own registry.
 //!
 //! What is registered has a name in every command: in `--help`, in `list`, for `hunt`, `campaign`,
 //! `compare`, `replay` and `locate`. A program with an estimator of its own is this:

@@ -19,14 +19,14 @@ pub(crate) enum JsonForm {
     Lines,
 }
 
-/// Where results and notes are printed.
+/// Destination of results and notes.
 ///
 /// With `--json` standard output holds one JSON value and nothing else, with `--json=lines` one in
 /// each line; without it, tables and notes. Progress is on standard error either way.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Output<'a> {
     json: Option<JsonForm>,
-    /// What takes the result in place of standard output.
+    /// Buffer that takes the result in place of standard output.
     kept: Option<&'a RefCell<String>>,
 }
 
@@ -42,12 +42,12 @@ impl<'a> Output<'a> {
         Self { json, kept: None }
     }
 
-    /// Whether the result is one value of JSON.
+    /// Returns true if the result is one value of JSON.
     pub(crate) fn is_json(self) -> bool {
         self.json.is_some()
     }
 
-    /// Whether this program is part of another one, which takes the result.
+    /// Returns true if this program is part of another one, which takes the result.
     pub(crate) fn is_kept(self) -> bool {
         self.kept.is_some()
     }
@@ -57,7 +57,7 @@ impl<'a> Output<'a> {
         Self { json: Some(JsonForm::Value), kept: Some(json) }
     }
 
-    /// Whether standard output takes what happens in long work, by [`event`].
+    /// Returns true if standard output takes what happens in long work, by [`event`].
     pub(crate) fn streams(self) -> bool {
         self.json == Some(JsonForm::Lines)
     }

@@ -19,7 +19,7 @@ pub(crate) struct Progress {
     streams: bool,
 }
 
-/// How far a work is.
+/// Progress of a work.
 #[derive(Debug, Serialize)]
 struct Done {
     what: &'static str,
@@ -47,7 +47,7 @@ impl Progress {
         self.show(before, before + 1);
     }
 
-    /// So many parts are done.
+    /// Sets the number of parts that are done.
     pub(crate) fn reach(&self, done: u64) {
         self.show(self.done.swap(done, Ordering::Relaxed), done);
     }
@@ -87,7 +87,7 @@ impl Progress {
 
 const TEMPLATE: &str = "{wide_bar} {pos} of {len} {msg}, {eta} left";
 
-/// Whether a hundredth of the work was completed on the way from `before` to `done`.
+/// Returns true if a hundredth of the work was completed on the way from `before` to `done`.
 fn hundredth(before: u64, done: u64, total: u64) -> bool {
     let parts = |done: u64| done.saturating_mul(100) / total.max(1);
     parts(done) > parts(before)

@@ -1,4 +1,4 @@
-//! How much room there is for what is printed.
+//! Width of the screen for what is printed.
 
 use std::{env, io};
 
@@ -11,7 +11,7 @@ const UNKNOWN: u16 = 100;
 /// Below this many columns nothing is made to fit.
 const LEAST: u16 = 40;
 
-/// How many columns wide a result may be: `COLUMNS` where that is set, else the terminal's width.
+/// Maximum width of a result in columns: `COLUMNS` if that is set, else the terminal's width.
 pub(crate) fn width() -> usize {
     let given = env::var("COLUMNS").ok();
     let terminal = || terminal_size_of(io::stdout()).map(|(Width(width), Height(_))| width);

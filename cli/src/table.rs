@@ -19,7 +19,7 @@ const STYLE: TableStyle = TableStyle::new()
 /// The spaces about the cells of a column.
 const PADDING: usize = 2;
 
-/// What a column takes besides its cells: the spaces about them, and one to the next column.
+/// Width of a column besides its cells: the spaces about them, and one to the next column.
 const BESIDES: usize = PADDING + 1;
 
 /// A table that fits the width of the screen: its headers wrap between words, and what has no room
@@ -28,12 +28,12 @@ const BESIDES: usize = PADDING + 1;
 pub(crate) struct Table {
     columns: Vec<String>,
     rows: Vec<Vec<String>>,
-    /// How many columns, from the first on, name a row.
+    /// Number of columns, from the first on, that name a row.
     names: usize,
     kind: Kind,
 }
 
-/// What the cells hold besides names.
+/// Kind of the cells besides names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     /// Values, to the right.
@@ -58,7 +58,7 @@ impl Table {
         Self { columns, rows: Vec::new(), names: 1, kind }
     }
 
-    /// With so many columns that name a row; they come again where a table is divided.
+    /// Sets the number of columns that name a row; they come again where a table is divided.
     pub(crate) fn named_by(mut self, names: usize) -> Self {
         self.names = names;
         self
@@ -94,7 +94,7 @@ impl Table {
         self.columns.get(column).map_or("", String::as_str)
     }
 
-    /// Whether the cells of a column may be wrapped.
+    /// Returns true if the cells of a column may be wrapped.
     fn wraps(&self, column: usize) -> bool {
         self.kind == Kind::Texts && column >= self.names
     }
@@ -123,7 +123,8 @@ impl Table {
         /// More lines than this in a cell are not read any more.
         const MOST_LINES: usize = 8;
 
-        let (natural, mut widths) = (self.natural(columns), self.least(columns));
+        let natural = self.natural(columns);
+        let mut widths = self.least(columns);
         let mut spare = width.checked_sub(total(&widths))?;
         // Who has the most lines gets the next column.
         while spare > 0 {
@@ -260,7 +261,7 @@ pub(crate) fn markdown(columns: &[&str], names: usize, rows: &[Vec<String>]) -> 
     [line(columns.to_vec()), rule].into_iter().chain(rows).collect::<Vec<_>>().join("\n")
 }
 
-/// A number with this many decimals; a dash where there is none, or it is not finite.
+/// A number with this many decimals; a dash if it is `None` or not finite.
 pub(crate) fn number(value: impl Into<Option<f64>>, decimals: usize) -> String {
     match value.into().filter(|v| v.is_finite()) {
         Some(value) => format!("{value:.decimals$}"),
@@ -268,7 +269,7 @@ pub(crate) fn number(value: impl Into<Option<f64>>, decimals: usize) -> String {
     }
 }
 
-/// A text; a dash where there is none.
+/// A text; a dash for `None`.
 pub(crate) fn text(value: Option<impl ToString>) -> String {
     value.map_or_else(|| NOTHING.to_owned(), |value| value.to_string())
 }

@@ -1,4 +1,4 @@
-//! Whether what is written at the end can be written, before the work begins.
+//! Checks before the work begins that its results can be written at the end.
 
 use std::{
     fs::{self, OpenOptions},
@@ -8,8 +8,8 @@ use std::{
 
 use crate::error::CliError;
 
-/// Refuses a file that cannot be written, for want of its folder or of the right. What it holds
-/// stays as it is, and where there is none there is none after it.
+/// Refuses a file that cannot be written, for want of its folder or of the right. An existing file
+/// keeps its contents, and a missing one is not created.
 pub(crate) fn file(path: &Path) -> Result<(), CliError> {
     check(path).map_err(|error| CliError::writing(path, error))
 }
@@ -35,7 +35,8 @@ mod tests {
     fn files_stay_as_they_are() {
         let folder = std::env::temp_dir().join(format!("foxhunt-writable-{}", std::process::id()));
         fs::create_dir_all(&folder).expect("a folder");
-        let (old, new) = (folder.join("old"), folder.join("new"));
+        let old = folder.join("old");
+        let new = folder.join("new");
         fs::write(&old, "kept").expect("a file");
         assert!(file(&old).is_ok() && file(&new).is_ok());
         assert_eq!(fs::read_to_string(&old).expect("it is there"), "kept");

@@ -1,17 +1,17 @@
 use core::fmt;
 
-/// How high a vehicle is above the ground below it, by its own devices.
+/// A vehicle's height above the ground below it, by its own devices.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct HeightAboveGround {
     /// The height in metres.
     pub metres: f64,
-    /// What it comes from.
+    /// The source of the height.
     pub source: HeightSource,
 }
 
-/// Where a vehicle's own height above the ground comes from.
+/// Source of a vehicle's own height above the ground.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]

@@ -15,8 +15,8 @@ pub struct BearingMode {
 
 /// The directions that compete for one turn: side lobes, an antenna's back, a reflection.
 ///
-/// A mixture of Gaussians on the circle, its weights summing to 1; none where the bearing is the
-/// only one. Kept in place, without an allocator.
+/// A mixture of Gaussians on the circle, its weights summing to 1; empty where there is only one
+/// bearing. Kept in place, without an allocator.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(try_from = "[Option<BearingMode>; 4]"))]
@@ -26,44 +26,45 @@ pub struct BearingModes {
     count: usize,
 }
 
-/// Why competing directions are refused.
+/// Reason for refusing competing directions.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BearingModesError {
     /// There are too many of them.
     #[error("{count} directions compete; there is room for {capacity}")]
     TooMany {
-        /// How many.
+        /// The number of directions.
         count: usize,
-        /// How many there is room for.
+        /// The maximum number of directions.
         capacity: usize,
     },
     /// A number of one of them is out of its range.
     #[error("direction {index} has the {field} {value}; it must be {requirement}")]
     Field {
-        /// Which of them.
+        /// Index of the direction.
         index: usize,
-        /// Which of its fields.
+        /// Name of the field.
         field: &'static str,
-        /// What it held.
+        /// Value of the field.
         value: f64,
-        /// What it must be.
+        /// The requirement that the value does not meet.
         requirement: &'static str,
     },
 }
 
 impl BearingModes {
-    /// How many directions may compete.
+    /// Maximum number of competing directions.
     pub const CAPACITY: usize = 4;
 
-    /// The mixture of these directions, with weights in proportion to theirs; one alone, or none,
-    /// is no competition and leaves it empty.
+    /// The mixture of these directions, with weights in proportion to theirs; fewer than two do not
+    /// compete and leave it empty.
     ///
     /// # Errors
     ///
     /// [`BearingModesError`] names the number that is out of its range.
     pub fn new(modes: &[BearingMode]) -> Result<Self, BearingModesError> {
-        let (count, capacity) = (modes.len(), Self::CAPACITY);
+        let count = modes.len();
+        let capacity = Self::CAPACITY;
         if count > capacity {
             return Err(BearingModesError::TooMany { count, capacity });
         }
@@ -87,7 +88,9 @@ impl BearingModes {
             }
             total += mode.weight;
             if !positive(total) {
-                let (field, value, requirement) = ("weight", mode.weight, "of a finite sum");
+                let field = "weight";
+                let value = mode.weight;
+                let requirement = "of a finite sum";
                 return Err(BearingModesError::Field { index, field, value, requirement });
             }
         }
@@ -102,13 +105,13 @@ impl BearingModes {
         Ok(made)
     }
 
-    /// The directions; fewer than two are none.
+    /// Returns the competing directions: either empty or at least two.
     #[must_use]
     pub fn as_slice(&self) -> &[BearingMode] {
         self.modes.get(..self.count).unwrap_or(&[])
     }
 
-    /// Whether nothing competes.
+    /// Returns true if nothing competes.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.count == 0
@@ -132,7 +135,7 @@ impl BearingModes {
         Some((mean, libm::sqrt(self.as_slice().iter().map(square).sum())))
     }
 
-    /// The same directions, each of another σ.
+    /// Replaces the σ of each direction.
     #[must_use]
     pub(crate) fn with_sigma(mut self, sigma: impl Fn(f64) -> f64) -> Self {
         self.modes.iter_mut().for_each(|mode| mode.sigma = sigma(mode.sigma));
@@ -145,7 +148,8 @@ impl TryFrom<[Option<BearingMode>; Self::CAPACITY]> for BearingModes {
     type Error = BearingModesError;
 
     fn try_from(read: [Option<BearingMode>; Self::CAPACITY]) -> Result<Self, BearingModesError> {
-        let (mut modes, mut count) = ([BearingMode::default(); Self::CAPACITY], 0);
+        let mut modes = [BearingMode::default(); Self::CAPACITY];
+        let mut count = 0;
         for (own, mode) in modes.iter_mut().zip(read.into_iter().flatten()) {
             *own = mode;
             count += 1;

@@ -2,7 +2,7 @@ use nalgebra::Vector2;
 
 use crate::{Estimate, Estimator, visit_cubature_points};
 
-/// Where a target may be: what a planner sees of an estimator, whatever its state holds.
+/// Belief about a target's place: a planner's view of an estimator, whatever its state holds.
 pub trait Belief {
     /// The first two moments of the target's position.
     fn position(&self) -> Estimate<2>;

@@ -5,7 +5,7 @@ use crate::BeaconId;
 /// One question is outstanding at a time: a new request gives up the one before it, and an
 /// answer to an older question is discarded.
 pub trait Radio {
-    /// Why the link to the radio failed.
+    /// Failure of the link to the radio.
     type Error: core::error::Error + 'static;
 
     /// Sends a question to `beacon`; returns when it is on its way.
@@ -34,14 +34,14 @@ pub trait Radio {
         self.request(beacon).map(|()| 0)
     }
 
-    /// The power of the answer in dBm, once; `None` while there is none. Never blocks.
+    /// The power of the answer in dBm, once; `None` until it has come. Never blocks.
     ///
     /// # Errors
     ///
     /// Any failure of the link.
     fn poll(&mut self) -> Result<Option<f64>, Self::Error>;
 
-    /// When the power that was polled last was measured, in seconds of its clock. `None`, unless
+    /// The time in seconds of its clock at which the power polled last was measured. `None`, unless
     /// overridden, where the radio does not know: the source then estimates it from the times of
     /// request and answer.
     fn measured_at(&self) -> Option<f64> {
@@ -49,7 +49,7 @@ pub trait Radio {
     }
 
     /// The next time at which a [`poll`](Self::poll) may give an answer or fail, in seconds of its
-    /// clock; infinite where none is outstanding. `None`, unless overridden, where that is not
+    /// clock; infinite where no answer is outstanding. `None`, unless overridden, where that is not
     /// known.
     fn next_event(&self) -> Option<f64> {
         None
@@ -58,7 +58,7 @@ pub trait Radio {
 
 /// A motor that turns the antenna about the drone's vertical axis.
 pub trait Rotator {
-    /// Why the link to the motor failed.
+    /// Failure of the link to the motor.
     type Error: core::error::Error + 'static;
 
     /// Orders a turn to `angle` radians, counter-clockwise from the drone's nose; returns when
@@ -70,8 +70,8 @@ pub trait Rotator {
     /// Any failure of the link.
     fn turn_to(&mut self, angle: f64) -> Result<(), Self::Error>;
 
-    /// Where the antenna looks, in radians from the nose, while it stands still; `None` while
-    /// it turns. Never blocks.
+    /// The antenna's direction in radians from the nose while it stands still; `None` while it
+    /// turns. Never blocks.
     ///
     /// # Errors
     ///
@@ -99,8 +99,8 @@ pub trait Clock {
         false
     }
 
-    /// Whether it has gone ahead of those who poll; what was found out so is not yet to be
-    /// delivered. False unless overridden.
+    /// Returns true if it has gone ahead of those who poll; findings made so must not be delivered
+    /// yet. False unless overridden.
     fn is_ahead(&self) -> bool {
         false
     }

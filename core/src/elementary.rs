@@ -1,9 +1,9 @@
 //! Elementary functions without branches, so that a loop over columns is vectorised.
 //!
-//! The reductions and most polynomials are those of fdlibm (Sun Microsystems 1993). There is no
-//! fused multiplication in them and no table: a vector of any width gives the same bits as one
-//! number after the other, on every processor. Each is inlined wherever it stands, into functions
-//! that are compiled for wider vectors too.
+//! The reductions and most polynomials come from fdlibm (Sun Microsystems 1993). There is no fused
+//! multiplication in them and no table: a vector of any width gives the same bits as one number
+//! after the other, on every processor. Each is inlined wherever it stands, into functions that are
+//! compiled for wider vectors too.
 
 use core::f64::consts::{FRAC_PI_2, LOG2_E, PI};
 
@@ -81,7 +81,8 @@ pub fn sqrt(x: f64) -> f64 {
 #[must_use]
 pub fn atan2(y: f64, x: f64) -> f64 {
     const ATAN_HALF: f64 = 0.463_647_609_000_806_1;
-    let (across, along) = (y.abs(), x.abs());
+    let across = y.abs();
+    let along = x.abs();
     // In this form a NaN comes out, and nothing is divided by zero.
     let low = if across < along { across } else { along };
     let high = if along > across { along } else { across };
@@ -141,7 +142,8 @@ mod tests {
     fn they_agree_with_libm() {
         const ULP: f64 = f64::EPSILON;
         for x in spread(707.9) {
-            let (near, far) = (exp(x), exp(x / 700.0));
+            let near = exp(x);
+            let far = exp(x / 700.0);
             assert!((near / libm::exp(x) - 1.0).abs() <= 2.0 * ULP, "exp {x}: {near}");
             assert!((far / libm::exp(x / 700.0) - 1.0).abs() <= 2.0 * ULP, "exp {x}");
             let value = libm::exp(x);
@@ -158,7 +160,8 @@ mod tests {
         }
         for turn in spread(PI) {
             for range in [1e-250, 1e-3, 1.0, 7e5, 1e250] {
-                let (y, x) = (range * libm::sin(turn), range * libm::cos(turn));
+                let y = range * libm::sin(turn);
+                let x = range * libm::cos(turn);
                 let off = atan2(y, x) - libm::atan2(y, x);
                 assert!(off.abs() <= 9e-16, "{y}, {x}: {off}");
             }

@@ -6,7 +6,7 @@ pub type State<const N: usize> = SVector<f64, N>;
 /// A covariance matrix.
 pub type Covariance<const N: usize> = SMatrix<f64, N, N>;
 
-/// What an estimator believes: the first two moments of its posterior.
+/// An estimator's belief: the first two moments of its posterior.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Estimate<const N: usize> {
@@ -67,8 +67,11 @@ impl Estimate<2> {
             return None;
         }
         // Closed form of a symmetric 2 × 2 eigenproblem; χ²₂ has the quantile −2 ln(1 − p).
-        let (a, b, c) = (self.covariance[(0, 0)], self.covariance[(0, 1)], self.covariance[(1, 1)]);
-        let (centre, radius) = (0.5 * (a + c), libm::hypot(0.5 * (a - c), b));
+        let a = self.covariance[(0, 0)];
+        let b = self.covariance[(0, 1)];
+        let c = self.covariance[(1, 1)];
+        let centre = 0.5 * (a + c);
+        let radius = libm::hypot(0.5 * (a - c), b);
         let scale = -2.0 * libm::log1p(-probability);
         let ellipse = Ellipse {
             semi_major: libm::sqrt(scale * (centre + radius)),
@@ -131,7 +134,8 @@ mod tests {
     #[test]
     fn the_ellipse_follows_the_covariance() {
         // σ = 3 m along 30°, 1 m across it.
-        let (s, c) = (0.5, libm::sqrt(0.75));
+        let s = 0.5;
+        let c = libm::sqrt(0.75);
         let turn = Matrix2::new(c, -s, s, c);
         let covariance = turn * Matrix2::new(9.0, 0.0, 0.0, 1.0) * turn.transpose();
         let estimate = Estimate { mean: Vector2::zeros(), covariance };
@@ -154,7 +158,9 @@ mod tests {
             mean: Vector2::new(3.0, -1.0),
             covariance: Matrix2::new(4.0, 1.0, 1.0, 2.0),
         };
-        let (mut mean, mut second, mut total) = (Vector2::zeros(), Matrix2::zeros(), 0.0);
+        let mut mean = Vector2::zeros();
+        let mut second = Matrix2::zeros();
+        let mut total = 0.0;
         visit_cubature_points(&estimate, &mut |x, w| {
             mean += x * w;
             second += (x - estimate.mean) * (x - estimate.mean).transpose() * w;

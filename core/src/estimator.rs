@@ -33,8 +33,8 @@ pub trait Estimator<const N: usize, const M: usize> {
     /// The belief's first two moments.
     fn estimate(&self) -> Estimate<N>;
 
-    /// What the components of its observations are: those of its measurement model. What is fed to
-    /// it is held against these before a hunt begins.
+    /// The quantities of its observations' components, as its measurement model defines them. The
+    /// data fed to it are checked against these before a hunt begins.
     fn quantities(&self) -> [Quantity; M];
 
     /// Calls `visit` with states and weights that stand for the whole belief; the weights sum
@@ -81,14 +81,14 @@ impl Correction {
         }
     }
 
-    /// Whether the gate kept the observation out.
+    /// Returns true if the gate kept the observation out.
     #[must_use]
     pub fn is_rejected(&self) -> bool {
         matches!(self, Self::Rejected { .. })
     }
 }
 
-/// Why an estimator could not be made or could not go on.
+/// Reason that an estimator could not be made or could not go on.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EstimatorError {
@@ -101,13 +101,13 @@ pub enum EstimatorError {
     /// A mean or covariance holds NaN or infinity; look at the model's `expected` and `jacobian`.
     #[error("the {role} is not finite")]
     NotFinite {
-        /// Whose moments.
+        /// The role of the moments.
         role: Role,
     },
     /// A covariance is finite but not positive definite.
     #[error("the {role} covariance is not positive definite")]
     NotPositiveDefinite {
-        /// Whose covariance.
+        /// The role of the covariance.
         role: Role,
     },
     /// A parameter is out of its range.
@@ -116,23 +116,23 @@ pub enum EstimatorError {
     /// The estimator does not support a feature.
     #[error("{what} is not supported")]
     Unsupported {
-        /// What is missing.
+        /// The unsupported feature.
         what: &'static str,
     },
-    /// What the observations hold is not what the estimator's model measures.
+    /// The observations hold another quantity than the estimator's model measures.
     #[error("component {component} is fed {fed}; the estimator's model measures {expected}")]
     Quantity {
-        /// Which component, from 0.
+        /// Index of the component, from 0.
         component: usize,
-        /// What it is fed.
+        /// The quantity that it is fed.
         fed: Quantity,
-        /// What its model measures.
+        /// The quantity that its model measures.
         expected: Quantity,
     },
     /// The observation is of a time that the estimator no longer goes back to.
     #[error("the observation of {time} s comes too late: all before {horizon} s is settled")]
     TooLate {
-        /// When it was made, in seconds.
+        /// Time of the observation, in seconds.
         time: f64,
         /// The earliest time that is still open.
         horizon: f64,
@@ -140,19 +140,19 @@ pub enum EstimatorError {
     /// No particle can have led to the observation.
     #[error("none of the {particles} particles can have led to the observation")]
     Impossible {
-        /// How many particles there are.
+        /// The number of particles.
         particles: usize,
     },
     /// An iteration did not settle.
     #[error("{iterations} iterations did not settle")]
     NotConverged {
-        /// How many there were.
+        /// The number of iterations.
         iterations: u32,
     },
 }
 
 impl EstimatorError {
-    /// What every `predict` requires of its `dt`: a step of zero seconds or more.
+    /// Checks the `dt` of a `predict`: a step of zero seconds or more.
     ///
     /// # Errors
     ///
@@ -168,7 +168,7 @@ impl EstimatorError {
 pub enum Role {
     /// The belief before the step.
     Prior,
-    /// What is expected to be measured, without the measurement's own noise.
+    /// The expected measurement, without the measurement's own noise.
     Expected,
     /// The innovation.
     Innovation,

@@ -15,9 +15,9 @@ pub trait BearingExtractor {
     /// [`NoReading`] when the sweep holds nothing of use.
     fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading>;
 
-    /// The σ in radians that a bearing from such samples is expected to have, which a source may
-    /// turn on for; unless overridden that of the bearing that they give, and `None` where they
-    /// give none.
+    /// The expected σ in radians of a bearing from such samples, on which a source may decide to
+    /// turn on; unless overridden, the σ of the bearing that they give, and `None` if they give no
+    /// bearing.
     fn expected_sigma(&self, sweep: &Sweep<'_>) -> Option<f64> {
         self.extract(sweep).ok()?.bearing.ok().map(|bearing| bearing.sigma)
     }
@@ -30,8 +30,8 @@ pub struct Reading {
     pub rss_dbm: f64,
     /// Its standard deviation in dB.
     pub rss_sigma_db: f64,
-    /// The direction of arrival, or why there is none. Where several compete, their common mean
-    /// and a σ that covers them.
+    /// The direction of arrival, or the reason that there is no bearing. Where several compete,
+    /// their common mean and a σ that covers them.
     pub bearing: Result<Bearing, NoBearing>,
     /// The covariance of level and bearing, in dB rad.
     pub covariance: f64,
@@ -47,12 +47,12 @@ pub struct Bearing {
     pub angle: f64,
     /// Its standard deviation in radians.
     pub sigma: f64,
-    /// How far the sweep looks like one transmitter received through one main lobe: 0 not at
-    /// all, 1 without a doubt. Each extractor documents how it counts.
+    /// Similarity of the sweep to one transmitter received through one main lobe: 0 not at all, 1
+    /// without a doubt. Each extractor documents how it counts.
     pub confidence: f64,
 }
 
-/// Why a sweep has no bearing, though it may have a level.
+/// Reason that a sweep has no bearing, though it may have a level.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(tag = "reason", rename_all = "snake_case"))]
@@ -61,9 +61,9 @@ pub enum NoBearing {
     /// Too little of the circle holds a reading.
     #[error("{measured} of the turn's positions hold a reading; {needed} are needed")]
     TooSparse {
-        /// How many positions hold a reading.
+        /// Number of positions that hold a reading.
         measured: u16,
-        /// How many the extractor needs.
+        /// Number of positions that the extractor needs.
         needed: u16,
     },
     /// The strongest readings cancel: opposite lobes, or a flat pattern.
@@ -77,7 +77,7 @@ pub enum NoBearing {
     PoorFit {
         /// The root mean square of the best fit's residuals, in dB.
         residual_db: f64,
-        /// That of the readings about their mean, in dB.
+        /// The root mean square of the readings about their mean, in dB.
         flat_db: f64,
     },
     /// The bearing's σ is beyond use.
@@ -90,7 +90,7 @@ pub enum NoBearing {
     },
 }
 
-/// Why a sweep gives no reading.
+/// Reason that a sweep gives no reading.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum NoReading {
@@ -100,37 +100,37 @@ pub enum NoReading {
     /// A sample holds NaN or infinity.
     #[error("sample {index} of the sweep has the {field} {value}, not a finite number")]
     NotFinite {
-        /// Which sample.
+        /// Index of the sample.
         index: usize,
-        /// Which of its fields.
+        /// Name of its field.
         field: &'static str,
-        /// What it held.
+        /// Value of the field.
         value: f64,
     },
     /// The number of positions does not fit the extractor or the samples.
     #[error("sample {index} is at position {position} of a turn of {positions}")]
     Position {
-        /// Which sample.
+        /// Index of the sample.
         index: usize,
         /// Its position.
         position: u16,
-        /// How many positions a turn has.
+        /// Number of positions of a turn.
         positions: u16,
     },
-    /// A sample is of none of the antennas that the extractor knows.
+    /// The sample's boresight belongs to no antenna that the extractor knows.
     #[error("sample {index} is towards {boresight} rad, where no antenna looks")]
     Boresight {
-        /// Which sample.
+        /// Index of the sample.
         index: usize,
-        /// Where its antenna looks, in radians.
+        /// Direction of its antenna, in radians.
         boresight: f64,
     },
     /// The turn has more positions than the extractor has room for.
     #[error("the turn has {positions} positions; the extractor holds 1 to {capacity}")]
     Capacity {
-        /// How many positions the turn has.
+        /// Number of positions of the turn.
         positions: u16,
-        /// How many the extractor holds.
+        /// Maximum number of positions that the extractor holds.
         capacity: u16,
     },
 }

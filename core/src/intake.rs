@@ -2,7 +2,7 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::{Observation, ObservationError, Quantity, Reception};
 
-/// Makes an observation of `M` components of a reception: what joins what was received to an
+/// Makes an observation of `M` components of a reception: the link between a reception and an
 /// estimator's measurement model.
 ///
 /// [`ByQuantity`] serves every model that names what it measures; a measurement that needs more
@@ -33,8 +33,8 @@ use crate::{Observation, ObservationError, Quantity, Reception};
 /// }
 /// ```
 pub trait Intake<const M: usize> {
-    /// What the components of its observations are. They must be those of the model that the
-    /// estimator holds, which is checked where the two are joined.
+    /// The quantities of its observations' components. They must equal the quantities of the
+    /// estimator's model, which is checked where the two are joined.
     fn quantities(&self) -> [Quantity; M];
 
     /// The observation, or `None` where the reception holds nothing of these quantities.
@@ -50,7 +50,8 @@ pub trait Intake<const M: usize> {
 
 /// An intake that picks each component from the reception by the name of its quantity: level and
 /// bearing with their covariance and the directions that compete, anything else from
-/// [`Reception::measured`]. What the reception does not hold is missing in the observation.
+/// [`Reception::measured`]. Components that the reception does not hold are missing in the
+/// observation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ByQuantity<const M: usize>(pub [Quantity; M]);
 
@@ -64,9 +65,11 @@ impl<const M: usize> Intake<M> for ByQuantity<M> {
         reception: &Reception,
     ) -> Result<Option<Observation<M>>, ObservationError> {
         // A component that is missing needs a proper stand-in, which is struck out again.
-        let (mut value, mut noise) = (SVector::<f64, M>::zeros(), SMatrix::<f64, M, M>::identity());
+        let mut value = SVector::<f64, M>::zeros();
+        let mut noise = SMatrix::<f64, M, M>::identity();
         let mut present = [false; M];
-        let (mut level_at, mut bearing_at) = (None, None);
+        let mut level_at = None;
+        let mut bearing_at = None;
         for (i, quantity) in self.0.iter().enumerate() {
             let measured = if *quantity == Quantity::RSS {
                 level_at = reception.level.map(|_| i);

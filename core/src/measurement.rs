@@ -36,8 +36,8 @@ use crate::{Axis, Observation, Pose, Quantity, State, noise};
 /// `expected_change` and `expected_parts` agree with differences of expectations, `jacobian` with
 /// finite ones; `log_likelihoods` and `residuals` agree with `log_likelihood` and `residual`.
 pub trait MeasurementModel<const N: usize, const M: usize> {
-    /// What each component is: its name with its unit, and its geometry. **This method owns the
-    /// wrap**: means and residuals in every estimator follow from it.
+    /// The quantity of each component: its name with its unit, and its geometry. **This method owns
+    /// the wrap**: means and residuals in every estimator follow from it.
     fn quantities(&self) -> [Quantity; M];
 
     /// h(x; pose): the noise-free measurement.
@@ -53,9 +53,9 @@ pub trait MeasurementModel<const N: usize, const M: usize> {
         Axis::difference(&self.axes(), z, expected)
     }
 
-    /// h(x + δ) ⊖ h(x) with x the `state`, δ the `offset` and h(x) what is `expected` at x: what
-    /// sigma points are made of. A model that has it in a form of its own saves the digits, and
-    /// often the time, that a difference of two expectations loses.
+    /// h(x + δ) ⊖ h(x) with x the `state`, δ the `offset` and h(x) the `expected` value at x: sigma
+    /// points are made of it. A model that has it in a form of its own saves the digits, and often
+    /// the time, that a difference of two expectations loses.
     fn expected_change(
         &self,
         state: &State<N>,
@@ -87,7 +87,7 @@ pub trait MeasurementModel<const N: usize, const M: usize> {
         numeric_jacobian(state, |x| self.expected(x, receiver), |a, b| self.residual(a, b))
     }
 
-    /// ln p(z | x) of the components present, 0 when none is; Gaussian with the observation's
+    /// ln p(z | x) of the components present, 0 if no component is; Gaussian with the observation's
     /// own covariance unless overridden.
     fn log_likelihood(&self, state: &State<N>, observation: &Observation<M>) -> f64 {
         gaussian_log_likelihood(self, state, observation)
@@ -136,8 +136,8 @@ pub fn residuals_one_by_one<const N: usize, const M: usize>(
     }
 }
 
-/// [`MeasurementModel::log_likelihoods`] by one state after the other: for an override that cannot
-/// do better for some observations, as for those of an uncertain receiver.
+/// Computes [`MeasurementModel::log_likelihoods`] one state after the other: for an override that
+/// cannot do better for some observations, such as those by an uncertain receiver.
 #[inline]
 pub fn log_likelihoods_one_by_one<const N: usize, const M: usize>(
     model: &(impl MeasurementModel<N, M> + ?Sized),
@@ -199,7 +199,8 @@ pub fn gaussian_log_likelihood<const N: usize, const M: usize>(
 /// against rounding: ε^⅓ of the component's size.
 pub(crate) fn around<const A: usize>(x: &SVector<f64, A>, i: usize) -> [SVector<f64, A>; 2] {
     let step = libm::cbrt(f64::EPSILON) * libm::fmax(1.0, x[i].abs());
-    let (mut low, mut high) = (*x, *x);
+    let mut low = *x;
+    let mut high = *x;
     low[i] -= step;
     high[i] += step;
     [low, high]

@@ -9,11 +9,11 @@ use crate::{BeaconId, MeasuredList, Pose, Sample, Sweep, Unanswered};
 pub struct OwnedSweep {
     /// The beacon that was listened for.
     pub beacon: BeaconId,
-    /// When the turn ended, in seconds.
+    /// The time of the turn's end, in seconds.
     pub time: f64,
-    /// Where the receiver was: the mean over the turn.
+    /// The receiver's pose: the mean over the turn.
     pub receiver: Pose,
-    /// How many equal positions make a turn.
+    /// Number of equal positions in a turn.
     pub positions: u16,
     /// The readings, in the order in which they were taken.
     pub samples: Vec<Sample>,
@@ -23,7 +23,7 @@ pub struct OwnedSweep {
     pub floor_dbm: Option<f64>,
     /// σ of the receiver's East, North and Up in metres, where that is known.
     pub receiver_sigma_m: Option<Vector3<f64>>,
-    /// What was measured besides power along boresights.
+    /// Values measured besides power along boresights.
     pub measured: MeasuredList,
 }
 

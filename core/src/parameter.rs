@@ -28,7 +28,7 @@ pub fn require(
     if holds { Ok(value) } else { Err(ParameterError { name, value, requirement }) }
 }
 
-/// Refuses what is not finite.
+/// Refuses a value that is not finite.
 ///
 /// # Errors
 ///
@@ -37,7 +37,7 @@ pub fn finite(name: &'static str, value: f64) -> Result<f64, ParameterError> {
     require(value.is_finite(), name, value, "finite")
 }
 
-/// Refuses what is not finite and above zero.
+/// Refuses a value that is not finite and above zero.
 ///
 /// # Errors
 ///
@@ -46,7 +46,7 @@ pub fn positive(name: &'static str, value: f64) -> Result<f64, ParameterError> {
     require(value > 0.0 && value.is_finite(), name, value, "a positive number")
 }
 
-/// Refuses what is not finite or below zero.
+/// Refuses a value that is not finite or is below zero.
 ///
 /// # Errors
 ///
@@ -55,7 +55,7 @@ pub fn not_negative(name: &'static str, value: f64) -> Result<f64, ParameterErro
     require(value >= 0.0 && value.is_finite(), name, value, "zero or a positive number")
 }
 
-/// Refuses what is not in [0, 1].
+/// Refuses a value that is not in [0, 1].
 ///
 /// # Errors
 ///
@@ -64,7 +64,7 @@ pub fn probability(name: &'static str, value: f64) -> Result<f64, ParameterError
     in_range(name, value, 0.0..=1.0, "a probability, from 0 to 1")
 }
 
-/// Refuses what is not in `range`, which `requirement` puts in words.
+/// Refuses a value that is not in `range`, which `requirement` puts in words.
 ///
 /// # Errors
 ///
@@ -95,13 +95,13 @@ pub fn as_value(count: usize) -> f64 {
     value
 }
 
-/// A field of a configuration that is out of its range: where it stands in the file, and what was
+/// A field of a configuration that is out of its range: its place in the file, and the value
 /// written there.
 #[cfg(feature = "alloc")]
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{field} is {value}; it must be {requirement}")]
 pub struct FieldError {
-    /// Where it stands, as a path of names and indices: `drones[2].north_m`.
+    /// Path of the field, as names and indices: `drones[2].north_m`.
     pub field: alloc::string::String,
     /// The refused value.
     pub value: alloc::string::String,
@@ -111,7 +111,7 @@ pub struct FieldError {
 
 #[cfg(feature = "alloc")]
 impl ParameterError {
-    /// The same error of a parameter that stands in a table or list of a configuration, such as
+    /// Returns the error with the parameter's place in a table or list of a configuration, such as
     /// `drones[2]`.
     #[must_use]
     pub fn within(self, table: impl core::fmt::Display) -> FieldError {
@@ -139,7 +139,7 @@ impl FieldError {
         Self { field: field.into(), value: alloc::string::ToString::to_string(&value), requirement }
     }
 
-    /// The same error of a configuration that is itself a table of another one.
+    /// Returns the error with its field placed in `table`, a table of another configuration.
     #[must_use]
     pub fn within(self, table: impl core::fmt::Display) -> Self {
         Self { field: alloc::format!("{table}.{}", self.field), ..self }

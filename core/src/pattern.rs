@@ -9,9 +9,9 @@ pub struct Sample {
     pub time: f64,
     /// The drone's pose.
     pub receiver: Pose,
-    /// Where the antenna looked, in radians in the world frame.
+    /// The antenna's direction, in radians in the world frame.
     pub boresight: f64,
-    /// Which of the turn's positions this reading belongs to, from 0.
+    /// Index of the turn's position that this reading belongs to, from 0.
     pub position: u16,
     /// Received power in dBm.
     pub rss_dbm: f64,
@@ -20,40 +20,40 @@ pub struct Sample {
 /// A question that stayed without an answer: it was lost, or too weak to be received.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unanswered {
-    /// When its time was up, in seconds.
+    /// The time at which the wait for an answer ended, in seconds.
     pub time: f64,
-    /// Where the antenna looked, in radians in the world frame.
+    /// The antenna's direction, in radians in the world frame.
     pub boresight: f64,
     /// The turn's position at which its question was sent, from 0.
     pub position: u16,
 }
 
-/// What was received of one beacon over one turn of a directional antenna, lent by its source until
-/// the next poll.
+/// Readings of one beacon over one turn of a directional antenna, lent by their source until the
+/// next poll.
 ///
 /// The default is an empty one, to be filled in with `..Sweep::default()`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sweep<'a> {
     /// The beacon that was listened for.
     pub beacon: BeaconId,
-    /// When the turn ended, in seconds.
+    /// The time of the turn's end, in seconds.
     pub time: f64,
-    /// Where the receiver was: the mean over the turn.
+    /// The receiver's pose: the mean over the turn.
     pub receiver: Pose,
-    /// How many equal positions make a turn; position `i` is nominally at 2πi over this.
+    /// Number of equal positions in a turn; position `i` is nominally at 2πi over this.
     pub positions: u16,
-    /// The readings, in the order in which they were taken; none where nothing was received.
+    /// The readings, in the order in which they were taken; empty where nothing was received.
     pub samples: &'a [Sample],
-    /// The questions that are known to have stayed without an answer; none where the source does
+    /// The questions that are known to have stayed without an answer; empty where the source does
     /// not know.
     pub unanswered: &'a [Unanswered],
     /// The weakest reading that the receiver reports, in dBm, where that is known: then an answer
     /// that did not come may have been weaker.
     pub floor_dbm: Option<f64>,
-    /// How uncertain the receiver's place was, at worst: σ of East, North and Up in metres; `None`
-    /// where the source does not know.
+    /// σ of the receiver's place at its worst: East, North and Up in metres; `None` where the
+    /// source does not know.
     pub receiver_sigma_m: Option<Vector3<f64>>,
-    /// What the source measured besides power along boresights: a range, a Doppler shift.
+    /// Values that the source measured besides power along boresights: a range, a Doppler shift.
     pub measured: MeasuredList,
 }
 
@@ -65,7 +65,7 @@ pub struct Sweep<'a> {
 /// `begin`, in their order; its samples' times do not decrease and their positions are below
 /// `positions`, as are those of the unanswered questions; a source without a turn lends nothing.
 pub trait PatternSource {
-    /// Why a turn failed.
+    /// Failure of a turn.
     type Error: core::error::Error + 'static;
 
     /// Begins a turn in which every position listens for each of `beacons`, which differ from each
@@ -77,8 +77,8 @@ pub trait PatternSource {
     /// Any failure of the hardware; a turn may be begun again after an error.
     fn begin(&mut self, beacons: &[BeaconId]) -> Result<(), Self::Error>;
 
-    /// Takes what steps can be taken now. Once the turn is complete, lends its sweeps, one at each
-    /// poll and each once: that of the first beacon, then of the second.
+    /// Takes all steps that can be taken now. Once the turn is complete, lends its sweeps, one at
+    /// each poll and each once: that of the first beacon, then of the second.
     ///
     /// Never blocks, so one loop can serve several sources and a simulator can own the clock.
     ///

@@ -5,9 +5,9 @@ use crate::{BeaconId, Belief, Pose, Reception, Waypoint};
 /// One drone's place in the formation: where it is and where it shall go.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Station {
-    /// Where it is.
+    /// The drone's present pose.
     pub pose: Pose,
-    /// Where it shall go.
+    /// The place that it flies to.
     pub goal: Waypoint,
 }
 
@@ -22,9 +22,9 @@ impl Station {
 /// One of a planner's targets: a beacon, and the belief about its place.
 #[derive(Clone, Copy)]
 pub struct Target<'a> {
-    /// Which beacon it is.
+    /// The beacon's identifier.
     pub beacon: BeaconId,
-    /// What is believed of its place.
+    /// The belief about its place.
     pub belief: &'a dyn Belief,
 }
 
@@ -37,10 +37,10 @@ impl fmt::Debug for Target<'_> {
 
 /// Decides where each drone listens next, and when the target is found.
 ///
-/// The stations are those of the drones that take part at that moment: their number and their
-/// order may differ from one call to the next, as drones drop out and come back. Which drone flies
-/// to which goal is not the planner's concern: goals are places for the formation, whose caller
-/// may exchange them.
+/// There is a station for each drone that takes part at that moment: their number and order may
+/// differ from one call to the next, as drones drop out and come back. The assignment of drones to
+/// goals is not the planner's concern: goals are places for the formation, whose caller may
+/// exchange them.
 ///
 /// # Laws
 ///
@@ -84,10 +84,10 @@ pub trait FormationPlanner {
         stations: &mut [Station],
     ) -> Result<Decision, PlanError>;
 
-    /// Sets the goals from the beliefs about all targets that every turn listens for, one or
-    /// several, none of which is done. A hunt calls this method. The first target is the one that
-    /// [`begin`](Self::begin) or [`resume`](Self::resume) was about, and [`Decision::Finish`] is
-    /// about that one. Unless overridden, the others make no difference.
+    /// Sets the goals from the beliefs about all unfinished targets that every turn listens for. A
+    /// hunt calls this method. The first target is the one that [`begin`](Self::begin) or
+    /// [`resume`](Self::resume) was about, and [`Decision::Finish`] is about that one. Unless
+    /// overridden, the others make no difference.
     ///
     /// # Errors
     ///
@@ -101,9 +101,9 @@ pub trait FormationPlanner {
         self.plan(target.belief, stations)
     }
 
-    /// Takes note of a reception that an estimator has just fused, for planners that go by what was
-    /// received and where. It may be of any beacon of the turn; the reception names it. Unless
-    /// overridden, it makes no difference.
+    /// Takes note of a reception that an estimator has just fused, for planners that go by
+    /// receptions and their places. It may be of any beacon of the turn; the reception names it.
+    /// Unless overridden, it makes no difference.
     fn observe(&mut self, reception: &Reception) {
         let _ = reception;
     }
@@ -113,7 +113,7 @@ pub trait FormationPlanner {
     ///
     /// # Errors
     ///
-    /// Those of `to`.
+    /// The errors of `to`.
     fn explain(&self, to: &mut dyn fmt::Write) -> fmt::Result {
         let _ = to;
         Ok(())
@@ -129,7 +129,7 @@ pub enum Decision {
     Finish(Outcome),
 }
 
-/// How far a search has come.
+/// Progress of a search.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
@@ -141,7 +141,7 @@ pub enum Stage {
     Finishing,
 }
 
-/// How a search ended.
+/// Result of a search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
@@ -159,7 +159,7 @@ pub enum Outcome {
     /// Nothing was received of the target, however often it was listened for.
     #[cfg_attr(feature = "serde", serde(alias = "nothing_heard"))]
     NoSignal,
-    /// It was received, and then no longer; the estimate is of what was received.
+    /// The target was received, and then no longer; the estimate is of the signals received.
     SignalLost,
     /// The ellipse that holds it with 95 % is as small as required.
     EllipseReached,
@@ -191,16 +191,16 @@ impl fmt::Display for Outcome {
     }
 }
 
-/// Why there is no plan.
+/// Reason that there is no plan.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlanError {
     /// The formation needs more drones.
     #[error("the formation needs {needed} drones and has {have}")]
     TooFew {
-        /// How many it needs.
+        /// Number of drones that the formation needs.
         needed: usize,
-        /// How many there are.
+        /// Number of drones that it has.
         have: usize,
     },
     /// There is no place to go to.

@@ -8,13 +8,13 @@ pub struct Pose {
     pub position: Vector3<f64>,
     /// The nose, in radians counter-clockwise from East.
     pub heading: f64,
-    /// How far the nose is above the horizon, in radians; 0 where a file has no value.
+    /// Angle of the nose above the horizon, in radians; 0 where a file has no value.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "is_zero"))]
     pub pitch: f64,
-    /// How far the right side is below the left, in radians; 0 where a file has no value.
+    /// Angle of the right side below the left, in radians; 0 where a file has no value.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "is_zero"))]
     pub roll: f64,
-    /// How fast it moves to East, North and Up, in metres per second, where that is known.
+    /// Velocity to East, North and Up, in metres per second, where that is known.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub velocity: Option<Vector3<f64>>,
 }
@@ -44,7 +44,8 @@ impl Pose {
     #[must_use]
     pub fn to_body(&self, world: &Vector3<f64>) -> Vector3<f64> {
         let turned = |a: f64, b: f64, angle: f64| {
-            let (sin, cos) = (libm::sin(angle), libm::cos(angle));
+            let sin = libm::sin(angle);
+            let cos = libm::cos(angle);
             (cos * a + sin * b, cos * b - sin * a)
         };
         let (forward, left) = turned(world.x, world.y, self.heading);
@@ -53,12 +54,12 @@ impl Pose {
         Vector3::new(forward, left, up)
     }
 
-    /// Whether every number in it is finite.
+    /// Returns true if every number in it is finite.
     #[must_use]
     #[inline]
     pub fn is_finite(&self) -> bool {
         let Self { position, heading, pitch, roll, velocity } = self;
-        // Zero times a number that is not finite is none.
+        // Zero times a number that is not finite is NaN.
         let zero = |v: &Vector3<f64>| 0.0 * v.x + 0.0 * v.y + 0.0 * v.z;
         let angles = 0.0 * heading + 0.0 * pitch + 0.0 * roll;
         (zero(position) + angles + velocity.as_ref().map_or(0.0, zero)).is_finite()

@@ -19,14 +19,14 @@ impl Quantity {
     pub const RSS: Self = Self::linear("rss_dbm");
     /// The direction of arrival, in radians counter-clockwise from East.
     pub const BEARING: Self = Self::angle("bearing_rad");
-    /// Where a directional antenna looked while a level was received, in radians counter-clockwise
-    /// from East.
+    /// The direction of a directional antenna while a level was received, in radians
+    /// counter-clockwise from East.
     pub const BORESIGHT: Self = Self::angle("boresight_rad");
     /// The distance from the receiver to the target, in metres.
     pub const RANGE: Self = Self::linear("range_m");
-    /// How much farther the target is from the receiver than from a reference, in metres.
+    /// The target's distance from the receiver less that from a reference, in metres.
     pub const RANGE_DIFFERENCE: Self = Self::linear("range_difference_m");
-    /// How much stronger the target is at the receiver than at a reference, in dB.
+    /// The target's level at the receiver less that at a reference, in dB.
     pub const RSS_DIFFERENCE: Self = Self::linear("rss_difference_db");
 
     /// A quantity on the real line, of a name that carries its unit, such as `doppler_hz`.
@@ -106,7 +106,7 @@ pub struct QuantityName {
 }
 
 impl QuantityName {
-    /// How many bytes a name may have.
+    /// Maximum length of a name, in bytes.
     pub const CAPACITY: usize = 31;
 
     /// A name of 1 to 31 bytes.
@@ -115,7 +115,8 @@ impl QuantityName {
     ///
     /// [`MeasuredError::Name`] for one that is empty or longer.
     pub fn new(name: &str) -> Result<Self, MeasuredError> {
-        let (count, mut bytes) = (name.len(), [0; Self::CAPACITY]);
+        let count = name.len();
+        let mut bytes = [0; Self::CAPACITY];
         let error = MeasuredError::Name { length: count };
         let place = bytes.get_mut(..count).filter(|_| count > 0).ok_or(error)?;
         place.copy_from_slice(name.as_bytes());
@@ -143,43 +144,43 @@ impl fmt::Display for QuantityName {
     }
 }
 
-/// Why a measured value is refused.
+/// Reason for refusing a measured value.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeasuredError {
     /// The name has no letter, or too many.
     #[error("the name of a quantity has {length} bytes; it must have 1 to 31")]
     Name {
-        /// How many it has.
+        /// Length of the name in bytes.
         length: usize,
     },
     /// The value is NaN or infinite.
     #[error("{name} is {value}, not a finite number")]
     Value {
-        /// Of which quantity.
+        /// Name of the quantity.
         name: QuantityName,
-        /// What it was.
+        /// The value.
         value: f64,
     },
     /// The standard deviation is not positive, or its square is not finite.
     #[error("the standard deviation of {name} is {sigma}, not a positive number")]
     Sigma {
-        /// Of which quantity.
+        /// Name of the quantity.
         name: QuantityName,
-        /// What it was.
+        /// The standard deviation.
         sigma: f64,
     },
     /// There are too many values.
     #[error("{count} values besides level and bearing; there is room for {capacity}")]
     TooMany {
-        /// How many.
+        /// The number of values.
         count: usize,
-        /// How many there is room for.
+        /// The maximum number of values.
         capacity: usize,
     },
 }
 
-/// What a reception holds besides level and bearing: up to four values, kept in place.
+/// Values of a reception besides level and bearing: up to four, kept in place.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(try_from = "alloc::vec::Vec<Written>"))]
@@ -189,7 +190,7 @@ pub struct MeasuredList {
 }
 
 impl MeasuredList {
-    /// How many values there is room for.
+    /// Maximum number of values.
     pub const CAPACITY: usize = 4;
 
     /// A list of these values.
@@ -198,7 +199,8 @@ impl MeasuredList {
     ///
     /// [`MeasuredError::TooMany`] where there is no room for all.
     pub fn new(values: &[Measured]) -> Result<Self, MeasuredError> {
-        let (count, capacity) = (values.len(), Self::CAPACITY);
+        let count = values.len();
+        let capacity = Self::CAPACITY;
         if count > capacity {
             return Err(MeasuredError::TooMany { count, capacity });
         }
@@ -220,7 +222,7 @@ impl MeasuredList {
         self.iter().find(|measured| measured.name.as_str() == quantity.name())
     }
 
-    /// Whether there is none.
+    /// Returns true if there is no value.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.iter().next().is_none()
@@ -242,7 +244,8 @@ impl TryFrom<alloc::vec::Vec<Written>> for MeasuredList {
     type Error = MeasuredError;
 
     fn try_from(written: alloc::vec::Vec<Written>) -> Result<Self, MeasuredError> {
-        let (count, capacity) = (written.len(), Self::CAPACITY);
+        let count = written.len();
+        let capacity = Self::CAPACITY;
         if count > capacity {
             return Err(MeasuredError::TooMany { count, capacity });
         }

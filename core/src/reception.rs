@@ -4,7 +4,7 @@ use crate::{BeaconId, Bearing, BearingModes, MeasuredList, Pose, Reading, Sweep}
 #[cfg(feature = "alloc")]
 use crate::{Measured, Quantity};
 
-/// What one receiver measured of one beacon in one turn: the datum that is logged and replayed.
+/// One receiver's measurements of one beacon in one turn: the datum that is logged and replayed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(from = "Written", into = "Written"))]
@@ -13,11 +13,11 @@ pub struct Reception {
     pub beacon: BeaconId,
     /// The time of the reception, in seconds.
     pub time: f64,
-    /// Where the receiver was.
+    /// The receiver's pose.
     pub receiver: Pose,
     /// The received power, if the receiver measures it.
     pub level: Option<Level>,
-    /// Where nothing was received but the receiver's own noise, its floor with the σ of a level:
+    /// The receiver's floor with the σ of a level, where nothing but its own noise was received:
     /// the beacon's level lay below it. `level` is absent then.
     pub silence: Option<Level>,
     /// The receiver's ceiling with the σ of a level, where the receiver was at it: the beacon's
@@ -29,8 +29,7 @@ pub struct Reception {
     pub covariance: f64,
     /// The directions that compete for the bearing, where there is more than one.
     pub modes: BearingModes,
-    /// How uncertain the receiver's own place is: σ of East, North and Up in metres; known where
-    /// absent.
+    /// σ of the receiver's own place to East, North and Up in metres; known where absent.
     pub receiver_sigma_m: Option<Vector3<f64>>,
     /// Anything else that was measured, by the names of its quantities.
     pub measured: MeasuredList,
@@ -50,7 +49,7 @@ pub struct Level {
 }
 
 impl Reception {
-    /// What an extractor read in a sweep, with what else was measured in it.
+    /// An extractor's reading of a sweep, with the sweep's other measurements.
     #[must_use]
     pub fn new(sweep: &Sweep<'_>, reading: &Reading) -> Self {
         Self {
@@ -70,7 +69,7 @@ impl Reception {
     pub fn of_samples(sweep: &Sweep<'_>, sigma_db: f64) -> alloc::vec::Vec<Self> {
         let whole = Self { measured: MeasuredList::default(), ..Self::without_pattern(sweep) };
         let along = |boresight: f64| {
-            // What a list has room for is in it; a direction that is none makes no observation.
+            // The list has room for one value; a direction that is not finite makes no observation.
             let direction = Measured::new(Quantity::BORESIGHT, boresight, BORESIGHT_SIGMA);
             direction.and_then(|direction| MeasuredList::new(&[direction])).unwrap_or_default()
         };
@@ -95,7 +94,7 @@ impl Reception {
         receptions
     }
 
-    /// What was measured in a sweep besides the power along boresights.
+    /// The measurements of a sweep besides the power along boresights.
     #[must_use]
     pub fn without_pattern(sweep: &Sweep<'_>) -> Self {
         Self {
@@ -115,8 +114,8 @@ impl Reception {
         self.level.or(self.silence).or(self.saturation)
     }
 
-    /// Whether it holds a direction: a bearing, or several that compete for one, which may be too
-    /// far apart to have a common one.
+    /// Returns true if it holds a direction: a bearing, or several that compete for one, which may
+    /// be too far apart to have a common one.
     #[must_use]
     pub fn has_bearing(&self) -> bool {
         self.bearing.is_some() || !self.modes.is_empty()

@@ -2,7 +2,7 @@ use core::fmt::Debug;
 
 use nalgebra::Vector2;
 
-/// How high the ground is: an elevation model, or a formula.
+/// The height of the ground: an elevation model, or a formula.
 ///
 /// ```
 /// use foxhunt_core::{Terrain, nalgebra::Vector2};
@@ -32,7 +32,7 @@ pub trait Terrain: Debug {
     /// terrain counts from, which is the same everywhere; `None` where it is not known.
     fn height(&self, place: &Vector2<f64>) -> Option<f64>;
 
-    /// How far apart along a line heights are looked at, in metres, so that nothing that matters
-    /// lies between two of them.
+    /// Distance along a line between the places whose heights are looked at, in metres, so that
+    /// nothing that matters lies between two of them.
     fn step_m(&self) -> f64;
 }

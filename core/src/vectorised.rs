@@ -3,7 +3,7 @@
 /// A loop that runs on wide vectors where the processor has them. There is no fused multiplication
 /// and no sum whose order is left open in one, so that its bits are the same everywhere.
 pub trait Kernel {
-    /// What it returns.
+    /// The loop's result.
     type Output;
 
     /// Runs the loop; `#[inline(always)]`, as is everything in it that shall be vectorised.

@@ -2,18 +2,18 @@ use nalgebra::Vector3;
 
 use crate::{Pose, Waypoint};
 
-/// How an aircraft goes on until something happens: straight, at constant speed.
+/// An aircraft's motion until something happens: straight, at constant speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SteadyMotion {
     /// East, North and Up in metres per second; zero for one that stays where it is.
     pub velocity: Vector3<f64>,
-    /// From when on that need not hold any more, in seconds of its clock.
+    /// Time until which that holds, in seconds of its clock.
     pub until: f64,
 }
 
 /// An aircraft that reports its pose and flies to places.
 pub trait Vehicle {
-    /// Why the link or the autopilot failed.
+    /// Failure of the link or the autopilot.
     type Error: core::error::Error + 'static;
 
     /// The aircraft's present pose.
@@ -23,8 +23,8 @@ pub trait Vehicle {
     /// Any failure of the link.
     fn pose(&mut self) -> Result<Pose, Self::Error>;
 
-    /// How uncertain its place is: σ of East, North and Up in metres, as of the last
-    /// [`pose`](Self::pose); `None`, unless overridden, where it does not report that.
+    /// σ of its place to East, North and Up in metres, as of the last [`pose`](Self::pose); `None`,
+    /// unless overridden, where it does not report that.
     fn position_sigma(&self) -> Option<Vector3<f64>> {
         None
     }
@@ -48,9 +48,9 @@ pub trait Vehicle {
         self.go_to(&Waypoint { position })
     }
 
-    /// How its [`pose`](Self::pose) goes on, and until when it neither changes otherwise nor fails,
-    /// unless it is given an order: a simulated aircraft may know. `None`, unless overridden, where
-    /// that is not known.
+    /// Motion of its [`pose`](Self::pose), and the time until which it neither changes otherwise
+    /// nor fails, unless it is given an order: a simulated aircraft may know. `None`, unless
+    /// overridden, where that is not known.
     ///
     /// A simulation goes from one event to the next and leaves out the looks in between.
     fn steady_motion(&self) -> Option<SteadyMotion> {
@@ -61,9 +61,9 @@ pub trait Vehicle {
 /// An aircraft that can turn about its vertical axis for as long as it is ordered to, while it
 /// hovers and while it flies.
 pub trait Spinner: Vehicle {
-    /// Turns at `rate` radians per second, counter-clockwise from above where it is positive,
-    /// until the next order; `None` holds the heading. Returns when the order is accepted.
-    /// Where it flies to is another matter.
+    /// Turns at `rate` radians per second, counter-clockwise from above where it is positive, until
+    /// the next order; `None` holds the heading. Returns when the order is accepted. The place that
+    /// it flies to is another matter.
     ///
     /// # Errors
     ///

@@ -1,4 +1,4 @@
-//! Bearings alone on a body that turns, with a planner of one's own.
+//! Bearings alone on a body that turns, with a custom planner.
 //!
 //! `cargo run --example bearing_body_custom`
 

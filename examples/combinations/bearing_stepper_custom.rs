@@ -1,4 +1,4 @@
-//! Bearings alone on an antenna on a stepper motor, with a planner of one's own.
+//! Bearings alone on an antenna on a stepper motor, with a custom planner.
 //!
 //! `cargo run --example bearing_stepper_custom`
 

@@ -1,4 +1,4 @@
-//! The extended Kalman filter on a body that turns, with a planner of one's own.
+//! The extended Kalman filter on a body that turns, with a custom planner.
 //!
 //! `cargo run --example ekf_body_custom`
 

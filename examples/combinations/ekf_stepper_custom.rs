@@ -1,4 +1,4 @@
-//! The extended Kalman filter on an antenna on a stepper motor, with a planner of one's own.
+//! The extended Kalman filter on an antenna on a stepper motor, with a custom planner.
 //!
 //! `cargo run --example ekf_stepper_custom`
 

@@ -34,7 +34,7 @@ pub(crate) fn triangle() -> PlannerEntry {
     })
 }
 
-/// A planner of one's own: on a line half way to the estimate, until that is small.
+/// A custom planner: on a line half way to the estimate, until that is small.
 pub(crate) fn custom() -> PlannerEntry {
     PlannerEntry::own("custom", "half way to the estimate", "own", |_| Box::new(HalfWay::default()))
 }

@@ -1,4 +1,4 @@
-//! The particle filter on a body that turns, with a planner of one's own.
+//! The particle filter on a body that turns, with a custom planner.
 //!
 //! `cargo run --example particle_body_custom`
 

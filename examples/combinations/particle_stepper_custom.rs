@@ -1,4 +1,4 @@
-//! The particle filter on an antenna on a stepper motor, with a planner of one's own.
+//! The particle filter on an antenna on a stepper motor, with a custom planner.
 //!
 //! `cargo run --example particle_stepper_custom`
 

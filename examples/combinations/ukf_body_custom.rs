@@ -1,4 +1,4 @@
-//! The unscented Kalman filter on a body that turns, with a planner of one's own.
+//! The unscented Kalman filter on a body that turns, with a custom planner.
 //!
 //! `cargo run --example ukf_body_custom`
 

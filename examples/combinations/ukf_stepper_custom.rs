@@ -1,4 +1,4 @@
-//! The unscented Kalman filter on an antenna on a stepper motor, with a planner of one's own.
+//! The unscented Kalman filter on an antenna on a stepper motor, with a custom planner.
 //!
 //! `cargo run --example ukf_stepper_custom`
 

@@ -19,7 +19,8 @@ use crate::{
     vectorised::{Kernel, largest, run},
 };
 
-/// How single levels through a directional antenna err: what a [`DirectionalGrid`] integrates out.
+/// Errors of single levels through a directional antenna, which a [`DirectionalGrid`] integrates
+/// out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DirectionalGridConfig {
     /// σ in dB of the transmitter's power about the one that the levels are of.
@@ -55,11 +56,11 @@ impl Default for DirectionalGridConfig {
 }
 
 impl DirectionalGridConfig {
-    /// Whether every number can be what it is.
+    /// Checks the ranges of all settings.
     ///
     /// # Errors
     ///
-    /// [`ParameterError`] names the first that cannot.
+    /// [`ParameterError`] names the first setting out of its range.
     pub fn check(&self) -> Result<(), ParameterError> {
         // Nodes go so far, and a number from a file must not be able to take all memory.
         in_range("power_sigma_db", self.power_sigma_db, 0.1..=30.0, "from 0.1 to 30")?;
@@ -74,8 +75,8 @@ impl DirectionalGridConfig {
     }
 }
 
-/// Where a transmitter lies that is received signal by signal, each along a known boresight of a
-/// directional antenna: a tag whose pulses are too slow to wait for a turn of many.
+/// Estimator of the place of a transmitter that is received signal by signal, each along a known
+/// boresight of a directional antenna: a tag whose pulses are too slow to wait for a turn of many.
 ///
 /// An observation holds a level in dBm and the boresight; a signal that was due and not received is
 /// one whose level lay [below](Observation::below) the receiver's floor. With h the level of the
@@ -87,7 +88,7 @@ impl DirectionalGridConfig {
 /// both Gaussian, and so has the power of the transmitter over all sites. All three are integrated
 /// out over nodes (Rao-Blackwell without the Gaussian approximation), so that a hundred pulses of
 /// one hover do not pass for a hundred witnesses. The place is a grid over what the belief covers.
-/// Where that has become narrower, it is laid out anew from all observations, which are kept.
+/// When that has become narrower, the grid is rebuilt from all observations, which are kept.
 ///
 /// The belief is about a target that stays, within four σ of the prior. Its receiver's own place
 /// is taken for known.
@@ -101,7 +102,7 @@ pub struct DirectionalGrid {
     nodes: Nodes,
     /// Over cells and powers: the sum of the sites' log-likelihoods.
     total: Vec<f64>,
-    /// Which cells are not yet out of the question.
+    /// True for cells that are not ruled out yet.
     open: Vec<bool>,
     cells: Vec<(Vector2<f64>, f64)>,
     belief: Estimate<2>,
@@ -132,7 +133,7 @@ struct Signal {
     received: bool,
 }
 
-/// Where the receiver was for some time.
+/// Place where the receiver stayed for some time.
 #[derive(Clone, Debug)]
 struct Site {
     place: Vector3<f64>,
@@ -144,7 +145,7 @@ struct Site {
     last_used: usize,
 }
 
-/// What is integrated over.
+/// Nodes of the integration.
 #[derive(Clone, Debug)]
 struct Nodes {
     window: Window,
@@ -237,27 +238,27 @@ impl Kernel for Integral<'_> {
     }
 }
 
-/// How far the area and the powers go, in standard deviations of the prior.
+/// Reach of the area and of the powers, in standard deviations of the prior.
 const REACH: f64 = 4.0;
 const POWER_REACH: f64 = 3.5;
 /// Cells to a side.
 const SIDE: usize = 32;
-/// What is this many nats below the maximum is left out: 5 σ.
+/// Gap (nats) to the maximum beyond which a narrower grid leaves cells and powers out: 5 σ.
 const NEGLIGIBLE: f64 = 12.5;
-/// What is within so many nats of it does not end at a border: 4 σ.
+/// Gap (nats) to the maximum within which nothing may lie at a border: 4 σ.
 const UNLIKELY: f64 = 8.0;
-/// Cells this far below are looked at no more until all are laid out anew.
+/// Gap (nats) to the maximum beyond which a cell is ruled out.
 const HOPELESS: f64 = 25.0;
-/// Cells are laid out anew where they need cover only this share of a side, or this share more:
-/// what was widened on both sides is not narrowed again.
+/// The grid is rebuilt when it needs less than `NARROWED` of a side, or `WIDENED` of a side more at
+/// a border. A side widened at both ends is not narrowed again.
 const NARROWED: f64 = 0.45;
 const WIDENED: f64 = 0.3;
-/// How often that is done at most after one signal.
+/// Largest number of rebuilds after one signal.
 const LAID_OUT: usize = 12;
-/// How many sites, three drones and one that was just left, can be added to without going through
-/// their signals again.
+/// Number of sites, three drones and one that was just left, that can be added to without going
+/// through their signals again.
 const OPEN_SITES: usize = 4;
-/// Residuals beyond so many σ are as likely as these.
+/// Largest residual, in σ; larger ones are as likely as this one.
 const CURVE_END: f64 = 9.0;
 const CURVE_STEPS: usize = 1152;
 
@@ -299,7 +300,8 @@ impl DirectionalGrid {
         let offsets = nodes.offset_count();
         let mut levels = vec![0.0; nodes.turns.len()];
         let steps_per_db = number(CURVE_STEPS) / (2.0 * CURVE_END * signal.sigma);
-        let (middle, last) = (number(CURVE_STEPS / 2), number(CURVE_STEPS) - 1e-6);
+        let middle = number(CURVE_STEPS / 2);
+        let last = number(CURVE_STEPS) - 1e-6;
         let each = nodes.turns.len() * offsets;
         for (cell, row) in site.chunks_exact_mut(each).enumerate() {
             if !self.open[cell] {
@@ -310,7 +312,8 @@ impl DirectionalGrid {
             for (level, row) in levels.iter().zip(row.chunks_exact_mut(offsets)) {
                 let residual = signal.level - level - nodes.first_offset();
                 if signal.received {
-                    let (residual, step) = (residual / signal.sigma, nodes.step_db / signal.sigma);
+                    let residual = residual / signal.sigma;
+                    let step = nodes.step_db / signal.sigma;
                     run(Received { row, residual, step, densities: curves.received });
                     continue;
                 }
@@ -328,7 +331,8 @@ impl DirectionalGrid {
         let nodes = &self.nodes;
         let offsets = nodes.offset_count();
         let mut sums = vec![0.0; offsets];
-        let (log_turns, offset_weights) = (&nodes.log_turns, &nodes.offsets);
+        let log_turns = &nodes.log_turns;
+        let offset_weights = &nodes.offsets;
         let each = nodes.turns.len() * offsets;
         let cells = site.chunks_exact(each).zip(powers.chunks_exact_mut(nodes.powers));
         for ((row, powers), _) in cells.zip(&self.open).filter(|(_, open)| **open) {
@@ -348,7 +352,7 @@ impl DirectionalGrid {
         site
     }
 
-    /// Lays the cells out anew over a window.
+    /// Rebuilds the cells over a window.
     fn lay_out(&mut self, window: Window) {
         let most = self.sites.iter().map(|site| site.signals.len()).max().unwrap_or(1);
         let sigmas = self.sites.iter().flat_map(|site| &site.signals).map(|signal| signal.sigma);
@@ -375,7 +379,8 @@ impl DirectionalGrid {
 
     /// Weighs the cells, and closes those that are out of the question.
     fn weigh(&mut self) -> Weighed {
-        let (nodes, powers) = (&self.nodes, self.nodes.powers);
+        let nodes = &self.nodes;
+        let powers = self.nodes.powers;
         let log_area = ln(nodes.spacing.x * nodes.spacing.y);
         let mut logs = Vec::with_capacity(SIDE * SIDE);
         let mut most = f64::NEG_INFINITY;
@@ -439,7 +444,8 @@ impl DirectionalGrid {
     /// The window that fits the belief, where the present one does not: a wider one where the
     /// belief reaches a border, or one of what counts where that is much less.
     fn better_window(&self, weighed: &Weighed) -> Option<Window> {
-        let (nodes, all) = (&self.nodes, Window::of(&self.prior, &self.config));
+        let nodes = &self.nodes;
+        let all = Window::of(&self.prior, &self.config);
         let count = [SIDE, SIDE, nodes.powers];
         let spacing = [nodes.spacing.x, nodes.spacing.y, nodes.step_db];
         let mut wider = nodes.window;
@@ -475,7 +481,8 @@ impl DirectionalGrid {
         let near = |site: &Site| (site.place - place).norm() <= self.config.site_m;
         let index = self.sites.iter().position(near).unwrap_or_else(|| {
             let powers = vec![0.0; self.total.len()];
-            let (signals, nodes) = (Vec::new(), Vec::new());
+            let signals = Vec::new();
+            let nodes = Vec::new();
             self.sites.push(Site { place, signals, nodes, powers, last_used: 0 });
             self.sites.len() - 1
         });
@@ -498,12 +505,12 @@ impl DirectionalGrid {
     }
 }
 
-/// What the cells come to; columns, rows and powers.
+/// Result of weighing the cells; columns, rows and powers.
 struct Weighed {
     log_evidence: f64,
     /// The first and the last that counts.
     extent: [[usize; 2]; 3],
-    /// Whether what is likely goes on behind the first and behind the last.
+    /// True if the likely part goes on before the first, and behind the last.
     at_border: [[bool; 2]; 3],
 }
 
@@ -554,7 +561,7 @@ impl Window {
 }
 
 impl Nodes {
-    /// Nodes for sites of so many signals of σ `sigma` dB or more.
+    /// Nodes for sites of up to `signals` signals of σ `sigma` dB or more.
     fn over(window: Window, config: &DirectionalGridConfig, signals: usize, sigma: f64) -> Self {
         // A site's offset and turn are known better with each of its signals.
         let root = libm::sqrt(number(signals.max(1)));
@@ -610,7 +617,7 @@ impl Nodes {
         inside.then(|| at.y as usize * SIDE + at.x as usize)
     }
 
-    /// How many sums of a power and an offset there are.
+    /// Number of sums of a power and an offset.
     fn offset_count(&self) -> usize {
         self.powers + self.offsets.len() - 1
     }
@@ -667,7 +674,8 @@ impl Estimator<2, 2> for DirectionalGrid {
         let Some((level, sigma)) = level.filter(|_| observation.has(1)) else {
             return Ok(Correction::Empty);
         };
-        let (receiver, boresight) = (*observation.receiver(), observation.value()[1]);
+        let receiver = *observation.receiver();
+        let boresight = observation.value()[1];
         self.take(Signal { receiver, boresight, level, sigma, received });
         let mut weighed = self.weigh();
         for _ in 0..LAID_OUT {

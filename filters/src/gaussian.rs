@@ -5,7 +5,7 @@ use crate::{count::number, triangle};
 
 /// A Gaussian belief, its covariance factored: P = L Lᵀ.
 ///
-/// There is none that is not finite and positive definite.
+/// Invariant: mean and covariance are finite, and the covariance is positive definite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gaussian<const N: usize> {
     estimate: Estimate<N>,
@@ -48,7 +48,8 @@ impl<const N: usize> Gaussian<N> {
         factor: SMatrix<f64, N, N>,
         axes: &[Axis; N],
     ) -> Result<Self, EstimatorError> {
-        let (role, mean) = (Role::Posterior, Axis::difference(axes, &mean, &State::zeros()));
+        let role = Role::Posterior;
+        let mean = Axis::difference(axes, &mean, &State::zeros());
         let mut covariance = triangle::square(&factor);
         if !mean.iter().chain(covariance.iter()).all(|c| c.is_finite()) {
             return Err(EstimatorError::NotFinite { role });

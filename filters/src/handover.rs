@@ -6,8 +6,8 @@ use foxhunt_core::{Correction, Estimate, Estimator, EstimatorError, Observation,
 /// wide: a first bearing is a cone, a first level a ring. Taken in by a
 /// [`GridFilter`](crate::GridFilter) these become a prior that is nearly Gaussian.
 ///
-/// The second one begins after so many observations were fused; where it cannot be made from the
-/// moments of the first, that one goes on until the next.
+/// The second one begins after a number of observations were fused; where it cannot be made from
+/// the moments of the first, that one goes on until the next.
 ///
 /// ```
 /// use foxhunt_core::{Estimate, Estimator, MeasurementModel, Observation, Pose, Quantity,
@@ -49,7 +49,7 @@ pub struct Handover<S, E, B> {
     build: B,
 }
 
-/// Which of the two is at it.
+/// The active estimator.
 #[derive(Clone, Debug)]
 enum Stage<S, E> {
     First(S),
@@ -62,7 +62,7 @@ impl<S, E, B> Handover<S, E, B> {
         Self { stage: Stage::First(first), left: observations, build }
     }
 
-    /// Whether the second one is at it.
+    /// Returns true if the second estimator has taken over.
     pub fn has_handed_over(&self) -> bool {
         matches!(self.stage, Stage::Second(_))
     }

@@ -3,7 +3,7 @@ use foxhunt_core::{
 };
 use nalgebra::SVector;
 
-/// How an observation differs from what was expected: the raw material of consistency checks.
+/// Difference between an observation and its expectation: the raw material of consistency checks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Innovation<const M: usize> {
     /// y = z ⊖ ẑ; 0 for a missing component.
@@ -34,7 +34,7 @@ impl<const M: usize> Innovation<M> {
         Self::of_samples(&mean, |visit| estimator.visit_samples(visit), model, observation)
     }
 
-    /// The same from samples of a belief with this mean; their weights sum to 1.
+    /// Returns the innovation from samples of a belief with this mean; their weights sum to 1.
     pub(crate) fn of_samples<const N: usize>(
         mean: &State<N>,
         visit_samples: impl FnOnce(&mut dyn FnMut(&State<N>, f64)),
@@ -47,7 +47,8 @@ impl<const M: usize> Innovation<M> {
         let observation = &absorb_receiver_noise(model, mean, observation);
         let expected = |x: &State<N>| model.expected(x, observation.receiver());
         let centre = expected(mean);
-        let (mut shift, mut square) = (SVector::<f64, M>::zeros(), Covariance::<M>::zeros());
+        let mut shift = SVector::<f64, M>::zeros();
+        let mut square = Covariance::<M>::zeros();
         visit_samples(&mut |state, weight| {
             let deviation = model.residual(&expected(state), &centre);
             shift += deviation * weight;
@@ -56,8 +57,8 @@ impl<const M: usize> Innovation<M> {
         Self::of_deviations(&centre, &shift, &square, model, observation)
     }
 
-    /// The same from Σ w d and Σ w d dᵀ of the deviations d from `centre`, the receiver's
-    /// uncertain place being in the observation's noise.
+    /// Returns the innovation from Σ w d and Σ w d dᵀ of the deviations d from `centre`; the
+    /// receiver's uncertain place is in the observation's noise.
     pub(crate) fn of_deviations<const N: usize>(
         centre: &SVector<f64, M>,
         shift: &SVector<f64, M>,

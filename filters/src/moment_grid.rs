@@ -8,15 +8,15 @@ use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
 use crate::{Gaussian, count::number, peaks};
 
-/// Where a source of unknown strength and orientation lies, whose field at a receiver is linear in
-/// its moment, as a magnetic dipole's is: z = ± G(place) m + noise. The sign of each measurement is
-/// unknown.
+/// Estimator of the place of a source of unknown strength and orientation whose field at a receiver
+/// is linear in its moment, as a magnetic dipole's is: z = ± G(place) m + noise. The sign of each
+/// measurement is unknown.
 ///
 /// At each place the moment is a Gaussian that is integrated out, and the signs are those that the
-/// moment explains best, found in turns with it. The density over places is what is left, on a grid
-/// that is laid about each of its maxima until it covers that. So nothing is linearised, and no
-/// start has to be guessed. After each observation all of them are weighed anew; the prior's area
-/// is searched as a whole whenever there are twice as many.
+/// moment explains best, found in turns with it. The remaining density over places is kept on a
+/// grid about each of its maxima that covers it. So nothing is linearised, and no start has to be
+/// guessed. After each observation all grids are weighed again; the prior's area is searched as a
+/// whole whenever there are twice as many observations.
 ///
 /// The belief is about a target that stays. Its receiver's own place is taken for known.
 #[derive(Clone, Debug)]
@@ -26,7 +26,7 @@ pub struct MomentGrid<F> {
     quantities: [Quantity; 3],
     field: F,
     data: Vec<Datum>,
-    /// From how many observations on the whole area is searched anew.
+    /// Number of observations at which the whole area is searched again.
     search_at: usize,
     modes: Vec<Window>,
     cells: Vec<(Vector2<f64>, f64)>,
@@ -52,20 +52,20 @@ struct Window {
     half: Vector2<f64>,
 }
 
-/// How far the area goes, in standard deviations of the prior.
+/// Half-extent of the area, in standard deviations of the prior.
 const REACH: f64 = 4.0;
 /// Cells to a side where the whole area is searched, where a maximum is enclosed, and at the end.
 const SEARCHED: usize = 48;
 const ENCLOSED: usize = 11;
 const WEIGHED: usize = 33;
-/// How many maxima are followed.
+/// Largest number of maxima that are followed.
 const MAXIMA: usize = 6;
-/// What is this many nats below the maximum is left out: 5 σ, and maxima by 3e-7.
+/// Gaps (nats) below the maximum at which cells (5 σ) and other maxima (3e-7) are left out.
 const NEGLIGIBLE: f64 = 12.5;
 const BEHIND: f64 = 15.0;
-/// How often a window is moved or narrowed at most.
+/// Largest number of times that a window is moved or narrowed.
 const MOVES: usize = 60;
-/// How often signs are decided anew at most.
+/// Largest number of times that signs are decided again.
 const TURNS: usize = 4;
 
 impl<F> MomentGrid<F>
@@ -105,7 +105,8 @@ where
         let mut information =
             Matrix3::from_diagonal_element(1.0 / (self.moment_sigma * self.moment_sigma));
         let mut weighted = Vector3::zeros();
-        let (mut squares, mut normalisers) = (0.0, 0.0);
+        let mut squares = 0.0;
+        let mut normalisers = 0.0;
         // One after the other, each with the sign that those before it explain.
         for datum in &self.data {
             let field = datum.whitener * (self.field)(place, &datum.receiver);
@@ -186,7 +187,8 @@ where
             let Some((place, most)) = top.copied() else { break };
             highest = highest.max(most);
             let spacing = window.half * (2.0 / number(ENCLOSED));
-            let (mut low, mut high) = (place, place);
+            let mut low = place;
+            let mut high = place;
             for (place, _) in cells.iter().filter(|(_, value)| *value > most - NEGLIGIBLE) {
                 low = low.inf(place);
                 high = high.sup(place);

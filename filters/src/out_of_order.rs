@@ -11,10 +11,10 @@ use crate::smoother::rauch_tung_striebel;
 /// An estimator that uses an observation at its own time, however late it arrives: it goes back
 /// to what was believed before that time and runs through everything since once more.
 ///
-/// Observations are put in the order of their own times; of those of one time, in an order of
-/// their contents. So whatever the order in which they arrive within the lag, the posterior of
-/// an estimator that is a function of its inputs is the same to the bit; one that draws random
-/// numbers draws them in the order of time too.
+/// Observations are put in the order of their own times; observations of one time, in an order of
+/// their contents. So whatever the order in which they arrive within the lag, the posterior of an
+/// estimator that is a function of its inputs is the same to the bit; one that draws random numbers
+/// draws them in the order of time too.
 ///
 /// Holds a copy of the estimator for each observation of the last `lag` seconds, so a particle
 /// filter's cloud as many times. What is older than the newest observation by more than the lag is
@@ -63,8 +63,8 @@ impl<E, const M: usize> OutOfOrder<E, M> {
         Ok(Self { time, last_time: time, ..made })
     }
 
-    /// The same for a belief that holds at the time of the first observation, whichever that turns
-    /// out to be: until something is settled none is too early.
+    /// Starts from a belief that holds at the time of the first observation, whichever that turns
+    /// out to be: until something is settled no observation is too early.
     ///
     /// # Errors
     ///
@@ -74,13 +74,15 @@ impl<E, const M: usize> OutOfOrder<E, M> {
         E: Estimator<N, M> + Clone,
     {
         not_negative("lag", lag)?;
-        let (present, last) = (estimator.clone(), estimator);
-        let (time, recent) = (f64::NEG_INFINITY, VecDeque::new());
+        let present = estimator.clone();
+        let last = estimator;
+        let time = f64::NEG_INFINITY;
+        let recent = VecDeque::new();
         Ok(Self { lag, most: usize::MAX, time, present, last, last_time: time, recent })
     }
 
-    /// The same, holding at most this many observations however near they lie: the oldest is
-    /// settled before.
+    /// Sets the largest number of observations held, however near they lie: the oldest is settled
+    /// before.
     ///
     /// # Errors
     ///
@@ -156,7 +158,8 @@ impl<E, const M: usize> OutOfOrder<E, M> {
         let mut own = Correction::Empty;
         let later = self.recent.iter().skip(place).map(|step| &step.observation);
         for (i, observation) in core::iter::once(observation).chain(later).enumerate() {
-            let (before, before_time) = (belief.clone(), at);
+            let before = belief.clone();
+            let before_time = at;
             steps.push(Step { observation: *observation, before, before_time });
             belief.predict(step(at, observation.time()))?;
             let correction = belief.update(observation)?;

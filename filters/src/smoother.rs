@@ -2,8 +2,8 @@ use alloc::vec::Vec;
 
 use foxhunt_core::{Axis, Covariance, Estimate, EstimatorError, MotionModel, Role, State};
 
-/// What was believed at each of some times, given all observations until the last: the Rauch,
-/// Tung & Striebel smoother, linearised about the filtered means (Särkkä 2013, eqs. 8.6 and 9.2).
+/// Returns the beliefs at some times given all observations until the last: the Rauch, Tung &
+/// Striebel smoother, linearised about the filtered means (Särkkä 2013, eqs. 8.6 and 9.2).
 ///
 /// `filtered` are the times in seconds, ascending, and the Gaussian posteriors of a filter with
 /// this motion at them. With F and Q those of the step from one to the next and P⁻ = F P Fᵀ + Q,

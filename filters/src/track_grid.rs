@@ -15,7 +15,7 @@ use crate::{
 
 /// A model that explains what was received of a moving target.
 pub trait TrackModel {
-    /// Its prior weight; those of all models need not sum to 1.
+    /// Prior weight of the model; the weights of all models need not sum to 1.
     fn weight(&self) -> f64 {
         1.0
     }
@@ -49,7 +49,7 @@ impl Places<'_> {
     }
 }
 
-/// Where a moving target was at each of some times, from all that was received: a hidden Markov
+/// Localiser of a moving target at each of some times, from all that was received: a hidden Markov
 /// model over the cells of a grid (Rabiner 1989, section III; for tagged animals Pedersen,
 /// Patterson, Thygesen & Madsen 2011).
 ///
@@ -63,7 +63,7 @@ impl Places<'_> {
 /// It holds 24 bytes for each cell and time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrackGrid {
-    /// How far the search goes beyond the receivers at first, in metres; it goes farther where the
+    /// Initial reach of the search beyond the receivers, in metres; it goes farther where the
     /// target does.
     pub margin_m: f64,
     /// The most cells, at least 100; the search for the area has a quarter of them.
@@ -209,13 +209,14 @@ impl Cells {
 
     /// Spreads masses by a random walk; the variance is in m².
     fn spread(&self, from: &[f64], variance_m2: f64, scratch: &mut [f64], into: &mut [f64]) {
-        let (columns, variance) = (self.grid.columns(), variance_m2 / self.grid.cell_m().powi(2));
+        let columns = self.grid.columns();
+        let variance = variance_m2 / self.grid.cell_m().powi(2);
         blur(from, scratch, columns, 0, variance);
         blur(scratch, into, columns, 1, variance);
     }
 }
 
-/// What all models together make of one grid.
+/// Result of all models together on one grid.
 struct Smoothed {
     maps: Vec<PosteriorMap>,
     /// The mean of the maps.
@@ -286,9 +287,11 @@ impl<'a, M: TrackModel> Passes<'a, M> {
     /// The logarithm of the evidence of a model; `keep` is given the masses at each time, given
     /// what was received until then.
     fn forwards(&self, model: &M, mut keep: impl FnMut(&[f64])) -> f64 {
-        let (cells, count) = (&self.cells, self.cells.grid.len());
+        let cells = &self.cells;
+        let count = self.cells.grid.len();
         let mut mass = cells.prior.clone();
-        let (mut scratch, mut log) = (vec![0.0; count], vec![0.0; count]);
+        let mut scratch = vec![0.0; count];
+        let mut log = vec![0.0; count];
         let mut evidence = 0.0;
         for (time, &seconds) in self.times.iter().enumerate() {
             if time > 0 {
@@ -314,11 +317,13 @@ impl<'a, M: TrackModel> Passes<'a, M> {
 
     /// Adds to `sums`, time by time, the masses given what was received at all times.
     fn add_smoothed(&self, model: &M, weight: f64, sums: &mut [f64]) {
-        let (cells, count) = (&self.cells, self.cells.grid.len());
+        let cells = &self.cells;
+        let count = self.cells.grid.len();
         let mut filtered = Vec::with_capacity(sums.len());
         self.forwards(model, |mass| filtered.extend_from_slice(mass));
         let mut later = vec![1.0; count];
-        let (mut scratch, mut predicted) = (vec![0.0; count], vec![0.0; count]);
+        let mut scratch = vec![0.0; count];
+        let mut predicted = vec![0.0; count];
         for (time, sums) in sums.chunks_exact_mut(count).enumerate().rev() {
             // `later` is what the times after this one multiply its filtered masses by.
             let (before, here) = filtered.split_at(time * count);

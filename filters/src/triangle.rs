@@ -52,7 +52,7 @@ fn dot<const D: usize, const K: usize, const B: usize>(
     sum
 }
 
-/// What is known of ξ ~ N(0, I) once e = B ξ + white noise is.
+/// Moments of ξ ~ N(0, I) given e = B ξ + white noise.
 #[derive(Clone, Copy)]
 pub(crate) struct Conditioned<const N: usize> {
     /// The mean of ξ.
@@ -72,9 +72,11 @@ impl<const N: usize> Conditioned<N> {
     #[inline]
     pub(crate) fn on<const M: usize>(mut b: SMatrix<f64, M, N>, mut e: SVector<f64, M>) -> Self {
         let mut factor = SMatrix::<f64, N, N>::identity();
-        let (mut mean, mut roots) = (SVector::<f64, N>::zeros(), SVector::zeros());
+        let mut mean = SVector::<f64, N>::zeros();
+        let mut roots = SVector::zeros();
         for k in (0..N).rev() {
-            let (top, below) = (factor.column(k).into_owned(), b.column(k).into_owned());
+            let top = factor.column(k).into_owned();
+            let below = b.column(k).into_owned();
             let square = top.norm_squared() + below.norm_squared();
             for j in 0..k {
                 let mut along = below.dot(&b.column(j));
@@ -116,7 +118,8 @@ pub(crate) fn cholesky<const D: usize>(mut p: SMatrix<f64, D, D>) -> Option<SMat
     Some(p)
 }
 
-/// Whether each pivot of a covariance, of which the lower triangle is read, is above its bound.
+/// Returns true if each pivot of a covariance, of which the lower triangle is read, exceeds its
+/// bound.
 #[inline]
 pub(crate) fn pivots_exceed<const D: usize>(
     mut p: SMatrix<f64, D, D>,

@@ -46,7 +46,7 @@ fn total(mut lanes: [f64; LANES]) -> f64 {
     lanes[0]
 }
 
-/// The largest, NaN aside; −∞ if there is none.
+/// Returns the largest number, NaN aside; −∞ without any.
 #[inline(always)]
 pub(crate) fn largest(a: &[f64]) -> f64 {
     let larger = |most: f64, a: f64| if a > most { a } else { most };
@@ -54,7 +54,7 @@ pub(crate) fn largest(a: &[f64]) -> f64 {
     lanes.into_iter().fold(f64::NEG_INFINITY, larger)
 }
 
-/// The largest, NaN aside; −∞ if there is none.
+/// The largest number, NaN aside; −∞ without any.
 pub(crate) struct Largest<'a>(pub(crate) &'a [f64]);
 
 impl Kernel for Largest<'_> {

@@ -1,4 +1,4 @@
-//! Where a formation of drones listens: shapes, planners, and the phases of a search.
+//! Formations of drones that listen: shapes, planners, and the phases of a search.
 //!
 //! | planner | goes | finishes |
 //! |-|-|-|

@@ -1,5 +1,4 @@
-//! The formation's vertices against the exact vectors, those of `model.json` that are of a
-//! formation.
+//! The formation's vertices against the exact vectors in `model.json` that are of a formation.
 
 use foxhunt_formation::Polygon;
 use nalgebra::{Vector2, Vector3};

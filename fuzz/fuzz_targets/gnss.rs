@@ -22,7 +22,8 @@ fn decoded(mut decoder: impl GnssDecoder, bytes: &[u8], chunk: usize) -> Vec<Gns
 
 fuzz_target!(|bytes: &[u8]| {
     let Some((first, bytes)) = bytes.split_first() else { return };
-    let (whole, chunk) = (bytes.len().max(1), usize::from(*first).max(1));
+    let whole = bytes.len().max(1);
+    let chunk = usize::from(*first).max(1);
     for mut bytes in [bytes.to_vec(), with_checksum(bytes)] {
         assert_eq!(
             decoded(NmeaDecoder::new(), &bytes, whole.max(bytes.len())),

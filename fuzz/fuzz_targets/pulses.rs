@@ -22,7 +22,8 @@ const TABLES: [&str; 3] = [
 fuzz_target!(|bytes: &[u8]| {
     // A list and a table, a byte of 0 between them.
     let end = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());
-    let (list, table) = (&bytes[..end], bytes.get(end + 1..).unwrap_or(&[]));
+    let list = &bytes[..end];
+    let table = bytes.get(end + 1..).unwrap_or(&[]);
     let tables: Vec<TagTable> = TABLES
         .iter()
         .filter_map(|header| {

@@ -11,7 +11,7 @@ use foxhunt_signal::{
 };
 use libfuzzer_sys::fuzz_target;
 
-/// Gives at most so many bytes at once.
+/// Reader that gives at most this number of bytes at once.
 struct Divided(Cursor<Vec<u8>>, usize);
 
 impl Read for Divided {
@@ -22,7 +22,8 @@ impl Read for Divided {
 }
 
 fn all(mut source: SampleSource, bytes: usize) -> Vec<Complex32> {
-    let (mut chunk, mut all) = (Vec::new(), Vec::new());
+    let mut chunk = Vec::new();
+    let mut all = Vec::new();
     while let Ok(Some(first)) = source.read(&mut chunk) {
         assert_eq!(first, all.len() as u64, "a place in time");
         assert!(!chunk.is_empty());

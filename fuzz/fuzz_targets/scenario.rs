@@ -1,5 +1,5 @@
-//! Any text as the files that a user writes: scenarios, trials, calibrations, mappings. What is
-//! read is written and read again.
+//! Any text as the files that a user writes: scenarios, trials, calibrations, mappings. A file that
+//! was read is written and read again.
 #![no_main]
 
 use foxhunt_archive::recording::Mapping;

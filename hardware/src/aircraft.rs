@@ -76,8 +76,8 @@ use nalgebra::Vector3;
 /// # Ok::<(), Infallible>(())
 /// ```
 pub trait Aircraft: Spinner {
-    /// What it is doing, as of what it has reported until now. To be called several times a second:
-    /// this is when its link is served.
+    /// Returns the aircraft's state, as of its reports until now. To be called several times a
+    /// second: this is when its link is served.
     ///
     /// # Errors
     ///
@@ -122,37 +122,37 @@ pub trait Aircraft: Spinner {
         Ok(())
     }
 
-    /// Why the picture that was ordered last was not taken, once; `None` where nothing is known of
-    /// that.
+    /// Returns once why the picture that was ordered last was not taken; `None` if no failure is
+    /// known.
     fn picture_failure(&mut self) -> Option<Self::Error> {
         None
     }
 }
 
-/// What an aircraft is doing.
+/// State of an aircraft.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AircraftState {
-    /// How long ago its last message came, in seconds; infinite before that.
+    /// Seconds since its last message; infinite before the first.
     pub silent_s: f64,
-    /// What it calls its mode.
+    /// Name of its mode, in its own words.
     pub mode: String,
-    /// Whether its motors run.
+    /// True if its motors run.
     pub armed: bool,
-    /// Whether it is in the air.
+    /// True if it is in the air.
     pub airborne: bool,
-    /// Whether it takes orders from us now: it is up where it was sent at take-off, and neither the
+    /// True if it takes orders from us now: it is up where it was sent at take-off, and neither the
     /// pilot nor a lost link has taken it from us.
     pub commanded: bool,
-    /// Whether it is in the air and not ours, in a mode in which it may be [taken
+    /// True if it is in the air and not ours, in a mode in which it may be [taken
     /// over](Aircraft::take_over), if it is known that nobody else flies it.
     pub offered: bool,
     /// Holder of the aircraft: who flies it.
     pub hands: Hands,
-    /// Why it takes no orders, or what keeps it on the ground; empty where nothing does.
+    /// Reason why it takes no orders, or stays on the ground; empty without one.
     pub hindrance: String,
-    /// What is left in the battery, from 0 to 1, where it reports that.
+    /// Charge of the battery, from 0 to 1, if it reports that.
     pub battery: Option<f64>,
-    /// How high it is above the ground by its own devices, where it has any.
+    /// Height above the ground by its own devices, if it has any.
     pub above_ground: Option<ReportedHeight>,
 }
 
@@ -188,7 +188,7 @@ pub enum Hands {
 pub struct ReportedHeight {
     /// The height.
     pub height: HeightAboveGround,
-    /// How long ago it came, in seconds.
+    /// Age of the report in seconds.
     pub age_s: f64,
 }
 

@@ -17,7 +17,8 @@ impl SystemClock {
         Self { origin: Instant::now(), unix_s: unix.map_or(0.0, |since| since.as_secs_f64()) }
     }
 
-    /// When it began, in seconds of UNIX time as the machine had it then.
+    /// Returns the UNIX time in seconds at which the clock was started, by the machine's wall
+    /// clock.
     #[must_use]
     pub fn started_unix_s(&self) -> f64 {
         self.unix_s

@@ -1,16 +1,16 @@
 use std::fmt;
 
-/// What was found about one thing when a device was looked at, and how to mend it.
+/// Result of one check of a device, with the remedy for a fault.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Finding {
-    /// What was looked at, such as `firmware` or `RSSI now`.
+    /// Subject of the check, such as `firmware` or `RSSI now`.
     pub subject: String,
-    /// What it reported, or what is wrong.
+    /// The device's report, or the fault.
     pub text: String,
-    /// What to do about it; absent where nothing is wrong.
+    /// Remedy; absent if nothing is wrong.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub remedy: Option<String>,
-    /// Who watches it while the drone flies.
+    /// Watcher of the subject while the drone flies.
     pub watch: Watch,
     /// Height in metres above its launch place at which a drone comes home, where that was read.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -39,7 +39,7 @@ pub struct OwnFence {
     pub has_polygons: bool,
 }
 
-/// Who watches something while a drone flies, and acts when it fails.
+/// Watcher of something while a drone flies, who acts when it fails.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Watch {
@@ -82,13 +82,13 @@ impl Finding {
         Self { remedy: Some(remedy.into()), ..Self::good(subject, text) }
     }
 
-    /// The same, watched by somebody else than foxhunt.
+    /// Replaces the watcher, which is foxhunt by default.
     #[must_use]
     pub fn watched(self, watch: Watch) -> Self {
         Self { watch, ..self }
     }
 
-    /// Whether it is as it should be.
+    /// Returns true if nothing is wrong.
     #[must_use]
     pub fn is_good(&self) -> bool {
         self.remedy.is_none()

@@ -7,7 +7,7 @@ use std::{
 use foxhunt_core::Clock;
 use foxhunt_wire::{ByteStream, Endpoint};
 
-/// How long after a failure an endpoint is opened again, in seconds.
+/// Pause in seconds after a failure before an endpoint is opened again.
 const RETRY_S: f64 = 1.0;
 
 type Opened = io::Result<Box<dyn ByteStream + Send>>;
@@ -22,7 +22,7 @@ pub struct Reconnecting<C> {
     stream: Option<Box<dyn ByteStream + Send>>,
     opening: Option<Receiver<Opened>>,
     connections: u32,
-    /// When it is tried again.
+    /// Time of the next attempt.
     retry_at: f64,
     /// Its last error.
     failure: String,

@@ -22,11 +22,11 @@ const HILLS: [Hill; 2] = [
     Hill { east_m: 45.0, north_m: 10.0, height_m: 16.0, radius_m: 30.0 },
 ];
 
-/// Where the receivers are, East and North in metres, 4 m above the ground.
+/// Places of the receivers, East and North in metres, 4 m above the ground.
 const RECEIVERS: [[f64; 2]; 6] =
     [[-90.0, -50.0], [-45.0, -70.0], [0.0, -60.0], [45.0, -70.0], [90.0, -50.0], [0.0, -110.0]];
 
-/// What is believed of the beacon before: about (0, 70), σ 40 m.
+/// Prior of the beacon: about (0, 70), σ 40 m.
 const PRIOR_SIGMA_M: f64 = 40.0;
 const BEACON_UP_M: f64 = 0.5;
 const LEVEL_SIGMA_DB: f64 = 3.0;
@@ -113,7 +113,8 @@ fn judge(
     let entry = registry.estimator(estimator).expect("it has a name");
     let model = model.build().expect("in range");
     let mut nees = ChiSquaredAverage::new(0.999).expect("a probability");
-    let (mut inside, mut errors) = (0.0, Vec::new());
+    let mut inside = 0.0;
+    let mut errors = Vec::new();
     for seed in 0..runs {
         let (truth, receptions) = run(seed, bearing_sigma);
         let search = Search { beacon: BeaconId(0), name: "fox", prior: prior() };

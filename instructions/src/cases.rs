@@ -1,4 +1,4 @@
-//! What is counted: each case is made ready first, and only its work is counted.
+//! Cases to be counted: each is made ready first, and only its work is counted.
 
 use std::{convert::Infallible, error::Error};
 
@@ -21,7 +21,7 @@ mod reception;
 #[path = "../../benches/problems/turn.rs"]
 mod turn;
 
-/// What is counted; its result is what it found, so that nothing of it is left out.
+/// Work to be counted; its result is what it found, so that nothing of it is left out.
 pub(crate) type Work = Box<dyn FnOnce() -> f64>;
 
 /// A case by name.
@@ -58,7 +58,8 @@ fn steps(mut filter: impl Estimator<2, 2> + 'static) -> Work {
 }
 
 fn steps_by_hand(step: fn(&Estimate<2>, &Observation<2>) -> Option<Estimate<2>>) -> Work {
-    let (mut belief, sweep) = (beacon::prior(), beacon::sweep());
+    let mut belief = beacon::prior();
+    let sweep = beacon::sweep();
     Box::new(move || {
         for observation in &sweep {
             belief = step(&belief, observation).expect("positive definite");
@@ -107,7 +108,8 @@ fn decision(modes: &[[f64; 2]], sigma: f64) -> Result<Work, Box<dyn Error>> {
 }
 
 fn hunt(estimator: &'static str) -> Result<Work, Box<dyn Error>> {
-    let (registry, scenario) = (Registry::builtin(), Scenario::find("pritzl-6.1")?);
+    let registry = Registry::builtin();
+    let scenario = Scenario::find("pritzl-6.1")?;
     let _ = registry.estimator(estimator)?;
     Ok(Box::new(move || {
         let estimator = registry.estimator(estimator).expect("it was there before");

@@ -1,4 +1,4 @@
-//! Counts instructions under valgrind and compares them with those of `baselines.toml`.
+//! Counts instructions under valgrind and compares them with `baselines.toml`.
 //!
 //! Counts do not depend on what else a computer does, and hardly on which it is: valgrind gives the
 //! program vectors of 256 bits wherever there are such or wider ones. `.ci/instructions` builds and
@@ -22,7 +22,7 @@ use cases::{CASES, Work};
 
 const BASELINES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/baselines.toml");
 
-/// By how much a count may differ from its baseline.
+/// Largest allowed difference of a count from its baseline, as a share.
 const TOLERANCE: f64 = 0.05;
 
 /// Counts of instructions, by the names of the cases.
@@ -82,7 +82,8 @@ fn renew() -> Result<ExitCode, Box<dyn Error>> {
 #[expect(clippy::cast_precision_loss, reason = "counts are far below 2^53")]
 fn compare() -> Result<ExitCode, Box<dyn Error>> {
     let mut baselines: Counts = toml::from_str(&fs::read_to_string(BASELINES)?)?;
-    let (mut risen, mut fallen) = (false, false);
+    let mut risen = false;
+    let mut fallen = false;
     println!("{:40} {:>13} {:>13} {:>8}", "instructions", "baseline", "now", "change");
     for (case, _) in CASES {
         let now = count(case)?;

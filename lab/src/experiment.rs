@@ -26,9 +26,9 @@ use rayon::{ThreadPool, ThreadPoolBuilder, prelude::*};
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub trait Experiment: Sync {
-    /// What one run comes to.
+    /// The result of one run.
     type Run: Send;
-    /// Why the experiment cannot be run at all: no run could.
+    /// The reason why the experiment cannot be run at all: no run could.
     type Error: Send;
 
     /// Runs it once. The same seed gives the same run.
@@ -46,7 +46,7 @@ pub struct Runner {
 }
 
 impl Runner {
-    /// A runner of so many threads.
+    /// A runner of `jobs` threads.
     ///
     /// # Errors
     ///
@@ -132,7 +132,8 @@ impl Runner {
         let seeds = Mutex::new(seeds.fuse());
         let waiting = self.pool.current_num_threads().saturating_mul(WAITING_PER_THREAD);
         let (sender, receiver) = sync_channel(waiting);
-        let (pool, seeds) = (&self.pool, &seeds);
+        let pool = &self.pool;
+        let seeds = &seeds;
         std::thread::scope(|scope| {
             // Dropped with an error, upon which nothing more can be sent.
             let receiver = receiver;
@@ -158,10 +159,10 @@ impl Runner {
     }
 }
 
-/// How many runs of each thread may wait to be taken.
+/// The most runs of each thread that may wait to be taken.
 const WAITING_PER_THREAD: usize = 64;
 
-/// How many runs a thread has before all wait for the last of them: enough for that to cost
+/// The number of runs of a thread before all wait for the last of them: enough for that to cost
 /// nothing, and few enough to be kept.
 const RUNS_PER_THREAD: u32 = 256;
 
@@ -174,8 +175,8 @@ pub(crate) fn seed_of(first_seed: u64, run: u32) -> u64 {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{jobs} threads cannot be started: {reason}")]
 pub struct ThreadsError {
-    /// How many.
+    /// The number of threads.
     pub jobs: usize,
-    /// Why not.
+    /// The reason.
     pub reason: String,
 }

@@ -4,17 +4,17 @@ use statrs::{
     statistics::Statistics,
 };
 
-/// How the errors of two ways to do the same thing compare, run by run.
+/// The comparison of the errors of two ways to do the same thing, run by run.
 ///
 /// The ratio of two errors of one run, and not their difference: errors are skewed, and their
 /// logarithms nearly Gaussian.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Paired {
-    /// How many runs have both.
+    /// The number of runs that have both.
     pub pairs: usize,
     /// The geometric mean of the first one's error over the second's.
     pub ratio: f64,
-    /// Where the true ratio lies with 95 %, by Student's t on the logarithms.
+    /// The 95 % interval of the true ratio, by Student's t on the logarithms.
     pub ratio_interval: [f64; 2],
     /// The probability of a ratio as far from 1 were there no difference, by the same test on both
     /// sides.
@@ -34,7 +34,8 @@ impl Paired {
         let pairs = logs.len();
         #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 runs")]
         let count = pairs as f64;
-        let (mean, error) = ((&logs).mean(), (&logs).std_dev() / count.sqrt());
+        let mean = (&logs).mean();
+        let error = (&logs).std_dev() / count.sqrt();
         if !(error > 0.0 && error.is_finite()) {
             return None;
         }
@@ -49,17 +50,17 @@ impl Paired {
     }
 }
 
-/// How two figures differ run by run, in their own unit.
+/// The difference of two figures run by run, in their own unit.
 ///
 /// Student's t goes by the mean of the differences and is that of nearly Gaussian ones; the
 /// signed-rank test needs less of them: that they are as often above 0 as below, and as far.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PairedDifference {
-    /// How many runs have both.
+    /// The number of runs that have both.
     pub pairs: usize,
     /// The mean of the first minus the second.
     pub mean: f64,
-    /// Where the true mean lies with 95 %, by Student's t.
+    /// The 95 % interval of the true mean, by Student's t.
     pub mean_interval: [f64; 2],
     /// The probability of a mean as far from 0 were there no difference, by Student's t on both
     /// sides; absent where all differences are the same.
@@ -71,7 +72,7 @@ pub struct PairedDifference {
 }
 
 impl PairedDifference {
-    /// The comparison of pairs; those of which one is not finite are left out. `None` for less
+    /// The comparison of pairs; pairs without a finite difference are left out. `None` for less
     /// than two.
     #[must_use]
     pub fn of(pairs: impl IntoIterator<Item = (f64, f64)>) -> Option<Self> {
@@ -84,7 +85,8 @@ impl PairedDifference {
         #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 runs")]
         let count = pairs as f64;
         let student = StudentsT::new(0.0, 1.0, count - 1.0).ok()?;
-        let (mean, error) = ((&differences).mean(), (&differences).std_dev() / count.sqrt());
+        let mean = (&differences).mean();
+        let error = (&differences).std_dev() / count.sqrt();
         let reach = student.inverse_cdf(0.975) * error;
         Some(Self {
             pairs,
@@ -96,7 +98,7 @@ impl PairedDifference {
     }
 }
 
-/// Up to so many differences without ties the distribution of their rank sum is counted.
+/// Up to this number of differences without ties the distribution of their rank sum is counted.
 const EXACT_RANKS: usize = 50;
 
 /// Wilcoxon's test of signed ranks on both sides; differences of 0 are left out (Wilcoxon 1945).
@@ -108,7 +110,10 @@ fn signed_rank(differences: &mut Vec<f64>) -> Option<f64> {
     }
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 runs")]
     let number = |count: usize| count as f64;
-    let (mut above, mut below, mut ties, mut before) = (0.0_f64, 0.0_f64, 0.0, 0);
+    let mut above = 0.0_f64;
+    let mut below = 0.0_f64;
+    let mut ties = 0.0;
+    let mut before = 0;
     for equal in differences.chunk_by(|a, b| a.abs().total_cmp(&b.abs()).is_eq()) {
         let size = number(equal.len());
         // All of them have the mean of their ranks.
@@ -119,7 +124,8 @@ fn signed_rank(differences: &mut Vec<f64>) -> Option<f64> {
         ties += size * size * size - size;
         before += equal.len();
     }
-    let (least, count) = (above.min(below), number(before));
+    let least = above.min(below);
+    let count = number(before);
     if before <= EXACT_RANKS && ties.total_cmp(&0.0).is_eq() {
         return Some(exact_tail(before, least));
     }

@@ -31,7 +31,7 @@ pub struct HuntReport {
     pub estimator: String,
     /// The planner's name, or that it is the scenario's own.
     pub planner: String,
-    /// How long it took, in simulated seconds.
+    /// Duration of the hunt, in simulated seconds.
     pub duration_s: f64,
     /// The beacons, in their order.
     pub beacons: Vec<HuntedBeacon>,
@@ -42,28 +42,29 @@ pub struct HuntReport {
 pub struct HuntedBeacon {
     /// Its name.
     pub name: String,
-    /// Where it is.
+    /// The beacon's true place.
     pub truth: Place,
-    /// Where it was found.
+    /// The estimate of its place.
     pub estimate: PlaceEstimate,
     /// The ellipse that holds it with 95 %, if the covariance is positive definite.
     pub ellipse_95: Option<Ellipse>,
-    /// From the estimate to the truth.
+    /// Distance from the estimate to the truth.
     pub error_m: f64,
     /// The normalised estimation error squared.
     pub nees: Option<f64>,
-    /// How many receptions went through the estimator.
+    /// The number of receptions that went through the estimator.
     pub steps: u32,
-    /// After how many of them the semi-major axis of the 95 % ellipse was below 3 m for the first
-    /// time; absent if it never was.
+    /// The number of receptions after which the semi-major axis of the 95 % ellipse was below 3 m
+    /// for the first time; absent if it never was.
     pub steps_to_3m: Option<u32>,
-    /// The same in simulated seconds, from when the search for this beacon began.
+    /// Time until then in simulated seconds, from when the search for this beacon began.
     pub time_to_3m_s: Option<f64>,
-    /// How far all drones together flew from the beginning of the search to its end, in metres.
+    /// The distance that all drones together flew from the beginning of the search to its end, in
+    /// metres.
     pub path_m: f64,
-    /// At how many formation positions something was received.
+    /// The number of formation positions at which something was received.
     pub formation_positions: u32,
-    /// How the search ended.
+    /// The end of the search.
     pub outcome: Outcome,
 }
 

@@ -19,14 +19,14 @@ use nalgebra::Vector2;
 
 use record::Record;
 
-/// What is flown in a simulation.
+/// The scenario and the parts of a simulation.
 #[derive(Clone, Copy, Debug)]
 pub struct Setup<'a> {
     /// The world, the drones and how they go about it.
     pub scenario: &'a Scenario,
-    /// What estimates.
+    /// The estimator.
     pub estimator: &'a EstimatorEntry,
-    /// What the names in the scenario mean.
+    /// The registry with the names in the scenario.
     pub registry: &'a Registry,
 }
 
@@ -75,7 +75,7 @@ impl Setup<'_> {
     ///
     /// # Errors
     ///
-    /// Those of [`simulate`](Self::simulate).
+    /// The errors of [`simulate`](Self::simulate).
     pub fn simulate_watched<O: std::error::Error + Send + Sync + 'static>(
         &self,
         seed: u64,
@@ -90,7 +90,7 @@ impl Setup<'_> {
     ///
     /// # Errors
     ///
-    /// Those of [`simulate`](Self::simulate).
+    /// The errors of [`simulate`](Self::simulate).
     pub fn simulate_tapped<O: std::error::Error + Send + Sync + 'static>(
         &self,
         seed: u64,
@@ -120,7 +120,7 @@ impl Setup<'_> {
     }
 }
 
-/// What is called with the true world.
+/// A function that is called with the true world.
 type Watch<'a> = &'a mut dyn FnMut(&World);
 
 /// Flies a hunt of any parts in a simulated world to its end. Beacons of the world that the hunt
@@ -149,7 +149,7 @@ pub fn fly<D: Devices, O: std::error::Error + Send + Sync + 'static>(
 ///
 /// # Errors
 ///
-/// Those of [`fly`].
+/// The errors of [`fly`].
 pub fn fly_watched<D: Devices, O: std::error::Error + Send + Sync + 'static>(
     hunt: &mut Hunt,
     world: &World,
@@ -200,8 +200,8 @@ fn fly_with<D: Devices, O: std::error::Error + Send + Sync + 'static>(
     }
 }
 
-/// Adds the beacons that have appeared since to a hunt that is still on; when the next one appears,
-/// infinite where none does.
+/// Adds the beacons that have appeared since to a hunt that is still on, and returns the time when
+/// the next one appears, infinite if there is no such beacon.
 fn add_who_appeared(hunt: &mut Hunt, world: &World) -> Result<f64, HuntError> {
     while let Ok(next) = u16::try_from(hunt.beacon_count()).map(BeaconId)
         && hunt.fixes().len() < hunt.beacon_count()
@@ -216,7 +216,7 @@ fn add_who_appeared(hunt: &mut Hunt, world: &World) -> Result<f64, HuntError> {
     Ok(f64::INFINITY)
 }
 
-/// Why a scenario could not be flown to its end.
+/// The reason why a scenario could not be flown to its end.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SimulationError {
@@ -238,7 +238,7 @@ pub enum SimulationError {
     /// The hunt could not go on.
     #[error(transparent)]
     Drive(#[from] DriveError),
-    /// It took too long.
+    /// The hunt took too long.
     #[error("the hunt was not over after {limit_s} simulated seconds (simulation.limit_s)")]
     TooLong {
         /// The limit.

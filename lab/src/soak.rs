@@ -25,7 +25,7 @@ use crate::{campaign::FleetRun, simulation::Setup};
 /// A flight of a soak: a scenario with the estimator that it names, and the seed of its world.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SoakFlight {
-    /// What is flown.
+    /// The scenario that is flown.
     pub scenario: Scenario,
     /// The seed.
     pub seed: u64,
@@ -34,24 +34,24 @@ pub struct SoakFlight {
 /// The result of a flight.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SoakRun {
-    /// How the searches ended.
+    /// The ends of the searches.
     pub outcomes: Vec<Outcome>,
-    /// Why the hunt could not begin or go on, where it could not. That is a reason, no failure.
+    /// The reason why the hunt could not begin or go on, if so. That is no failure.
     pub refused: Option<String>,
-    /// How many estimates were looked at.
+    /// The number of estimates that were looked at.
     pub estimates: u64,
     /// The log, as it would stand in a file.
     pub log: Vec<u8>,
-    /// What must not happen and did.
+    /// The events that must not happen and did.
     pub failures: Vec<SoakFailure>,
 }
 
 /// Something that must not happen and did.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SoakFailure {
-    /// Of which kind, in a word or two.
+    /// The kind, in a word or two.
     pub kind: &'static str,
-    /// What exactly.
+    /// The exact failure.
     pub what: String,
 }
 
@@ -69,7 +69,7 @@ impl SoakFailure {
     }
 }
 
-/// At how many places a log is cut off.
+/// The number of places at which a log is cut off.
 const CUTS: u32 = 4;
 
 impl SoakFlight {
@@ -136,7 +136,9 @@ impl SoakFlight {
             }
         };
         let setup = Setup { scenario, estimator, registry };
-        let (mut log, mut failures, mut estimates) = (Vec::new(), Vec::new(), 0);
+        let mut log = Vec::new();
+        let mut failures = Vec::new();
+        let mut estimates = 0;
         let mut unwritten = None;
         let mut writer = LogWriter::new(&mut log, &setup.log_header(*seed));
         let flown = FleetRun::fly(&setup, *seed, |event| {
@@ -172,7 +174,7 @@ impl SoakFlight {
         SoakRun { outcomes: flown.outcomes, refused, estimates, log, failures }
     }
 
-    /// Whether a log reads back, whole and cut off.
+    /// Checks that a log reads back, whole and cut off, and returns the failures.
     #[inline]
     fn look_at_log(&self, log: &[u8]) -> Vec<SoakFailure> {
         let path = Path::new("soak.jsonl");
@@ -217,7 +219,7 @@ impl SoakFlight {
         least
     }
 
-    /// The same flight with one thing less, for each thing that is not needed for a flight.
+    /// The flights with one thing less, for each thing that is not needed for a flight.
     fn simpler(&self) -> Vec<Self> {
         let mut all = Vec::new();
         let mut without = |change: &dyn Fn(&mut Scenario)| {
@@ -261,15 +263,15 @@ impl SoakFlight {
     }
 }
 
-/// What makes the parts of a flight independent of its fleet, which the same seed draws: any
-/// number.
+/// A number that makes the parts of a flight independent of its fleet, which the same seed draws:
+/// any number.
 const PARTS: u64 = 0x50a4_0f11_6875_7473;
 
 fn one_of<'a, T>(all: &'a [T], random: &mut Xoshiro256PlusPlus) -> Option<&'a T> {
     (!all.is_empty()).then(|| &all[random.random_range(0..all.len())])
 }
 
-/// What is wrong with an estimate.
+/// The fault of an estimate; `None` if there is no fault.
 fn wrong_with(estimate: &Estimate<2>) -> Option<&'static str> {
     let Estimate { mean, covariance } = estimate;
     if !mean.iter().chain(covariance.iter()).all(|number| number.is_finite()) {

@@ -2,7 +2,7 @@ use ddsketchy::DDSketch;
 use serde::Serialize;
 use statrs::statistics::{Data, OrderStatistics};
 
-/// Up to so many values quantiles are exact; beyond, they are those of a sketch.
+/// Up to this number of values quantiles are exact; beyond, a sketch gives them.
 const EXACT: usize = 1 << 16;
 
 /// The relative error of a sketch's quantiles.
@@ -25,7 +25,7 @@ pub(crate) struct Running {
     max: f64,
     infinite: u32,
     exact: Vec<f64>,
-    /// Of the finite values, once there are too many.
+    /// The sketch of the finite values, once there are too many.
     sketch: Option<DDSketch>,
 }
 
@@ -72,7 +72,8 @@ impl Running {
     /// The spread of errors; `None` where there are no values.
     pub(crate) fn spread(&self) -> Option<Spread> {
         let [p10, p50, p90] = self.quantiles()?;
-        let (mean, rms) = (self.mean, self.mean_square.sqrt());
+        let mean = self.mean;
+        let rms = self.mean_square.sqrt();
         Some(Spread { p10, p50, p90, mean, rms, max: self.max })
     }
 
@@ -99,7 +100,7 @@ impl FromIterator<f64> for Running {
     }
 }
 
-/// How errors are spread, in metres. Of more than 65 536 values the quantiles err by up to a
+/// The spread of errors, in metres. With more than 65 536 values the quantiles err by up to a
 /// thousandth; all else is exact.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Spread {
@@ -118,14 +119,14 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// The spread of some values; `None` where there are none.
+    /// The spread of some values; `None` without a value.
     #[must_use]
     pub fn of(values: &[f64]) -> Option<Self> {
         values.iter().copied().collect::<Running>().spread()
     }
 }
 
-/// How step counts are spread.
+/// The spread of step counts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct StepSpread {
     /// The mean.
@@ -139,14 +140,15 @@ pub struct StepSpread {
 }
 
 impl StepSpread {
-    /// The spread of some values; `None` where there are none.
+    /// The spread of some values; `None` without a value.
     #[must_use]
     pub fn of(values: &[f64]) -> Option<Self> {
         values.iter().copied().collect::<Running>().step_spread()
     }
 }
 
-/// How a quantity is spread that some runs never reach: how many steps it takes, or how long.
+/// The spread of a quantity that some runs never reach: the number of steps that it takes, or the
+/// time.
 ///
 /// A run that never got there counts as infinite in the quantiles; one that is not finite is
 /// absent.
@@ -158,7 +160,7 @@ pub struct FirstPassage {
     pub p50: Option<f64>,
     /// A tenth of the runs is above.
     pub p90: Option<f64>,
-    /// How many runs never got there.
+    /// The number of runs that never got there.
     pub never: u32,
 }
 

@@ -11,7 +11,7 @@ use foxhunt_hunt::{
 use foxhunt_lab::simulation::{Setup, fly};
 use foxhunt_sim::{DroneConfig, Interval, World};
 
-/// How often devices were polled.
+/// The number of times that devices were polled.
 type Polls = Rc<Cell<u32>>;
 
 /// A device that counts how often it is polled, and may keep its next event to itself, as a user's
@@ -118,10 +118,13 @@ fn hunts_are_the_same_with_fewer_polls() {
 
 #[test]
 fn who_watches_sees_every_tick_of_a_flight() {
-    let (scenario, registry) = (scenario("pritzl-6.1"), Registry::builtin());
+    let scenario = scenario("pritzl-6.1");
+    let registry = Registry::builtin();
     let estimator = registry.estimator("ukf-pritzl2018").expect("it is built in");
     let setup = Setup { scenario: &scenario, estimator, registry: &registry };
-    let (mut before, mut farthest, mut moved) = (None, 0.0_f64, 0.0);
+    let mut before = None;
+    let mut farthest = 0.0_f64;
+    let mut moved = 0.0;
     let watch = |world: &World| {
         let here = world.pose(0).expect("it is there").position;
         let step = (here - before.replace(here).unwrap_or(here)).norm();

@@ -6,12 +6,12 @@ use foxhunt_lab::campaign::{Repetition, campaign};
 /// σ in degrees that turns go on for.
 const SIGMA_DEG: f64 = 9.0;
 
-/// What a drone receives between two decisions.
+/// The turns that a drone receives between two decisions.
 #[derive(Clone, Copy)]
 enum Turns {
     /// Rounds of eight positions until the bearing has this σ in degrees.
     Until(f64),
-    /// One round of so many positions, whose pulses are taken one by one.
+    /// One round of this many positions, whose pulses are taken one by one.
     ByPulse(u16),
 }
 
@@ -29,7 +29,8 @@ fn tag(interval_s: f64, e_n0_db: f64, turns: Turns) -> Scenario {
         Turns::Until(_) => 8,
         Turns::ByPulse(positions) => positions,
     };
-    let (timeout, first) = (1.25 * interval_s, 2.5 * interval_s);
+    let timeout = 1.25 * interval_s;
+    let first = 2.5 * interval_s;
     let source = format!(
         "kind = \"stepper\"\npositions = {positions}\nsamples_per_position = 1\n\
          position_timeout = {timeout}\nfirst_timeout = {first}\nfloor_dbm = {floor_dbm}"
@@ -46,7 +47,7 @@ fn tag(interval_s: f64, e_n0_db: f64, turns: Turns) -> Scenario {
     scenario
 }
 
-/// What hunts with seeds from 1 come to.
+/// The results of hunts with seeds from 1.
 #[derive(Debug, Default)]
 struct Hunts {
     /// The seconds to 3 m in order, infinite where a hunt never got there.
@@ -121,14 +122,14 @@ fn pulses_taken_one_by_one_need_no_turns() {
     assert!(by_pulse.median_error_m() < 2.0, "{:?}", by_pulse.errors_m);
 }
 
-/// What docs/tags.md states: 20 hunts a cell, seeds from 1.
+/// The table in docs/tags.md: 20 hunts a cell, seeds from 1.
 #[test]
 #[ignore = "a table"]
 fn table_of_hunts() {
     print_table(Turns::Until(SIGMA_DEG));
 }
 
-/// The same by single pulses, five to a decision.
+/// The table of hunts by single pulses, five to a decision.
 #[test]
 #[ignore = "a table"]
 fn table_of_hunts_by_pulse() {

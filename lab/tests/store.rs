@@ -85,7 +85,8 @@ const TABLES: [&str; 5] = ["campaign", "beacon", "contender", "run", "log"];
 
 #[test]
 fn a_store_gives_the_streaming_table_however_it_was_filled() {
-    let (registry, scenario) = (Registry::builtin(), scenario());
+    let registry = Registry::builtin();
+    let scenario = scenario();
     let estimators = estimators(&registry);
     let streaming = campaign(&registry, &scenario, &estimators, &repetition(60)).expect("flown");
     let failed: Vec<u32> = streaming.estimators[0].beacons.iter().map(|b| b.failed).collect();
@@ -127,7 +128,8 @@ fn a_store_gives_the_streaming_table_however_it_was_filled() {
 
 #[test]
 fn what_is_there_is_not_flown_again() {
-    let (registry, scenario) = (Registry::builtin(), scenario());
+    let registry = Registry::builtin();
+    let scenario = scenario();
     let estimators = estimators(&registry);
     let to_store = to_store(&registry, &scenario, &estimators);
     let path = nothing_at("kept.sqlite");
@@ -153,7 +155,8 @@ fn what_is_there_is_not_flown_again() {
 
 #[test]
 fn shards_merge_to_what_one_process_writes() {
-    let (registry, scenario) = (Registry::builtin(), scenario());
+    let registry = Registry::builtin();
+    let scenario = scenario();
     let estimators = estimators(&registry);
     let to_store = CampaignToStore { logs: true, ..to_store(&registry, &scenario, &estimators) };
     let whole = nothing_at("whole.sqlite");
@@ -184,7 +187,8 @@ fn shards_merge_to_what_one_process_writes() {
     drop(open);
     merge(&shards, &merged).expect("they fit");
     for table in TABLES {
-        let (merged, whole) = (rows(&merged, table), rows(&whole, table));
+        let merged = rows(&merged, table);
+        let whole = rows(&whole, table);
         assert!(!whole.is_empty());
         assert_eq!(merged, whole, "{table}");
     }
@@ -244,7 +248,8 @@ fn shards_merge_to_what_one_process_writes() {
 
 #[test]
 fn results_are_filtered_compared_and_exported() {
-    let (registry, scenario) = (Registry::builtin(), scenario());
+    let registry = Registry::builtin();
+    let scenario = scenario();
     let estimators = estimators(&registry);
     let path = nothing_at("results.sqlite");
     let store = Store::create(&path).expect("a new store");
@@ -289,7 +294,8 @@ fn results_are_filtered_compared_and_exported() {
             .expect("read");
         errors
     };
-    let (ekf, ukf) = (errors("ekf-pritzl2018"), errors("ukf-pritzl2018"));
+    let ekf = errors("ekf-pritzl2018");
+    let ukf = errors("ukf-pritzl2018");
     let differences: Vec<f64> = ekf
         .iter()
         .filter_map(|(seed, error)| {
@@ -319,7 +325,8 @@ fn parquet_reads_back() {
     use foxhunt_lab::store::write_parquet;
     use parquet::file::reader::{FileReader, SerializedFileReader};
 
-    let (registry, scenario) = (Registry::builtin(), scenario());
+    let registry = Registry::builtin();
+    let scenario = scenario();
     let estimators = estimators(&registry);
     let path = nothing_at("parquet.sqlite");
     let store = Store::create(&path).expect("a new store");
@@ -374,7 +381,8 @@ fn what_is_no_store_is_refused_and_stays_as_it_is() {
     let error = Store::open(&path).expect_err("of another format").to_string();
     assert!(error.contains("99") && error.contains("format.sqlite"), "{error}");
 
-    let (registry, scenario) = (Registry::builtin(), scenario());
+    let registry = Registry::builtin();
+    let scenario = scenario();
     let estimators = estimators(&registry);
     let path = nothing_at("row.sqlite");
     let store = Store::create(&path).expect("a new store");

@@ -59,7 +59,8 @@ fn a_model_with_terrain_is_honest_in_hunts() {
         assert_eq!(beacon.failed, 0);
         beacon.anees.expect("all have a fix")
     };
-    let (with, without) = (judge("terrain = true"), judge(""));
+    let with = judge("terrain = true");
+    let without = judge("");
     assert!((1.01..3.43).contains(&with), "ANEES {with}");
     assert!(without > 100.0, "ANEES {without}");
 }

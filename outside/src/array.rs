@@ -12,7 +12,7 @@ use rand_distr::StandardNormal;
 
 use crate::model::{DOPPLER, TdoaDopplerBearing};
 
-/// How many beams the array switches.
+/// Number of beams that the array switches.
 pub const BEAMS: u16 = 16;
 
 /// σ of range difference in metres and of the Doppler shift in hertz.

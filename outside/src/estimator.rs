@@ -63,7 +63,8 @@ impl Estimator<2, 3> for EnsembleKalman {
         if observation.is_empty() {
             return Ok(Correction::Empty);
         }
-        let (count, mean) = (self.count(), self.estimate().mean);
+        let count = self.count();
+        let mean = self.estimate().mean;
         let centre = self.model.expected(&mean, observation.receiver());
         let off = |x: &Vector2<f64>| {
             let expected = self.model.expected(x, observation.receiver());
@@ -71,7 +72,8 @@ impl Estimator<2, 3> for EnsembleKalman {
         };
         let offsets: Vec<Vector3<f64>> = self.members.iter().map(off).collect();
         let shift = offsets.iter().sum::<Vector3<f64>>() / count;
-        let (mut pzz, mut pxz) = (Matrix3::zeros(), Matrix2x3::zeros());
+        let mut pzz = Matrix3::zeros();
+        let mut pxz = Matrix2x3::zeros();
         for (x, z) in self.members.iter().zip(&offsets) {
             pzz += (z - shift) * (z - shift).transpose() / (count - 1.0);
             pxz += (x - mean) * (z - shift).transpose() / (count - 1.0);

@@ -19,10 +19,10 @@ pub use planner::TurningTriangle;
 /// The scenario that flies all of it.
 pub const SCENARIO: &str = include_str!("../array.toml");
 
-/// Where the reference station stands.
+/// Measurement model; its reference station stands 2 m above the origin.
 const MODEL: TdoaDopplerBearing = TdoaDopplerBearing { reference: Vector3::new(0.0, 0.0, 2.0) };
 
-/// What foxhunt brings, and what this crate adds to it.
+/// Returns foxhunt's registry with the entries that this crate adds to it.
 pub fn registry() -> Registry {
     let needs = Needs {
         level: Need::Unused,

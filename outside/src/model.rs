@@ -9,10 +9,10 @@ pub const DOPPLER: Quantity = Quantity::linear("doppler_hz");
 /// Hertz for each metre per second of approach, at 433.92 MHz.
 pub const HZ_PER_MPS: f64 = 433.92e6 / 299_792_458.0;
 
-/// What the array on a drone measures of a beacon on the ground.
+/// Measurement of a beacon on the ground by the array on a drone.
 #[derive(Clone, Copy, Debug)]
 pub struct TdoaDopplerBearing {
-    /// Where the reference station is: East, North and Up in metres.
+    /// Place of the reference station: East, North and Up in metres.
     pub reference: Vector3<f64>,
 }
 

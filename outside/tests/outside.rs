@@ -29,7 +29,8 @@ fn the_parts_keep_the_laws() {
 /// Seeds 1 to 12. The bearings alone, σ 0.15 rad from 10 m, leave 1.5 m.
 #[test]
 fn it_flies_a_campaign() {
-    let (registry, scenario) = (registry(), scenario());
+    let registry = registry();
+    let scenario = scenario();
     let estimator = registry.estimator("ensemble").expect("registered").clone();
     let report = campaign(&registry, &scenario, &[estimator], &Repetition::new(12));
     let report = report.expect("it flies");
@@ -42,7 +43,8 @@ fn it_flies_a_campaign() {
 
 #[test]
 fn its_log_replays_to_the_bit_with_its_registry_and_is_refused_without() {
-    let (registry, scenario) = (registry(), scenario());
+    let registry = registry();
+    let scenario = scenario();
     let estimator = registry.estimator("ensemble").expect("registered");
     let setup = Setup { scenario: &scenario, estimator, registry: &registry };
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("outside.jsonl");
@@ -59,7 +61,8 @@ fn its_log_replays_to_the_bit_with_its_registry_and_is_refused_without() {
 
 #[test]
 fn a_model_that_is_not_fed_is_refused_when_the_hunt_is_made() {
-    let (registry, scenario) = (registry(), scenario());
+    let registry = registry();
+    let scenario = scenario();
     let plain = Scenario { source: Default::default(), ..scenario };
     let estimator = registry.estimator("ensemble").expect("registered");
     let setup = Setup { scenario: &plain, estimator, registry: &registry };

@@ -31,7 +31,7 @@ pub(crate) fn matrix<const D: usize>(
     Ok(SMatrix::from_row_iterator(array.as_array().iter().copied()))
 }
 
-/// How many components a vector has.
+/// Returns the number of a vector's components.
 pub(crate) fn length(value: &Bound<'_, PyAny>, name: &str) -> PyResult<usize> {
     value.len().map_err(|_| wrong(name, "a sequence of numbers", value))
 }

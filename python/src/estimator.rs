@@ -17,7 +17,7 @@ use crate::{
     motion::{AnyMotion, motion},
 };
 
-/// What an estimator believes: the mean and the covariance of its state.
+/// The belief of an estimator: the mean and the covariance of its state.
 #[pyclass(frozen, get_all, module = "foxhunt")]
 #[derive(Debug)]
 pub(crate) struct Estimate {
@@ -34,11 +34,11 @@ impl Estimate {
     }
 }
 
-/// What an update did.
+/// Result of an update.
 #[pyclass(frozen, get_all, module = "foxhunt")]
 #[derive(Debug)]
 pub(crate) struct Correction {
-    /// Whether the gate kept the observation out.
+    /// True if the gate kept the observation out.
     rejected: bool,
     /// The normalised innovation squared, where the estimator has an innovation.
     nis: Option<f64>,
@@ -64,7 +64,8 @@ impl From<core::Correction> for Correction {
             }
             _ => (None, None),
         };
-        let (rejected, nis) = (correction.is_rejected(), correction.nis());
+        let rejected = correction.is_rejected();
+        let nis = correction.nis();
         Self { rejected, nis, log_evidence, effective_sample_size }
     }
 }
@@ -92,7 +93,7 @@ struct Settings<'a> {
     seed: u64,
 }
 
-/// What every kind of estimator is made of.
+/// Arguments of every kind of estimator.
 struct Parts<'a, 'py> {
     motion: &'a Bound<'py, PyAny>,
     model: &'a Bound<'py, PyAny>,
@@ -128,7 +129,8 @@ impl Estimator {
             Settings { kind, gate, iterations, alpha, beta, kappa, particles, side, seed };
         let failure = Failure::default();
         let parts = Parts { motion, model, mean, covariance, failure: &failure };
-        let (n, m) = (arrays::length(mean, "mean")?, components(model)?);
+        let n = arrays::length(mean, "mean")?;
+        let m = components(model)?;
         macro_rules! of_size {
             ($($n:literal)+) => {
                 match (n, m) {
@@ -185,7 +187,7 @@ impl Estimator {
         self.steps.samples(py)
     }
 
-    /// The normalised estimation error squared against the true state; none where the covariance
+    /// The normalised estimation error squared against the true state; `None` where the covariance
     /// is not positive definite.
     fn nees(&self, truth: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
         self.steps.nees(truth)
@@ -277,7 +279,8 @@ impl<const N: usize, const M: usize> Steps for Sized<N, M> {
     }
 
     fn samples<'py>(&self, py: Python<'py>) -> PyResult<Samples<'py>> {
-        let (mut states, mut weights) = (Vec::new(), Vec::new());
+        let mut states = Vec::new();
+        let mut weights = Vec::new();
         self.0.visit_samples(&mut |state, weight| {
             states.extend_from_slice(state.as_slice());
             weights.push(weight);

@@ -10,7 +10,7 @@ mod motion;
 
 use pyo3::prelude::*;
 
-/// What the package's Python code is made of.
+/// Module beneath the package's Python code.
 #[pymodule]
 mod _foxhunt {
     #[pymodule_export]

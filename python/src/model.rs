@@ -20,7 +20,7 @@ use crate::{
     failure::{Failure, value_error},
 };
 
-/// What a receiver measures, for states of N and measurements of M components.
+/// Measurement model of a receiver, for states of N and measurements of M components.
 pub(crate) type AnyModel<const N: usize, const M: usize> =
     Arc<dyn MeasurementModel<N, M> + Send + Sync>;
 
@@ -83,8 +83,8 @@ impl Model {
         Ok(Self(Kind::FreePathLoss(model.with_target_up(target_up).map_err(value_error)?)))
     }
 
-    /// How much farther the target is from the receiver than from `reference`, a place of three
-    /// coordinates, in metres.
+    /// Range difference: the target's distance from the receiver minus that from `reference`, a
+    /// place of three coordinates, in metres.
     #[staticmethod]
     #[pyo3(signature = (reference, *, target_up=0.0))]
     fn range_difference(reference: &Bound<'_, PyAny>, target_up: f64) -> PyResult<Self> {
@@ -94,7 +94,7 @@ impl Model {
         Ok(Self(Kind::RangeDifference(model)))
     }
 
-    /// What each component is: its name with its unit, and "linear" or "angle".
+    /// The components: the name with its unit, and "linear" or "angle".
     #[getter]
     fn quantities(&self) -> Vec<(&'static str, &'static str)> {
         const LEVEL_AND_BEARING: [(&str, &str); 2] =
@@ -112,7 +112,8 @@ impl Model {
     }
 }
 
-/// How many components a model measures: the library's, or any object with `quantities`.
+/// Returns the number of components that a model measures: the library's, or any object with
+/// `quantities`.
 pub(crate) fn components(object: &Bound<'_, PyAny>) -> PyResult<usize> {
     object.getattr("quantities")?.len()
 }

@@ -14,7 +14,7 @@ use crate::{
     failure::{Failure, value_error},
 };
 
-/// How the target moves, for states of N components.
+/// Motion model of the target, for states of N components.
 pub(crate) type AnyMotion<const N: usize> = Arc<dyn MotionModel<N> + Send + Sync>;
 
 /// A motion of the library.

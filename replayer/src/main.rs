@@ -43,7 +43,7 @@ fn run() -> Result<(), Failure> {
     Ok(())
 }
 
-/// What the page shows, of the log and the list of what is struck.
+/// Returns the page's contents, from the log and the list of struck receptions.
 fn replayed(input: &str) -> Result<String, Failure> {
     let (lines, struck) = input.split_once("\n\n").ok_or(Failure::NoList)?;
     let registry = Registry::builtin();
@@ -58,7 +58,7 @@ fn replayed(input: &str) -> Result<String, Failure> {
     Ok(page::restruck(&overview, &replay)?)
 }
 
-/// Why there is no replay.
+/// Reason why there is no replay.
 #[derive(Debug, thiserror::Error)]
 enum Failure {
     #[error("no empty line ends the log")]

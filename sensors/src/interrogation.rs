@@ -2,34 +2,33 @@ use foxhunt_core::{Pose, Radio, Sample, Unanswered, angle};
 
 use crate::turn_recorder::{TurnRecorder, nearest_position};
 
-/// How beacons are interrogated, and how their answers are attributed to time and place.
+/// Timing of interrogations, and attribution of answers to time and place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Timing {
-    /// From one request to the next, at least, in seconds.
+    /// Least time from one request to the next, in seconds.
     pub(crate) spacing: f64,
-    /// How long an answer is waited for, in seconds.
+    /// Maximum wait for an answer, in seconds.
     pub(crate) answer_timeout: f64,
-    /// When between request (0) and answer (1) the power was measured.
+    /// Time of the power's measurement between request (0) and answer (1).
     pub(crate) measured_at: f64,
-    /// Where the antenna looks, in radians from the nose.
+    /// The antenna's direction, in radians from the nose.
     pub(crate) mount_offset: f64,
-    /// How many positions make a turn.
+    /// Number of positions in a turn.
     pub(crate) positions: u16,
-    /// From pulse to pulse of a beacon that sends by itself, in seconds.
+    /// Time from pulse to pulse of a beacon that sends by itself, in seconds.
     pub(crate) interval: Option<f64>,
 }
 
-/// How much later than an interval a pulse may come, as a share of it, and still be the one that
-/// was due.
+/// Largest delay of a pulse that still counts as the one that was due, as a share of the interval.
 const LATE: f64 = 0.02;
 
 /// A round of requests to one beacon after the other, over and over again, each answer attributed
 /// to where and when its power was measured.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Interrogation {
-    /// Which beacon is next.
+    /// Index of the next beacon.
     next: usize,
-    /// When the last request was sent.
+    /// Time of the last request.
     last: Option<f64>,
     /// The request without an answer yet: when and from where it was sent.
     pending: Option<(f64, Pose)>,
@@ -38,12 +37,12 @@ pub(crate) struct Interrogation {
 }
 
 impl Interrogation {
-    /// Whether an answer is waited for.
+    /// Returns true if an answer is waited for.
     pub(crate) fn is_pending(&self) -> bool {
         self.pending.is_some()
     }
 
-    /// Sends a request to the next beacon if it is time to; whether it was.
+    /// Sends a request to the next beacon if it is time to; returns true if it was.
     pub(crate) fn request<R: Radio>(
         &mut self,
         radio: &mut R,
@@ -64,8 +63,8 @@ impl Interrogation {
         Ok(true)
     }
 
-    /// Takes the answer if it has come, and gives up one that is late; whether the request is
-    /// settled.
+    /// Takes the answer if it has come, and gives up one that is late; returns true if the request
+    /// is settled.
     pub(crate) fn poll<R: Radio>(
         &mut self,
         radio: &mut R,
@@ -122,9 +121,9 @@ impl Interrogation {
 }
 
 impl Timing {
-    /// Whether an answer should have come between two times: always of a beacon that answers; of
-    /// one that sends by itself where the next pulse after the last one that came was due, or the
-    /// one after that, and so on. Before the first pulse of a turn nothing is known.
+    /// Returns true if an answer should have come between two times: always of a beacon that
+    /// answers; of one that sends by itself where the next pulse after the last one that came was
+    /// due, or the one after that, and so on. Before the first pulse of a turn nothing is known.
     fn was_due(&self, last: Option<&Sample>, from: f64, to: f64) -> bool {
         let Some(interval) = self.interval else { return true };
         // The last one may have come when its request's time was nearly up.

@@ -1,24 +1,24 @@
-//! What a receiver measures, and what can be made of it.
+//! Models of a receiver's measurements, and extraction of levels and bearings from them.
 //!
 //! | what | here |
 //! |-|-|
-//! | how power falls with range | [`Propagation`]: [`LogDistance`], [`Friis`], [`TwoRay`] |
-//! | what a receiver expects | [`Rss`], [`BearingOnly`], [`RssBearing`], [`FreePowerRssBearing`], [`FreePathLossRssBearing`] |
-//! | the same through an antenna's vertical pattern | [`WithElevationPattern`] (`alloc`) |
-//! | what terrain takes away | [`knife_edge_loss_db`], [`TerrainLoss`], [`Hills`] |
-//! | a model with that | [`OverTerrain`] |
+//! | power over range | [`Propagation`]: [`LogDistance`], [`Friis`], [`TwoRay`] |
+//! | expected measurements | [`Rss`], [`BearingOnly`], [`RssBearing`], [`FreePowerRssBearing`], [`FreePathLossRssBearing`] |
+//! | expected measurements through an antenna's vertical pattern | [`WithElevationPattern`] (`alloc`) |
+//! | loss by terrain | [`knife_edge_loss_db`], [`TerrainLoss`], [`Hills`] |
+//! | a model with that loss | [`OverTerrain`] |
 //! | the difference between two receivers | [`DifferentialRss`], [`RangeDifference`] |
 //! | two models at once; silence as a measurement | [`Stacked`]; [`Censored`] |
-//! | how bearings err | [`BearingMixture`] |
+//! | errors of bearings | [`BearingMixture`] |
 //! | a turn of the antenna, put in order | [`Pattern`] |
 //! | from a turn to level and bearing | [`Pritzl2018`]; [`Maximum`], [`FirstHarmonic`], [`MainLobeFit`]; with a known antenna [`CrossCorrelation`], [`MaximumLikelihood`] (`alloc`) |
-//! | what the transmitter's law is | [`fit_log_distance`] |
+//! | fit of the transmitter's law | [`fit_log_distance`] |
 //! | a station of fixed antennas | [`StationPattern`], [`fit_station`] (`alloc`) |
-//! | how bearings are off, how honest their σ | [`fit_bearing_offset`], [`fit_sigma`] |
+//! | fit of the bearings' offset and of their σ | [`fit_bearing_offset`], [`fit_sigma`] |
 //! | an antenna's gain over direction | [`Antenna`] (`alloc`): [`Isotropic`], [`Dipole`], [`Cardioid`], [`Patch`], [`Yagi`] |
-//! | the same from a table | [`PatternTable`], [`PatternTable3d`], [`PrincipalCuts`] (`alloc`) |
-//! | the same in a vendor's file | [`MsiFile`] (`alloc`) |
-//! | what it makes of reflections | [`multipath_gain_dbi`] (`alloc`) |
+//! | gain from a table | [`PatternTable`], [`PatternTable3d`], [`PrincipalCuts`] (`alloc`) |
+//! | gain from a vendor's file | [`MsiFile`] (`alloc`) |
+//! | gain with reflections | [`multipath_gain_dbi`] (`alloc`) |
 //! | the pattern of recorded turns | [`learn_pattern`] (`alloc`) |
 //! | an antenna on a stepper | [`StepperSource`] (`alloc`) |
 //! | an antenna on a body that turns | [`BodySource`] (`alloc`) |

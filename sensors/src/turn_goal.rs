@@ -8,7 +8,7 @@ use foxhunt_core::{
 
 use crate::Antenna;
 
-/// How long a turn goes on: until its bearings are as certain as wanted.
+/// Goal of a turn: it goes on until its bearings are as certain as wanted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
@@ -20,11 +20,11 @@ pub struct TurnGoalConfig {
 }
 
 impl TurnGoalConfig {
-    /// Whether every number can be what it is.
+    /// Checks the ranges of all numbers.
     ///
     /// # Errors
     ///
-    /// [`FieldError`] names the first that cannot.
+    /// [`FieldError`] names the first that is out of its range.
     pub fn check(&self) -> Result<(), FieldError> {
         let wanted = "from 0.01 to 57, the widest bearing that is used";
         in_range("bearing_sigma_deg", self.bearing_sigma_deg, 0.01..=57.0, wanted)?;
@@ -36,7 +36,7 @@ impl TurnGoalConfig {
 /// A goal of turns, and the extractor that tells how near a turn is to it.
 #[derive(Clone)]
 pub struct TurnGoal {
-    /// In radians.
+    /// Largest wanted σ of a bearing, in radians.
     sigma: f64,
     longest_s: f64,
     extractor: Arc<dyn BearingExtractor + Send + Sync>,
@@ -74,14 +74,14 @@ impl TurnGoal {
         self.longest_s
     }
 
-    /// Whether the bearing from such samples is expected to be as certain as wanted.
+    /// Returns true if the bearing from such samples is expected to be as certain as wanted.
     #[must_use]
     pub fn is_reached(&self, sweep: &Sweep<'_>) -> bool {
         self.extractor.expected_sigma(sweep).is_some_and(|sigma| sigma <= self.sigma)
     }
 
-    /// How many questions, `least` to `most`, a turn through `antenna` is expected to take where
-    /// they are spread evenly over the circle: those on which a turn without noise reaches the
+    /// Number of questions, `least` to `most`, that a turn through `antenna` is expected to take if
+    /// they are spread evenly over the circle: with that many a turn without noise reaches the
     /// goal. `over_floor_db` is how far the mean level lies above the receiver's floor, infinite
     /// where all are answered. Where it is not reached, `most`.
     #[must_use]
@@ -96,7 +96,8 @@ impl TurnGoal {
         let floor_dbm = over_floor_db.is_finite().then_some(-over_floor_db);
         let reached = |count: u16| {
             let receiver = Pose::at(0.0, 0.0, 0.0);
-            let (mut samples, mut unanswered) = (Vec::new(), Vec::new());
+            let mut samples = Vec::new();
+            let mut unanswered = Vec::new();
             for position in 0..count {
                 // A third of a step off the axis: neither the best nor the worst of places.
                 let boresight = angle::wrap(TAU * (f64::from(position) + 0.33) / f64::from(count));
@@ -118,7 +119,8 @@ impl TurnGoal {
                 ..Sweep::default()
             })
         };
-        let (mut below, mut count) = (least.max(1) - 1, least.max(1));
+        let mut below = least.max(1) - 1;
+        let mut count = least.max(1);
         while count < most && !reached(count) {
             (below, count) = (count, count.saturating_mul(2).min(most));
         }
@@ -135,8 +137,8 @@ impl TurnGoal {
     }
 
     /// The speed in radians per second, `fastest` at most, at which a body turns so that pulses
-    /// that come each `interval_s` spread over the circle: some eight in a turn, those of the next
-    /// turn between them by the golden section.
+    /// that come each `interval_s` spread over the circle: some eight in a turn, the next turn's
+    /// between them by the golden section.
     #[must_use]
     pub(crate) fn rate_rad_s(interval_s: f64, fastest: f64) -> f64 {
         const PULSES: f64 = 8.618_033_988_749_895;
@@ -144,8 +146,8 @@ impl TurnGoal {
     }
 }
 
-/// How far the boresights of a stepper's round lie between those of the first, as a share of a
-/// step: halves, then quarters, then eighths (van der Corput 1935), and after eight rounds again.
+/// Offset of the boresights of a stepper's round from the first round's, as a share of a step:
+/// halves, then quarters, then eighths (van der Corput 1935), and after eight rounds again.
 pub(crate) fn between_steps(round: u32) -> f64 {
     f64::from((round % 8).reverse_bits() >> 29) / 8.0
 }

@@ -15,13 +15,13 @@ use crate::turn_goal::TurnGoal;
 pub(crate) struct TurnRecorder {
     /// One for each beacon; time, place and limits are filled in when it is lent.
     sweeps: Vec<OwnedSweep>,
-    /// When the turn ended, if it is over.
+    /// Time of the turn's end, if it is over.
     ended: Option<f64>,
     lent: usize,
     /// The worst σ of the vehicle's places so far, each coordinate by itself.
     place_sigma: Option<Vector3<f64>>,
-    /// Of each beacon, how many samples it had when it was last held against a goal, and whether it
-    /// reached it.
+    /// Each beacon's number of samples when it was last held against a goal, and true if it reached
+    /// it.
     judged: Vec<(usize, bool)>,
 }
 
@@ -32,19 +32,19 @@ impl TurnRecorder {
         Self { sweeps: beacons.iter().map(empty).collect(), ..Self::default() }
     }
 
-    /// Makes room for so many samples of each beacon.
+    /// Makes room for `samples` samples of each beacon.
     pub(crate) fn reserve(&mut self, samples: usize) {
         for sweep in &mut self.sweeps {
             sweep.samples.reserve_exact(samples);
         }
     }
 
-    /// The record of one of the beacons, by its place among those of the turn.
+    /// The record of one of the beacons, by its index in the turn.
     pub(crate) fn beacon(&mut self, index: usize) -> &mut OwnedSweep {
         &mut self.sweeps[index]
     }
 
-    /// How many beacons there are.
+    /// Number of beacons.
     pub(crate) fn count(&self) -> usize {
         self.sweeps.len()
     }
@@ -55,7 +55,7 @@ impl TurnRecorder {
         self.place_sigma = sigma.map(worst).or(self.place_sigma);
     }
 
-    /// Whether the turn is over.
+    /// Returns true if the turn is over.
     pub(crate) fn has_ended(&self) -> bool {
         self.ended.is_some()
     }
@@ -65,13 +65,13 @@ impl TurnRecorder {
         self.sweeps.iter_mut()
     }
 
-    /// Whether no sample was taken at all.
+    /// Returns true if no sample was taken at all.
     pub(crate) fn is_empty(&self) -> bool {
         self.sweeps.iter().all(|sweep| sweep.samples.is_empty())
     }
 
-    /// Whether the records of all beacons that were received at all reach a goal. `from_nose`:
-    /// boresights of unanswered questions are still counted from the nose.
+    /// Returns true if the records of all beacons that were received at all reach a goal.
+    /// `from_nose`: boresights of unanswered questions are still counted from the nose.
     pub(crate) fn reaches(
         &mut self,
         goal: &TurnGoal,
@@ -100,7 +100,7 @@ impl TurnRecorder {
         self.ended = Some(time);
     }
 
-    /// Whether there is a sweep that was not lent yet, of a turn that is over or not.
+    /// Returns true if there is a sweep that was not lent yet, of a turn that is over or not.
     pub(crate) fn has_more(&self) -> bool {
         self.lent < self.sweeps.len()
     }
@@ -132,9 +132,12 @@ pub(crate) fn mean_pose(samples: &[Sample]) -> Option<Pose> {
     let last = samples.last()?;
     let mut heading = Resultant::default();
     let mut position = Vector3::zeros();
-    let (mut pitch, mut roll, mut count) = (0.0, 0.0, 0.0);
+    let mut pitch = 0.0;
+    let mut roll = 0.0;
+    let mut count = 0.0;
     // A drone that hovers has one heading for all samples.
-    let (mut held, mut unit) = (f64::NAN, Resultant::default());
+    let mut held = f64::NAN;
+    let mut unit = Resultant::default();
     for Sample { receiver, .. } in samples {
         if receiver.heading.to_bits() != held.to_bits() {
             held = receiver.heading;
@@ -167,8 +170,8 @@ pub(crate) fn mean_pose(samples: &[Sample]) -> Option<Pose> {
 /// Headings whose mean resultant is shorter than this, which is a spread of 8°, did not hold.
 const HELD: f64 = 0.99;
 
-/// The nominal position, of so many in a turn, that is nearest to a boresight's angle in radians: a
-/// motor that is stuck does not fill positions that it never reached.
+/// The nominal position, of `positions` in a turn, that is nearest to a boresight's angle in
+/// radians: a motor that is stuck does not fill positions that it never reached.
 pub(crate) fn nearest_position(angle: f64, positions: u16) -> u16 {
     let steps = libm::round(angle::wrap(angle) / TAU * f64::from(positions));
     #[expect(clippy::cast_possible_truncation, reason = "within a turn of at most u16::MAX steps")]

@@ -4,12 +4,12 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Pulse {
-    /// When its middle was, in seconds of the samples' clock.
+    /// Time of its middle, in seconds of the samples' clock.
     pub time_s: f64,
     /// The carrier's frequency, in hertz; absolute where the receiver's centre is known, otherwise
     /// relative to it.
     pub frequency_hz: f64,
-    /// How long it was, in seconds.
+    /// Its duration, in seconds.
     pub width_s: f64,
     /// The mean power while it lasts, in dBm, or in dB of full scale where the receiver is not
     /// calibrated.

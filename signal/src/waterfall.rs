@@ -2,7 +2,7 @@ use std::{fmt, sync::Arc};
 
 use rustfft::{Fft, FftPlanner, num_complex::Complex32};
 
-/// How long a transform is at least, in seconds: a pulse of a tag fills one.
+/// Least length of a transform, in seconds: a pulse of a tag fills one.
 const FRAME_S: f64 = 0.02;
 
 /// Powers over frequency and time, for people to look at: the highest of each stretch of time and
@@ -35,7 +35,7 @@ pub struct Waterfall {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct WaterfallRow {
-    /// Where it ends, in seconds of the samples' clock.
+    /// Time of its end, in seconds of the samples' clock.
     pub time_s: f64,
     /// The highest power in each column, the lowest frequency first, over the median of all
     /// columns, in dB.
@@ -83,14 +83,15 @@ impl Waterfall {
         })
     }
 
-    /// Takes the samples from index `first` on, and returns the rows that they complete. After a
-    /// gap a row begins anew.
+    /// Takes the samples from index `first` on, and returns the rows that they complete. A gap
+    /// begins a new row.
     pub fn push(&mut self, first: u64, samples: &[Complex32]) -> Vec<WaterfallRow> {
         if self.expected != Some(first) {
             self.buffer.clear();
         }
         let mut rows = Vec::new();
-        let (mut left, mut index) = (samples, first);
+        let mut left = samples;
+        let mut index = first;
         while !left.is_empty() {
             let size = self.fft.len();
             let (part, rest) = left.split_at(left.len().min(size - self.buffer.len()));
@@ -111,7 +112,8 @@ impl Waterfall {
 
     fn frame(&mut self) {
         self.fft.process_with_scratch(&mut self.buffer, &mut self.scratch);
-        let (size, columns) = (self.buffer.len(), self.columns.len());
+        let size = self.buffer.len();
+        let columns = self.columns.len();
         for (bin, value) in self.buffer.iter().enumerate() {
             // The second half of the bins is below the middle of the band.
             let place = (bin + size / 2) % size;

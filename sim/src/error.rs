@@ -1,7 +1,7 @@
 use foxhunt_core::parameter::FieldError;
 use foxhunt_sensors::{AntennaError, ParameterError};
 
-/// Why a world, or a request to it, is refused. What was requested did not happen.
+/// The reason why a world, or a request to it, is refused. What was requested did not happen.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SimError {
@@ -23,12 +23,12 @@ pub enum SimError {
     /// There is no such drone.
     #[error("there is no drone {drone}; the world has {drones}, counted from 0")]
     Drone {
-        /// Which one was requested.
+        /// The drone that was requested.
         drone: usize,
-        /// How many there are.
+        /// The number of drones.
         drones: usize,
     },
-    /// A place on Earth that is none.
+    /// The origin is not a valid place on Earth.
     #[cfg(feature = "emulators")]
     #[error("the origin: {0}")]
     Place(#[from] foxhunt_wire::geodesy::GeodesyError),
@@ -36,7 +36,7 @@ pub enum SimError {
     #[cfg(feature = "emulators")]
     #[error("there is no mode {mode:?}")]
     FlightMode {
-        /// What it was called.
+        /// The mode's name as requested.
         mode: String,
     },
     /// An emulated autopilot has no parameter of this name.
@@ -50,21 +50,21 @@ pub enum SimError {
     #[cfg(feature = "emulators")]
     #[error("drone {drone} was put at a pose that is not finite")]
     Pose {
-        /// Which one.
+        /// The drone.
         drone: usize,
     },
     /// There is no link to the drone at present.
     #[error("there is no link")]
     Link {
-        /// Which one.
+        /// The drone.
         drone: usize,
     },
     /// There is no such beacon.
     #[error("there is no beacon {beacon}; the world has {beacons}, counted from 0")]
     Beacon {
-        /// Which one was requested.
+        /// The beacon that was requested.
         beacon: u16,
-        /// How many there are.
+        /// The number of beacons.
         beacons: usize,
     },
     /// Time cannot pass so.
@@ -97,7 +97,7 @@ pub enum SimError {
     },
 }
 
-/// Why there is no terrain.
+/// The reason why there is no terrain.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReliefError {
@@ -107,7 +107,7 @@ pub enum ReliefError {
     /// The tiles cannot be read, or do not cover the reach.
     #[error("{reason}")]
     Tiles {
-        /// What is wrong, with the tile and the place.
+        /// The problem, with the tile and the place.
         reason: String,
     },
 }

@@ -61,7 +61,7 @@ pub use error::{ReliefError, SimError};
 pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};
 pub use world::World;
 
-/// Whether a switch that is off by default was left off.
+/// Returns true if a switch that is off by default was left off.
 fn is_false(switch: &bool) -> bool {
     !switch
 }

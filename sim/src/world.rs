@@ -37,7 +37,8 @@ impl World {
         // What belongs to places has a generator of its own: fields more or less leave the drones'
         // streams as they are.
         let mut fields = Xoshiro256PlusPlus::seed_from_u64(!seed);
-        let (beacons, terrain) = (config.beacons.len(), config.terrain.as_ref());
+        let beacons = config.beacons.len();
+        let terrain = config.terrain.as_ref();
         let channel = Channel::new(&config.channel, terrain, beacons, &mut fields)?;
         let mut root = Xoshiro256PlusPlus::seed_from_u64(seed);
         let mut drone = |drone| {
@@ -104,7 +105,7 @@ impl World {
         self.truth.borrow_mut().free = Free { until, step: dt };
     }
 
-    /// Whether every drone stays where it is until it is sent somewhere.
+    /// Returns true if every drone stays where it is until it is sent somewhere.
     #[must_use]
     pub fn rests(&self) -> bool {
         self.truth.borrow().rests()
@@ -116,26 +117,26 @@ impl World {
         self.truth.borrow().time
     }
 
-    /// How many drones there are.
+    /// Returns the number of drones.
     #[must_use]
     pub fn drone_count(&self) -> usize {
         self.truth.borrow().drones.len()
     }
 
-    /// Where a beacon is now: East, North and Up in metres; `None` if there is no such beacon.
+    /// The place of a beacon now: East, North and Up in metres; `None` if there is no such beacon.
     #[must_use]
     pub fn truth(&self, beacon: BeaconId) -> Option<Vector3<f64>> {
         self.truth_at(beacon, self.time())
     }
 
-    /// Where a beacon is after `time` seconds, East, North and Up in metres; `None` if there is no
-    /// such beacon.
+    /// The place of a beacon after `time` seconds, East, North and Up in metres; `None` if there is
+    /// no such beacon.
     #[must_use]
     pub fn truth_at(&self, beacon: BeaconId, time: f64) -> Option<Vector3<f64>> {
         Some(self.truth.borrow().beacons.get(usize::from(beacon.0))?.place_at(time))
     }
 
-    /// How fast a beacon moves now: East, North and Up in metres per second; `None` if there is no
+    /// The velocity of a beacon now: East, North and Up in metres per second; `None` if there is no
     /// such beacon.
     #[must_use]
     pub fn true_velocity(&self, beacon: BeaconId) -> Option<Vector3<f64>> {
@@ -149,7 +150,7 @@ impl World {
         Some(self.truth.borrow().beacons.get(usize::from(beacon.0))?.name.clone())
     }
 
-    /// What a beacon sends at, in MHz; `None` if there is no such beacon.
+    /// The frequency that a beacon sends at, in MHz; `None` if there is no such beacon.
     #[must_use]
     pub fn frequency_mhz(&self, beacon: BeaconId) -> Option<f64> {
         self.truth.borrow().frequency_mhz(beacon)
@@ -161,13 +162,14 @@ impl World {
         self.truth.borrow().beacons.get(usize::from(beacon.0))?.pulses
     }
 
-    /// From which second on a beacon answers; `None` if there is no such beacon, or it always did.
+    /// The second from which on a beacon answers; `None` if there is no such beacon, or it always
+    /// did.
     #[must_use]
     pub fn appears_after_s(&self, beacon: BeaconId) -> Option<f64> {
         self.truth.borrow().beacons.get(usize::from(beacon.0))?.appears_after_s
     }
 
-    /// Where a drone truly is, whether there is a link to it or not.
+    /// The true pose of a drone, even if there is no link to it.
     ///
     /// # Errors
     ///
@@ -176,7 +178,7 @@ impl World {
         Ok(self.on_board(drone)?.with(|drone, _| drone.pose()))
     }
 
-    /// How fast a drone truly moves: East, North and Up in metres per second.
+    /// The true velocity of a drone: East, North and Up in metres per second.
     ///
     /// # Errors
     ///
@@ -185,7 +187,7 @@ impl World {
         Ok(self.on_board(drone)?.with(|drone, _| drone.body.velocity()))
     }
 
-    /// How far a drone has flown, in metres.
+    /// The distance that a drone has flown, in metres.
     ///
     /// # Errors
     ///
@@ -225,7 +227,7 @@ impl World {
     /// The samples of one pattern share an offset of the level and an error of the direction
     /// ([`ChannelConfig`](crate::ChannelConfig)). A pattern ends when the drone has moved by more
     /// than 0.5 m or turned all the way round, or with
-    /// [`begin_pattern`](Self::begin_pattern). The random numbers are those of the drone's radio,
+    /// [`begin_pattern`](Self::begin_pattern). The random numbers come from the drone's radio,
     /// in the order in which samples are taken.
     ///
     /// ```
@@ -331,13 +333,15 @@ impl World {
     ///
     /// [`SimError::Drone`] if there is no such drone.
     pub fn stepper(&self, drone: usize, config: StepperConfig) -> Result<SimStepper, SimError> {
-        let (radio, rotator) = (self.radio(drone)?, self.rotator(drone)?);
+        let radio = self.radio(drone)?;
+        let rotator = self.rotator(drone)?;
         let floor = self.truth.borrow().channel.floor_dbm();
         let config = match floor.filter(|_| config.floor_dbm().is_none()) {
             Some(floor) => config.with_floor_dbm(floor).expect("it was checked with the channel"),
             None => config,
         };
-        let (vehicle, clock) = (self.vehicle(drone)?, radio.on_board.clock());
+        let vehicle = self.vehicle(drone)?;
+        let clock = radio.on_board.clock();
         Ok(StepperSource::new(config, radio, rotator, vehicle, clock))
     }
 

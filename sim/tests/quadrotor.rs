@@ -1,4 +1,4 @@
-//! What a quadrotor that turns while it flies reaches.
+//! The limits of a quadrotor that turns while it flies.
 
 use foxhunt_core::Pose;
 use foxhunt_sim::{Piloting, Quadrotor, QuadrotorConfig, SimError, WindConfig};
@@ -43,7 +43,9 @@ fn it_translates_while_it_turns() {
         for spin in [None, Some(SPIN), Some(-SPIN)] {
             let mut drone = quadrotor(config);
             drone.spin(spin).expect("finite");
-            let (mut squares, mut count, mut highest) = (0.0, 0.0, 0.0_f64);
+            let mut squares = 0.0;
+            let mut count = 0.0;
+            let mut highest = 0.0_f64;
             for (east, north, up) in
                 [(8.0, 0.0, 4.0), (8.0, 8.0, 4.0), (-3.0, 5.0, 4.0), (0.0, 0.0, 4.0)]
             {
@@ -109,7 +111,9 @@ fn it_leans_into_the_wind_and_survives_gusts() {
         let mut drone = quadrotor(QuadrotorConfig { wind, ..config });
         drone.spin(Some(SPIN)).expect("finite");
         drone.advance(20.0);
-        let (mut squares, mut lean, mut sunk) = (0.0, Vector3::zeros(), 0.0_f64);
+        let mut squares = 0.0;
+        let mut lean = Vector3::zeros();
+        let mut sunk = 0.0_f64;
         for _ in 0..10_000 {
             drone.advance(0.01);
             let pose = drone.pose();
@@ -138,7 +142,8 @@ fn the_tick_makes_no_difference() {
         (0..ticks).for_each(|_| drone.advance(tick));
         drone
     };
-    let (fine, coarse) = (fly(0.003, 700), fly(0.7, 3));
+    let fine = fly(0.003, 700);
+    let coarse = fly(0.7, 3);
     assert!((fine.pose().position - coarse.pose().position).norm() < 1e-9);
     assert!((fine.heading() - coarse.heading()).abs() < 1e-9);
     // Between two of its own steps it coasts.

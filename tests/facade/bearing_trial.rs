@@ -8,7 +8,7 @@ use foxhunt::{
 
 use crate::support::repetition;
 
-/// What the recommended one is compared with.
+/// Extractor that the recommended one is compared with.
 const PLAINEST: &str = "first-harmonic-db";
 
 fn report(case: &str, runs: u32) -> BearingReport {
@@ -26,7 +26,8 @@ fn of<'r>(report: &'r BearingReport, name: &str) -> &'r ExtractorReport {
 
 /// The bounds on the recommended extractor, `slack` times what 2000 turns have to keep.
 fn holds(runs: u32, slack: f64) {
-    let (low, high) = (0.8 / slack, 1.25 * slack);
+    let low = 0.8 / slack;
+    let high = 1.25 * slack;
     // A share of 0.95 in n scatters by 0.218/√n.
     let scatter = 5.0 * 0.218 / f64::from(runs).sqrt();
     for (case, rms) in [
@@ -63,7 +64,7 @@ fn the_recommended_extractor_reaches_its_bounds() {
     holds(150, 1.3);
 }
 
-/// What is claimed of it, on 2000 turns of each case.
+/// Claims for the recommended extractor, on 2000 turns of each case.
 #[test]
 #[ignore = "campaign: 10 000 turns, a minute with optimisation"]
 fn the_recommended_extractor_reaches_its_bounds_in_2000_turns() {

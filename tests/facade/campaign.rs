@@ -18,7 +18,7 @@ fn run_on(repetition: &Repetition<'_>, names: &[&str]) -> CampaignReport {
     campaign(&Registry::builtin(), &scenario, &entries(names), repetition).expect("in order")
 }
 
-/// Those that take one reception after the other.
+/// Estimators that take one reception after the other.
 fn streams() -> Vec<EstimatorEntry> {
     let own_quantities = |entry: &&EstimatorEntry| entry.needs().others.is_empty();
     let stream = |entry: &&EstimatorEntry| !entry.needs().all_at_once;
@@ -84,7 +84,7 @@ fn the_reference_in_small() {
     assert!(low > 1.0 && high < 2.0, "{low} to {high}");
 }
 
-/// What an independent implementation reaches in a thousand runs.
+/// Results that an independent implementation reaches in a thousand runs.
 #[test]
 #[ignore = "a thousand hunts with each of two filters: a minute in release"]
 fn the_reference_in_full() {
@@ -103,8 +103,8 @@ fn the_reference_in_full() {
     }
 }
 
-/// A smaller version of the campaign below: 20 runs. The limits are those of 500, widened by three
-/// standard errors of a root mean square (0.5 σ/√n of 0.9 m) and of an ANEES (2/√n).
+/// A smaller version of the campaign below: 20 runs. The limits are the ones of 500 runs, widened
+/// by three standard errors of a root mean square (0.5 σ/√n of 0.9 m) and of an ANEES (2/√n).
 #[test]
 fn the_default_in_small() {
     let report = run(20, 40_000, &["default"]);

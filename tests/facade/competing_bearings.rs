@@ -39,7 +39,8 @@ fn turns(
     let places = [(15.0, 15.0), (-15.0, 15.0), (-15.0, -15.0), (15.0, -15.0)];
     let turn = |((east, north), time): ((f64, f64), f64)| {
         let mut normal = || -> f64 { rng.sample(StandardNormal) };
-        let (level, error) = (noise * normal(), normal());
+        let level = noise * normal();
+        let error = normal();
         let receiver = Pose::at(east, north, 4.0);
         let way = truth.push(0.0) - receiver.position;
         let bearing = way.y.atan2(way.x) + BEARING_SIGMA * error;
@@ -109,9 +110,9 @@ fn run(
     ((square / f64::from(runs)).sqrt(), nees)
 }
 
-/// Those that can take both directions for what they are know how good they are, and are better
-/// than with the moments alone; seeds 1 to 500, one false alarm in a thousand for each, and a
-/// covariance that is wrong by 1.3 is noticed.
+/// Estimators that can take both directions for what they are know how good they are, and are
+/// better than with the moments alone; seeds 1 to 500, one false alarm in a thousand for each, and
+/// a covariance that is wrong by 1.3 is noticed.
 #[test]
 fn mixtures_keep_both_directions() {
     const RUNS: u32 = 500;

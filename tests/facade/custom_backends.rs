@@ -62,7 +62,8 @@ impl Lattice {
     const STEP: f64 = 1.0;
 
     fn new(model: RssBearing<LogDistance>, prior: &Estimate<2>) -> Self {
-        let (mean, precision) = (prior.mean, 1.0 / prior.covariance[(0, 0)]);
+        let mean = prior.mean;
+        let precision = 1.0 / prior.covariance[(0, 0)];
         let lattice = (-30..=30).flat_map(|i| (-30..=30).map(move |j| (i, j)));
         let places = lattice
             .map(|(i, j)| {

@@ -18,7 +18,7 @@ use nalgebra::Vector2;
 
 use crate::support::entry;
 
-/// A folder of recordings, or `None` where there are none.
+/// A folder of recordings, or `None` if it is missing.
 #[expect(clippy::print_stdout, reason = "a test that is skipped prints so")]
 fn recordings(folder: &str) -> Option<PathBuf> {
     let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data")).join(folder);

@@ -1,5 +1,5 @@
-//! Hunts against those of the program before version 0.2: the numbers are its output. Those of the
-//! particle filter are of its present stream of random numbers.
+//! Hunts against the output of the program before version 0.2. The numbers of the particle filter
+//! are from its present stream of random numbers.
 
 use std::convert::Infallible;
 

@@ -78,7 +78,8 @@ fn one_drone_is_enough_for_those_that_move() {
         let hunt = fly(&with_planner(scenario, &planner(name)));
         assert_eq!(hunt.found.len(), 2, "{name}");
         for found in &hunt.found {
-            let (fix, miss) = (&found.fix, found.error_m());
+            let fix = &found.fix;
+            let miss = found.error_m();
             assert_eq!(fix.outcome, Outcome::Converged, "{name}");
             assert!(miss < 10.0, "{name} misses {} by {miss} m", fix.name);
         }
@@ -110,10 +111,10 @@ fn information_needs_fewer_steps_than_the_reference() {
     }
 }
 
-/// What the planner is for, in 500 hunts with seeds from 1: its median number of steps to an
-/// ellipse of 3 m is at most 75 % of the reference's near the beacon, its median time at most 80 %
-/// far from it, and its estimates are as good as claimed: the ANEES is not above its 95 %
-/// interval, which an honest one's is once in forty.
+/// Purpose of the planner, in 500 hunts with seeds from 1: its median number of steps to an ellipse
+/// of 3 m is at most 75 % of the reference's near the beacon, its median time at most 80 % far from
+/// it, and its estimates are as good as claimed: the ANEES is not above its 95 % interval, which an
+/// honest one's is once in forty.
 #[test]
 #[ignore = "campaign: two thousand hunts, minutes in release"]
 fn information_is_faster_than_the_reference_in_full() {

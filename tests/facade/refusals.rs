@@ -1,4 +1,4 @@
-//! What is refused because it cannot be honoured, and the names in the error.
+//! Refusals of requests that cannot be honoured, and the names in the error.
 
 use std::{convert::Infallible, error::Error};
 

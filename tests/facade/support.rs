@@ -22,7 +22,7 @@ pub(crate) fn entry(name: &str) -> EstimatorEntry {
     entries(&[name]).remove(0)
 }
 
-/// So many runs from a seed on, on two threads.
+/// This number of runs from a seed on, on two threads.
 pub(crate) fn repetition(runs: u32, seed: u64) -> Repetition<'static> {
     Repetition { runs, seed, jobs: 2, progress: &|| () }
 }
@@ -73,7 +73,7 @@ impl Vehicle for Teleport {
     }
 }
 
-/// How a [`Cardioid`] behaves.
+/// Behaviour of a [`Cardioid`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Health {
     Good,
@@ -151,7 +151,8 @@ impl PatternSource for Cardioid {
         let receiver = self.place.get();
         let law = LogDistance::new(LAW.0, LAW.1).expect("in range");
         let sight = self.targets[usize::from(beacon.0)].push(0.0) - receiver.position;
-        let (range, bearing) = (sight.norm(), sight.y.atan2(sight.x));
+        let range = sight.norm();
+        let bearing = sight.y.atan2(sight.x);
         let gain = |a: f64| 10.0 * (0.55 + 0.45 * a.cos()).log10();
         let boresight = |i: u16| TAU * f64::from(i) / f64::from(POSITIONS);
         let mean = (0..POSITIONS).map(|i| gain(boresight(i))).sum::<f64>() / f64::from(POSITIONS);

@@ -51,7 +51,7 @@ fn the_number_of_threads_changes_nothing() {
     assert_eq!(of(1), of(2));
 }
 
-/// Whether a trial can honour all that an estimator is set to.
+/// Returns true if a trial can honour all that an estimator is set to.
 fn suits(estimator: &EstimatorEntry, trial: &Trial, moving: bool) -> bool {
     let differences = trial.differences.is_some();
     let Some(settings) = estimator.settings() else {
@@ -78,7 +78,8 @@ fn suits(estimator: &EstimatorEntry, trial: &Trial, moving: bool) -> bool {
         && (moving || settings.moving.is_none())
 }
 
-/// Those that suit a trial run it; the others, and those without settings, are refused by name.
+/// Estimators that suit a trial run it; the others, and estimators without settings, are refused by
+/// name.
 #[test]
 fn every_estimator_runs_every_trial_that_suits_it() {
     for mut trial in builtin_trials() {
@@ -135,7 +136,8 @@ fn the_ellipse_stays_long_in_depth() {
     const RUNS: u64 = 500;
     let line = trial("isaacs-line");
     for (estimator, anees) in entries(&["particle", "gaussian-sum"]).iter().zip([1.79, 1.79]) {
-        let (mut ratios, mut normalised) = (Vec::new(), 0.0);
+        let mut ratios = Vec::new();
+        let mut normalised = 0.0;
         let mut along = 0;
         for seed in 0..RUNS {
             let run = run_trial(&line, estimator, seed).expect("in order");

@@ -29,7 +29,7 @@ fn examine(Field { world, emulated, driver }: &mut Field) -> Vec<Finding> {
     })
 }
 
-/// What it reports, if it does: how far that is from the truth, and by what.
+/// Error and source of the height that it reports, if it does.
 fn reported(field: &mut Field, seconds: f64) -> Option<(f64, HeightSource)> {
     let height = field.run(seconds).above_ground?.height;
     Some((height.metres - above(field), height.source))

@@ -131,7 +131,7 @@ fn advice_is_followed_and_nothing_is_sent() {
     }
 }
 
-/// What cannot be flown without orders is refused, with its reason.
+/// A flight that needs orders is refused, with its reason.
 #[test]
 fn what_needs_orders_cannot_be_advised() {
     let scenario = Scenario::find("pritzl-6.1").expect("it is built in");

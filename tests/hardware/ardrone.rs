@@ -19,7 +19,8 @@ struct Datagrams {
 }
 
 fn pair() -> (Datagrams, Datagrams) {
-    let (a, b) = (Queue::default(), Queue::default());
+    let a = Queue::default();
+    let b = Queue::default();
     let other = Datagrams { inbox: Rc::clone(&b), outbox: Rc::clone(&a) };
     (Datagrams { inbox: a, outbox: b }, other)
 }
@@ -117,7 +118,8 @@ fn it_flies_turns_and_comes_home() {
 
     field.driver.spin(Some(45_f64.to_radians())).expect("accepted");
     field.until("a second", 1.0, |_, _| true);
-    let (mut turned, mut worst) = (0.0, 0.0_f64);
+    let mut turned = 0.0;
+    let mut worst = 0.0_f64;
     let mut last = field.world.pose(0).expect("a drone").heading;
     for _ in 0..400 {
         field.tick();

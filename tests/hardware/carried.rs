@@ -13,8 +13,8 @@ use foxhunt::{
 
 const ORIGIN: MavlinkOrigin = MavlinkOrigin { lat_deg: 47.4, lon_deg: 8.5 };
 
-/// What the autopilot sends goes to its pilot and, while it `passes`, to the field; what the
-/// pilot sends goes to the autopilot.
+/// Router: the autopilot's bytes go to its pilot and, while it `passes`, to the field; the pilot's
+/// go to the autopilot.
 struct Router {
     autopilot: MemoryStream,
     pilot: MemoryStream,
@@ -40,7 +40,8 @@ impl Router {
 fn radio_and_motor_go_where_a_foreign_vehicle_goes() {
     let scenario = Scenario::find("pritzl-6.1").expect("it is built in");
     // One world flies, the other one follows; they share nothing but the telemetry.
-    let (flown, field) = (world(&scenario, 1), world(&scenario, 2));
+    let flown = world(&scenario, 1);
+    let field = world(&scenario, 2);
     let begin = field.pose(0).expect("a drone");
     let (near, autopilot) = memory_pair();
     let (pilot, near_pilot) = memory_pair();
@@ -70,7 +71,8 @@ fn radio_and_motor_go_where_a_foreign_vehicle_goes() {
         std::mem::take(&mut errors)
     };
     let apart = || {
-        let (true_pose, there) = (flown.pose(0).expect("one"), field.pose(0).expect("one"));
+        let true_pose = flown.pose(0).expect("one");
+        let there = field.pose(0).expect("one");
         (true_pose.position - there.position).norm()
     };
 
@@ -94,7 +96,8 @@ fn radio_and_motor_go_where_a_foreign_vehicle_goes() {
         });
         levels.sum::<f64>() / 400.0
     };
-    let (near, there) = (mean(&flown), mean(&field));
+    let near = mean(&flown);
+    let there = mean(&field);
     assert!((near - there).abs() < 0.6, "{near:.1} dBm and {there:.1} dBm");
 
     // An order of the field's own does not move it.

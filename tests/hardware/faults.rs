@@ -43,7 +43,10 @@ fn silent(from_s: f64, to_s: f64) -> DroneFaults {
 
 /// Plays flights of these seeds, holds each to what every flight must keep, and sums them up.
 fn play(seeds: std::ops::Range<u64>) -> String {
-    let (mut nearest_m, mut farthest_m, mut found, mut ended) = (f64::INFINITY, 0.0_f64, 0, 0);
+    let mut nearest_m = f64::INFINITY;
+    let mut farthest_m = 0.0_f64;
+    let mut found = 0;
+    let mut ended = 0;
     let flights = seeds.end - seeds.start;
     let registry = Registry::builtin();
     for seed in seeds {
@@ -74,7 +77,7 @@ fn a_thousand_random_flights() {
     println!("{}", play(1..1001));
 }
 
-/// How a flight is expected to end for the drone that something happens to.
+/// Expected end of a flight for the drone that something happens to.
 #[derive(Clone, Copy, Debug)]
 enum Expected {
     /// As if nothing had happened.
@@ -100,7 +103,7 @@ impl Expected {
         }
     }
 
-    /// Whether a flight ended so for its second drone.
+    /// Returns true if a flight ended so for its second drone.
     fn holds(self, flown: &EmulatedFlown) -> bool {
         let down = |drone: usize| flown.up_m[drone] < 0.3;
         let others = down(0) && down(2);

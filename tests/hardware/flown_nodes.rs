@@ -24,7 +24,7 @@ use nalgebra::Vector2;
 
 const EPOCH: UnixTime = UnixTime::whole(1_760_000_000);
 
-/// What was sent, whoever took it.
+/// Messages that were sent, whoever took them.
 type Wiretap = Rc<RefCell<Vec<(usize, Vec<u8>)>>>;
 
 /// A carrier of which a stranger records what is sent.
@@ -103,11 +103,13 @@ impl Rig {
         let carrier = Recorded(self.carriers.0[drone].clone(), Rc::clone(&self.reports));
         let link = CarriedDrone::new(carrier, drone, Some(self.key.clone())).expect("randomness");
         let FlightConfig { drones, extractor, bearings, .. } = &self.flight;
-        let (clock, mut ports) = (self.world.clock(), SystemPorts::new(self.world.clock()));
+        let clock = self.world.clock();
+        let mut ports = SystemPorts::new(self.world.clock());
         let open = drones[drone].open(&self.flight, None, &mut ports, &clock, 0.0, None);
         let open = open.expect("devices");
         let extractor = self.registry.hunt_extractor(extractor, *bearings).expect("in range");
-        let (rules, config) = (self.flight.flight, DroneNodeConfig::default());
+        let rules = self.flight.flight;
+        let config = DroneNodeConfig::default();
         let mut node =
             FlownNode::new(drone, open, extractor, link, EPOCH, rules, config).expect("in range");
         if take_over {
@@ -201,7 +203,7 @@ impl Rig {
         }
     }
 
-    /// What strangers send: garbage, what is too long, forged and recorded messages, to all ends.
+    /// Sends messages of strangers to all ends: garbage, too long, forged and recorded ones.
     fn molest(&self, forger: &mut Forger) {
         let end_of = |drone: usize| self.carriers.0[drone].clone();
         let mut to_drones = self.carriers.1.clone();
@@ -252,8 +254,10 @@ impl Forger {
 fn drones_and_fusion_begun_anew_among_strangers_find_the_same() {
     let mut rig = Rig::new("flown-nodes", 1, Vec::new());
     let mut forger = Forger::new(&rig.carriers.0[1]);
-    let (mut drones, mut fusion) = (rig.drones(), Some(rig.fusion()));
-    let (mut killed, mut resumed) = (None, false);
+    let mut drones = rig.drones();
+    let mut fusion = Some(rig.fusion());
+    let mut killed = None;
+    let mut resumed = false;
     while !fusion.as_ref().is_some_and(|node| node.is_finished(rig.world.time())) {
         rig.pass(&mut drones, &mut fusion);
         let time = rig.world.time();
@@ -307,7 +311,8 @@ fn drones_without_orders_come_back_and_the_pilots_keep_theirs() {
     let vehicle = AutopilotFaults { pilot, ..AutopilotFaults::default() };
     let faults = vec![DroneFaults { vehicle, ..DroneFaults::default() }];
     let mut rig = Rig::new("flown-silent", 3, faults);
-    let (mut drones, mut fusion) = (rig.drones(), Some(rig.fusion()));
+    let mut drones = rig.drones();
+    let mut fusion = Some(rig.fusion());
     while rig.world.time() < 90.0 {
         rig.pass(&mut drones, &mut fusion);
     }
@@ -346,7 +351,8 @@ fn drones_without_orders_come_back_and_the_pilots_keep_theirs() {
 #[test]
 fn none_takes_off_before_all_are_ready_and_the_operator_lets_them() {
     let mut rig = Rig::new("flown-ready", 4, Vec::new());
-    let (mut drones, mut fusion) = (rig.drones(), Some(rig.fusion()));
+    let mut drones = rig.drones();
+    let mut fusion = Some(rig.fusion());
     fusion.as_mut().expect("it is there").wait_for_go(true);
     let late = drones[2].take();
     while rig.world.time() < 30.0 {

@@ -40,7 +40,8 @@ fn world() -> World {
         bearing_sigma_deg: 0.0,
         ..ChannelConfig::default()
     };
-    let (beacons, drones) = (vec![beacon], vec![drone]);
+    let beacons = vec![beacon];
+    let drones = vec![drone];
     let config = WorldConfig { beacons, drones, channel, ..WorldConfig::default() };
     World::new(&config, 7).expect("a proper world")
 }
@@ -239,7 +240,8 @@ fn garbage_and_cut_messages_cost_fixes_and_nothing_else() {
         let config = GnssConfig { kind: near_kind, ..GnssConfig::default() };
         let mut receiver = GnssReceiver::new(config, line, world.clock()).expect("in range");
         let truth = world.pose(0).expect("there is one").position;
-        let (mut fresh, mut wrong) = (0, 0);
+        let mut fresh = 0;
+        let mut wrong = 0;
         for _ in 0..600 {
             run(&world, &mut emulator, &mut receiver, 0.2);
             let Ok(position) = receiver.position() else { continue };
@@ -256,8 +258,8 @@ fn garbage_and_cut_messages_cost_fixes_and_nothing_else() {
     }
 }
 
-/// What one turn of an antenna gives when its place comes from this receiver, and what a filter
-/// makes of it.
+/// Reception of one turn of an antenna whose place comes from this receiver, and a filter's
+/// estimate from it.
 fn received(quality: FixQuality) -> (Reception, Estimate<2>) {
     let world = world();
     let (near, far) = memory_pair();
@@ -272,7 +274,8 @@ fn received(quality: FixQuality) -> (Reception, Estimate<2>) {
     run(&world, &mut emulator, &mut receiver, 2.0);
     let vehicle = world.vehicle(0).expect("there is one");
     let placed = Placed::new(vehicle, receiver, frame(), config.antenna());
-    let (radio, rotator) = (world.radio(0).expect("one"), world.rotator(0).expect("one"));
+    let radio = world.radio(0).expect("one");
+    let rotator = world.rotator(0).expect("one");
     let stepper = StepperConfig::pritzl2018();
     let mut source = StepperSource::new(stepper, radio, rotator, placed, world.clock());
     source.begin(&[BeaconId(0)]).expect("simulated");
@@ -329,7 +332,7 @@ fn a_walker_is_a_vehicle() {
     assert!(walker.position_sigma().is_some_and(|sigma| sigma.x < 1.0));
 }
 
-/// What is found about a receiver: `emulated` behind a driver of another or the same kind.
+/// Findings about a receiver: `emulated` behind a driver of another or the same kind.
 fn examined(emulated: EmulatedGnssConfig, kind: GnssKind) -> String {
     let world = world();
     let (near, far) = memory_pair();

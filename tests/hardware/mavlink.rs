@@ -237,7 +237,7 @@ fn orders_end_when_the_pilot_takes_it() {
     }
 }
 
-/// The fastest over ground in a flight of so many seconds, after the first two.
+/// Highest speed over ground in a flight of this length, after the first two seconds.
 fn fastest(field: &mut Field, east: f64, seconds: f64) -> f64 {
     let goal = Waypoint { position: Vector3::new(east, 0.0, 6.0) };
     field.driver.go_to(&goal).expect("accepted");

@@ -78,7 +78,8 @@ fn strangers_do_not_get_the_link() {
         let near = UdpStream::listen("127.0.0.1:0").expect("a port");
         let address = near.local_address().expect("a port").to_string();
         let to = || UdpStream::to(&address).expect("a port");
-        let (mut stranger, mut other) = (to(), Codec::new(9, 1));
+        let mut stranger = to();
+        let mut other = Codec::new(9, 1);
         let beat = MavMessage::HEARTBEAT(HEARTBEAT_DATA {
             custom_mode: 4,
             mavtype: MavType::MAV_TYPE_QUADROTOR,
@@ -102,7 +103,8 @@ fn strangers_do_not_get_the_link() {
             ..MavlinkConfig::default()
         };
         let mut driver = MavlinkVehicle::new(config, near, world.clock()).expect("a driver");
-        let (mut ordered, mut up) = (false, None);
+        let mut ordered = false;
+        let mut up = None;
         // 130,000 datagrams in 20 s of the world's time.
         while world.time() < 60.0 {
             world.advance(TICK).expect("time passes");
@@ -124,7 +126,7 @@ fn strangers_do_not_get_the_link() {
     }
 }
 
-/// An autopilot that was started anew speaks from another port.
+/// An autopilot that was started again speaks from another port.
 #[test]
 fn a_link_is_taken_up_from_another_port() {
     let config = WorldConfig { drones: vec![DroneConfig::default()], ..WorldConfig::default() };

@@ -324,7 +324,8 @@ fn a_drone_that_is_down_takes_no_part_and_the_last_one_ends_the_flight() {
     field.run(30.0, |_| false);
     field.doings[0].borrow_mut().airborne = false;
     field.run(0.1, |_| false);
-    let (orders, from) = (field.doings[0].borrow().orders.len(), field.events.len());
+    let orders = field.doings[0].borrow().orders.len();
+    let from = field.events.len();
     field.run(200.0, |field| field.mission.is_over());
     assert_eq!(field.doings[0].borrow().orders.len(), orders, "it is sent nowhere");
     let received = |event: &Event| matches!(event, Event::Received { drone: 0, .. });

@@ -1,5 +1,5 @@
 //! A hunt on several computers in simulated time: lost, doubled and late messages, a drone and the
-//! side that fuses begun anew, and every estimate to the bit.
+//! side that fuses started again, and every estimate to the bit.
 
 use std::{cell::RefCell, collections::BTreeSet, path::Path, rc::Rc};
 
@@ -19,7 +19,7 @@ use foxhunt::{
     simulation::Setup,
 };
 
-/// When the hunt's time is 0.
+/// UNIX time of the hunt's time 0.
 const EPOCH: UnixTime = UnixTime::whole(1_760_000_000);
 
 /// Everything that the side that fuses received, used or not.
@@ -54,9 +54,9 @@ type Drone = DroneNode<
 #[derive(Clone, Copy, Debug, Default)]
 struct OwnClock {
     offset_s: f64,
-    /// How much faster it runs.
+    /// Relative drift of its rate; positive if it runs faster.
     drift: f64,
-    /// By how much it is set, and when.
+    /// Step of its setting and the time of that, in seconds.
     set: Option<(f64, f64)>,
 }
 
@@ -67,7 +67,7 @@ impl OwnClock {
     }
 }
 
-/// When turns of each drone truly ended.
+/// True ends of each drone's turns.
 type Ended = Rc<RefCell<Vec<(usize, f64)>>>;
 
 /// A source whose turns end by the clock of its drone's computer.
@@ -137,9 +137,11 @@ impl Field {
     fn drone(&self, drone: usize) -> Drone {
         let sources = self.scenario.sources(&self.registry, &self.world).expect("proper sources");
         let source = sources.into_iter().nth(drone).expect("as many as drones");
-        let (clock, ended) = (self.clocks[drone], Rc::clone(&self.ended));
+        let clock = self.clocks[drone];
+        let ended = Rc::clone(&self.ended);
         let source = boxed_source(ByOwnClock { source, clock, drone, ended });
-        let (link, clock) = (self.links.0[drone].clone(), self.world.clock());
+        let link = self.links.0[drone].clone();
+        let clock = self.world.clock();
         let draws = self.draws(u64::try_from(drone).expect("few"));
         let link = Impaired::new(link, self.impairment, clock, draws).expect("in range");
         let vehicle = self.world.vehicle(drone).expect("it is there");
@@ -149,7 +151,7 @@ impl Field {
         DroneNode::new(source, vehicle, extractor, link, EPOCH, config).expect("in range")
     }
 
-    /// Flies to the end; `faults` names at every tick which side begins anew: a drone, or, past
+    /// Flies to the end; `faults` names at every tick which side starts again: a drone, or, past
     /// the drones, the side that fuses, which forgets the events of its last step.
     fn fly(&self, mut faults: impl FnMut(f64, &[Event]) -> Option<usize>) -> Log {
         let Self { scenario, registry, .. } = self;
@@ -165,7 +167,9 @@ impl Field {
         };
         let mut drones: Vec<Drone> = (0..3).map(|drone| self.drone(drone)).collect();
         let mut node = fusion(None);
-        let (mut text, mut events, mut homes) = (Vec::new(), Vec::new(), Vec::new());
+        let mut text = Vec::new();
+        let mut events = Vec::new();
+        let mut homes = Vec::new();
         let path = Path::new("network.jsonl");
         loop {
             let time = self.world.time();
@@ -200,7 +204,7 @@ impl Field {
         }
     }
 
-    /// Which of the receptions that came are in the log, and what the log's estimates are worth.
+    /// Asserts that the receptions that came are in the log, and that the log's estimates are good.
     fn judge(&self, log: &Log) {
         let mut logged = BTreeSet::new();
         let mut fixes: Vec<&Fix> = Vec::new();
@@ -349,7 +353,8 @@ fn a_fusion_that_begins_anew_goes_on_from_its_log() {
 
 /// The fixes of a log, in the order of their beacons, and the receptions of each drone.
 fn outcome(log: &Log) -> (Vec<&Fix>, Vec<(usize, BeaconId, f64)>) {
-    let (mut fixes, mut receptions) = (Vec::new(), Vec::new());
+    let mut fixes = Vec::new();
+    let mut receptions = Vec::new();
     for event in &log.events {
         match event {
             Event::BeaconFinished { fix, .. } => fixes.push(fix),

@@ -96,8 +96,10 @@ fn failure(fusion: &mut impl FusionLink) -> String {
 fn a_drone_does_each_thing_once_and_what_fails_again() {
     let (drones, mut fusion) = memory_network(1);
     let devices = Devices::default();
-    let (source, vehicle) = (devices.clone(), devices.clone());
-    let (link, config) = (drones[0].clone(), DroneNodeConfig::default());
+    let source = devices.clone();
+    let vehicle = devices.clone();
+    let link = drones[0].clone();
+    let config = DroneNodeConfig::default();
     let extractor = Pritzl2018::default();
     let mut node =
         DroneNode::new(source, vehicle, extractor, link, EPOCH, config).expect("in range");
@@ -185,7 +187,8 @@ fn a_reception_is_taken_once_logged_first_and_not_before_or_after_its_time() {
         taken.iter().map(|taken| (taken.beacon.0, taken.ended)).collect::<Vec<_>>()
     };
     assert_eq!(taken(&mut drones[1]), [], "they are not logged");
-    let (mut received, mut refused) = (0, Vec::new());
+    let mut received = 0;
+    let mut refused = Vec::new();
     while let Some(event) = node.poll_event() {
         match event {
             Event::Received { drone, .. } => {
@@ -210,7 +213,8 @@ fn a_reception_is_taken_once_logged_first_and_not_before_or_after_its_time() {
     assert!(taken(&mut drones[1]).contains(&(0, at(6.0))));
 }
 
-/// A link that loses so many reports before it hands out the others, as a queue that ran over does.
+/// A link that reports a loss `lost` times before it hands out the reports, as a queue that ran
+/// over does.
 struct Overrun {
     link: MemoryFusion,
     lost: Rc<Cell<u32>>,
@@ -270,7 +274,9 @@ fn what_is_out_of_range_is_named() {
     let (drones, fusion) = memory_network(1);
     let devices = Devices::default();
     let config = DroneNodeConfig { repeat_every_s: 0.0, ..DroneNodeConfig::default() };
-    let (source, vehicle, extractor) = (devices.clone(), devices, Pritzl2018::default());
+    let source = devices.clone();
+    let vehicle = devices;
+    let extractor = Pritzl2018::default();
     let link = drones[0].clone();
     let refused = DroneNode::new(source, vehicle, extractor, link, EPOCH, config);
     let error = refused.err().expect("no repetition").to_string();

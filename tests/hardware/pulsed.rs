@@ -1,4 +1,4 @@
-//! Tags that pulse, through an RTL-SDR behind rtl_tcp: levels, and nothing where there is none.
+//! Tags that pulse, through an RTL-SDR behind rtl_tcp: levels, and nothing without a tag.
 
 use foxhunt::{
     core::{BeaconId, Radio},
@@ -17,7 +17,7 @@ use foxhunt::{
 
 const TAG_HZ: u32 = 150_100_000;
 
-/// How a tag pulses, and how strong it comes in.
+/// Pulses of a tag, and their strength.
 #[derive(Clone, Copy)]
 struct Tag {
     level_dbm: f64,
@@ -93,7 +93,7 @@ impl Bench {
         self.played.extend(self.server.played());
     }
 
-    /// What is received within so many seconds of a question: the level, and when it was measured.
+    /// Reception within this number of seconds of a question: the level, and when it was measured.
     fn query(&mut self, beacon: u16, seconds: u32) -> Option<(f64, f64)> {
         self.radio.request(BeaconId(beacon)).expect("it is connected");
         for _ in 0..100 * seconds {

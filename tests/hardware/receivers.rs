@@ -60,7 +60,7 @@ fn rtl_tcp() -> RtlTcpConfig {
     }
 }
 
-/// What is received within three seconds of a question.
+/// Level received within three seconds of a question.
 fn query<R: Radio>(
     radio: &mut R,
     beacon: u16,
@@ -144,7 +144,8 @@ fn kraken(
     let (device, host) = memory_pair();
     let config = EmulatedKrakenConfig { sigma_deg: 0.0, torn, ..EmulatedKrakenConfig::default() };
     let server = EmulatedKraken::new(world, 0, config, device).expect("it is in order");
-    let (server, stream) = (Rc::new(RefCell::new(server)), Rc::new(RefCell::new(host)));
+    let server = Rc::new(RefCell::new(server));
+    let stream = Rc::new(RefCell::new(host));
     let kept = Rc::clone(&server);
     let open = move || Ok(Served { stream: Rc::clone(&stream), server: Rc::clone(&server) });
     let config = KrakenConfig {
@@ -168,7 +169,8 @@ fn a_kraken_is_a_source_of_turns() {
         laws::pattern_source(&mut source, &[BeaconId(1), BeaconId(0)], 1000, tick);
     }
     source.begin(&[BeaconId(0), BeaconId(2), BeaconId(1)]).unwrap_or_else(|e| panic!("{e}"));
-    let (begun, mut reported) = (world.time(), Vec::new());
+    let begun = world.time();
+    let mut reported = Vec::new();
     while reported.len() < 3 && world.time() < begun + 10.0 {
         tick();
         while let Some(sweep) = source.poll().unwrap_or_else(|e| panic!("{e}")) {

@@ -88,12 +88,12 @@ impl ByteStream for ClientEnd {
     }
 }
 
-/// What a listener had of a minute of samples.
+/// Results of a listener in a minute of samples.
 struct Listened {
     /// Pulses found, in seconds of the world's time.
     found: Vec<f64>,
     played: Vec<PlayedPulse>,
-    /// When it was first noticed that nothing comes, and how often.
+    /// Times at which it was noticed that nothing comes.
     silent_at: Vec<f64>,
     samples: RtlTcpSamples<ClientEnd, SimClock>,
 }
@@ -122,9 +122,12 @@ fn listen(mut act: impl FnMut(f64, &mut Network)) -> Listened {
     let mut detector = DetectorConfig::new(16_000.0);
     detector.widths_s = vec![0.02];
     let mut detector = Detector::new(detector).expect("it is in order");
-    let (mut bytes, mut decoded, mut found) = (Vec::new(), Vec::<Complex32>::new(), Vec::new());
+    let mut bytes = Vec::new();
+    let mut decoded = Vec::<Complex32>::new();
+    let mut found = Vec::new();
     let mut listened_until = 0;
-    let (mut played, mut silent_at) = (Vec::new(), Vec::new());
+    let mut played = Vec::new();
+    let mut silent_at = Vec::new();
     while world.time() < 60.0 {
         world.advance(0.01).expect("time passes");
         act(world.time(), &mut network.borrow_mut());

@@ -50,15 +50,18 @@ impl Drop for Tiles {
 /// The height of the ground, by the definition of the tile.
 fn ground(frame: &LocalFrame, place: &Vector2<f64>) -> f64 {
     let place = frame.to_geodetic(&Vector3::new(place.x, place.y, 0.0));
-    let (row, column) = ((51.0 - place.lat_deg) * 3600.0, (place.lon_deg - 14.0) * 3600.0);
+    let row = (51.0 - place.lat_deg) * 3600.0;
+    let column = (place.lon_deg - 14.0) * 3600.0;
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "rows and columns are whole numbers below 3601"
     )]
     let at = |row: f64, column: f64| f64::from(hill(row as u32, column as u32));
-    let (top, left) = (row.floor(), column.floor());
-    let (down, along) = (row - top, column - left);
+    let top = row.floor();
+    let left = column.floor();
+    let down = row - top;
+    let along = column - left;
     let upper = at(top, left) * (1.0 - along) + at(top, left + 1.0) * along;
     let lower = at(top + 1.0, left) * (1.0 - along) + at(top + 1.0, left + 1.0) * along;
     upper * (1.0 - down) + lower * down
@@ -93,8 +96,10 @@ fn drones_keep_their_height_above_hills() {
     let place = |drone| world.pose(drone).expect("a drone").position;
     let launches: Vec<f64> =
         (0..world.drone_count()).map(|drone| ground(&frame, &place(drone).xy())).collect();
-    let (mut lowest, mut flat) = (f64::INFINITY, f64::INFINITY);
-    let (mut receptions, mut worst) = (0, 0.0_f64);
+    let mut lowest = f64::INFINITY;
+    let mut flat = f64::INFINITY;
+    let mut receptions = 0;
+    let mut worst = 0.0_f64;
     // Whoever is recalled flies home and lands.
     let mut recalled = false;
     while !mission.is_over() && world.time() < 4000.0 {
@@ -136,8 +141,8 @@ fn drones_keep_their_height_above_hills() {
     assert!(text.contains("foxhunt-hills"), "{text}");
 }
 
-/// What is logged of heights by [terrain] that differ from those of the drones' own devices, and
-/// how many drones were received, in a flight whose world has a terrain or is level.
+/// Logged differences between heights by [terrain] and by the drones' own devices, and the number
+/// of health reports with a height, in a flight whose world has a terrain or is level.
 fn differences(tiles: &Tiles, relief: Option<ReliefConfig>, ranged: bool) -> (Vec<Event>, usize) {
     let mut scenario = Scenario::find("pritzl-6.1").expect("it is built in");
     scenario.world.terrain = relief;
@@ -161,7 +166,8 @@ fn differences(tiles: &Tiles, relief: Option<ReliefConfig>, ranged: bool) -> (Ve
     let drones = flight.open(&mut ports, &world.clock(), 0.0, None, None).expect("devices");
     let mut mission: Mission<Shared<BoxedAircraft>, BoxedSource> =
         Mission::new(flight.flight, hunt, drones, world.time()).expect("a flight");
-    let (mut differences, mut heights) = (Vec::new(), 0);
+    let mut differences = Vec::new();
+    let mut heights = 0;
     while !mission.is_over() && world.time() < 1000.0 {
         world.advance(scenario.simulation.tick_s).expect("time passes");
         field.serve(|device, error| panic!("{device}: {error}"));
@@ -255,7 +261,9 @@ fn an_emulated_flight_has_the_terrain_of_its_world() {
     let drones = flight.open(&mut ports, &world.clock(), 0.0, None, None).expect("devices");
     let mut mission: Mission<Shared<BoxedAircraft>, BoxedSource> =
         Mission::new(flight.flight, hunt, drones, world.time()).expect("a flight");
-    let (mut lowest, mut heard, mut north) = (f64::INFINITY, Vec::new(), f64::NEG_INFINITY);
+    let mut lowest = f64::INFINITY;
+    let mut heard = Vec::new();
+    let mut north = f64::NEG_INFINITY;
     let mut recalled = false;
     while !mission.is_over() && world.time() < 2000.0 {
         world.advance(scenario.simulation.tick_s).expect("time passes");

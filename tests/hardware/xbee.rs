@@ -42,7 +42,7 @@ fn noisy() -> ChannelConfig {
     ChannelConfig { whole_db: true, ..ChannelConfig::default() }
 }
 
-/// The same level at every question.
+/// Channel with one level at every question.
 fn quiet() -> ChannelConfig {
     ChannelConfig { pattern_sigma_db: 0.0, sample_sigma_db: 0.0, bearing_sigma_deg: 0.0, ..noisy() }
 }
@@ -174,7 +174,8 @@ fn garbage_and_cut_frames_are_survived() {
         let expected = direct(quiet(), &[0])[0];
         let mut bench = Bench::new(world, kind(Protocol::Zigbee, ap), config(false), device, host);
         assert_eq!(bench.query(0).expect("nothing fails"), expected);
-        let (mut reported, mut requested) = (0, 0);
+        let mut reported = 0;
+        let mut requested = 0;
         while bench.world.time() < 60.0 {
             requested += 1;
             if let Some(level) = bench.query(0).expect("garbage is no failure") {
@@ -236,7 +237,8 @@ impl ByteStream for Plug {
 fn a_pulled_cable_is_reported_and_another_radio_behind_it_set_up() {
     let world = World::new(&field(quiet()), 3).expect("a world");
     let (device, host) = memory_pair();
-    let (stream, times) = (Rc::new(Cell::new(Some(host))), Rc::new(Cell::new(1)));
+    let stream = Rc::new(Cell::new(Some(host)));
+    let times = Rc::new(Cell::new(1));
     let plug = Plug { stream: Rc::clone(&stream), times: Rc::clone(&times) };
     let mut bench = Bench::new(world, kind(Protocol::Zigbee, 1), config(false), device, plug);
     let level = bench.query(0).expect("nothing fails");
@@ -313,7 +315,8 @@ fn a_look_at_it_reports_what_it_is_and_receives() {
 type Turn = Vec<(Vec<(u16, f64)>, Vec<u16>)>;
 
 fn turn<S: PatternSource>(source: &mut S, mut tick: impl FnMut()) -> Turn {
-    let (mut turn, mut ticks) = (Turn::new(), 0);
+    let mut turn = Turn::new();
+    let mut ticks = 0;
     source.begin(&[BeaconId(1), BeaconId(0)]).unwrap_or_else(|error| panic!("{error}"));
     while turn.len() < 2 {
         tick();

@@ -91,7 +91,9 @@ impl<C: Fn() -> f64> Script<C> {
     fn db(&mut self, level: u8) {
         match self.output().pop() {
             Some(Frame::AtCommand { id, command: AtCommand::DB, .. }) => {
-                let (command, status, value) = (AtCommand::DB, AtStatus::OK, vec![level]);
+                let command = AtCommand::DB;
+                let status = AtStatus::OK;
+                let value = vec![level];
                 self.report(&Frame::AtResponse { id, command, status, value });
             }
             other => panic!("{other:?}"),
@@ -158,7 +160,8 @@ fn a_late_answer_is_never_reported() {
         let requested = script.output();
         let [Frame::AtCommand { id, command, .. }] = requested[..] else { panic!("{requested:?}") };
         script.query();
-        let (status, value) = (AtStatus::OK, vec![40]);
+        let status = AtStatus::OK;
+        let value = vec![40];
         script.report(&Frame::AtResponse { id, command, status, value });
         assert_eq!(script.poll(), None);
         // Time passes, and the question with it.

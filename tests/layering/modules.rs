@@ -27,7 +27,7 @@ struct Module {
     children: BTreeSet<String>,
     items: BTreeSet<String>,
     uses: Vec<Use>,
-    /// Paths outside of `use`, those of a single name included.
+    /// Paths outside of `use`, with the paths of a single name.
     paths: BTreeSet<Names>,
 }
 
@@ -179,7 +179,7 @@ impl Package {
         found
     }
 
-    /// Returns true if every module on the way declares the next one: those of tests are declared
+    /// Returns true if every module on the way declares the next one: modules of tests are declared
     /// for tests alone.
     fn is_declared(&self, path: &[String]) -> bool {
         let declares = |(parent, name): (&[String], &String)| {

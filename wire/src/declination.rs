@@ -1,4 +1,4 @@
-//! Where compasses point to.
+//! Magnetic declination: the direction of compasses.
 
 use world_magnetic_model::{
     Error, GeomagneticField, WarningZone,
@@ -15,7 +15,7 @@ use crate::geodesy::Geodetic;
 /// The Julian day of 1970-01-01.
 const JULIAN_DAY_OF_1970: i32 = 2_440_588;
 
-/// Why there is no declination.
+/// Reason that there is no declination.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DeclinationError {
@@ -30,7 +30,7 @@ pub enum DeclinationError {
     NearPole,
 }
 
-/// The magnetic declination at a place: how far east of true North a compass points, in degrees.
+/// The magnetic declination at a place: the angle of a compass east of true North, in degrees.
 ///
 /// By the World Magnetic Model of the day, WMM2020 or WMM2025 (Chulliat et al. 2020, 2025; NOAA and
 /// BGS), which knows the main field: σ is some 0.3° to 0.5° at middle latitudes, and what lies near

@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-/// What a GNSS receiver's position rests on, from nothing to centimetres.
+/// Quality of a GNSS receiver's position, from no position to centimetres.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
 )]
@@ -22,7 +22,7 @@ pub enum FixQuality {
 }
 
 impl FixQuality {
-    /// What people call it.
+    /// The common name.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

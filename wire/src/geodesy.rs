@@ -40,11 +40,11 @@ impl Geodetic {
     }
 }
 
-/// Why a place is refused.
+/// Reason for refusing a place.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum GeodesyError {
-    /// Not between the poles.
+    /// The latitude is not between the poles.
     #[error(
         "the latitude {lat_deg}° is not within ±90°{}",
         if *swapped { "; latitude and longitude look swapped" } else { "" }
@@ -52,16 +52,16 @@ pub enum GeodesyError {
     Latitude {
         /// The latitude.
         lat_deg: f64,
-        /// Whether the longitude would pass for a latitude.
+        /// True if the longitude would pass for a latitude.
         swapped: bool,
     },
-    /// Not round the globe once.
+    /// The longitude is not within -180° to 360°.
     #[error("the longitude {lon_deg}° is not within -180° to 360°")]
     Longitude {
         /// The longitude.
         lon_deg: f64,
     },
-    /// NaN or infinite.
+    /// The altitude is NaN or infinite.
     #[error("the altitude {alt_m} m is not a finite number")]
     Altitude {
         /// The altitude.
@@ -85,7 +85,7 @@ impl LocalFrame {
         Ok(Self { origin: Geodetic::new(origin.lat_deg, origin.lon_deg, origin.alt_m)? })
     }
 
-    /// Where its zero is.
+    /// Origin of the frame.
     #[must_use]
     pub fn origin(&self) -> Geodetic {
         self.origin
@@ -189,9 +189,8 @@ pub fn radians_to_compass_deg(radians: f64) -> f64 {
     if turned >= 360.0 { 0.0 } else { turned }
 }
 
-/// The meridian convergence of UTM at a place: how far east of true North the northing of its zone
-/// points, in degrees (Snyder 1987, eq. 8-12, of the sphere: the ellipsoid's differs by less than
-/// 10⁻⁴°).
+/// The meridian convergence of UTM at a place: the angle of its zone's northing east of true North,
+/// in degrees (Snyder 1987, eq. 8-12, of the sphere: the ellipsoid's differs by less than 10⁻⁴°).
 #[must_use]
 pub fn grid_convergence_deg(place: &Geodetic) -> f64 {
     let east = f64::to_radians(place.lon_deg - utm_central_meridian_deg(place));

@@ -1,4 +1,4 @@
-//! The edge of foxhunt: what stands between its own units and values and those of others.
+//! The edge of foxhunt: conversions between its own units and values and those that others use.
 //!
 //! [`geodesy`] turns WGS84 and compass degrees into East-North-Up metres and radians, and the
 //! feature `declination` knows where compasses point to; `terrain` reads tiles of elevation models.

@@ -9,7 +9,7 @@ pub(super) struct Cdr<'a> {
     little: bool,
 }
 
-/// What ends a text or a list that would not fit into any message.
+/// Maximum length of a text or a list; a longer one would not fit into any message.
 const MOST: usize = 1 << 20;
 
 impl<'a> Cdr<'a> {
@@ -67,7 +67,7 @@ impl<'a> Cdr<'a> {
         Ok(values)
     }
 
-    /// How long what comes next is.
+    /// Reads the length of the text or the list that follows.
     fn length(&mut self) -> Result<usize, BagError> {
         let length = usize::try_from(self.u32()?).unwrap_or(usize::MAX);
         if length > MOST { Err(BagError::Short { length: self.bytes.len() }) } else { Ok(length) }

@@ -2,9 +2,9 @@ use super::message::Kind;
 
 /// A message out of a bag.
 pub(super) struct Message {
-    /// Which of the bag's topics.
+    /// Index of the bag's topic.
     pub(super) topic: usize,
-    /// When it was recorded, in nanoseconds, in most bags since 1970.
+    /// Time of recording in nanoseconds, in most bags since 1970.
     pub(super) time_ns: i64,
     /// The message in CDR.
     pub(super) data: Vec<u8>,
@@ -16,7 +16,7 @@ pub(super) struct Topic {
     pub(super) name: String,
     /// The name of its type.
     pub(super) of: String,
-    /// What is read of it, if anything.
+    /// Kind of its messages, if they are read.
     pub(super) kind: Option<Kind>,
 }
 

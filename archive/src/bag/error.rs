@@ -1,19 +1,19 @@
-/// Why a bag gave no recording.
+/// Reason why a bag gave no recording.
 #[derive(Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BagError {
     /// The file cannot be read, or is no bag.
     #[error("the bag cannot be read: {reason}")]
     Read {
-        /// Why.
+        /// The reader's message.
         reason: String,
     },
     /// The format is not in this build.
     #[error("{what} is not in this build: build with the feature `{feature}`")]
     NotBuilt {
-        /// Which format.
+        /// The format.
         what: &'static str,
-        /// What it needs.
+        /// The feature that it needs.
         feature: &'static str,
     },
     /// A message is not in CDR.
@@ -22,7 +22,7 @@ pub enum BagError {
     /// A message ends too early for its type.
     #[error("it ends after {length} bytes, too early for its type")]
     Short {
-        /// How many bytes it has.
+        /// Length of the message in bytes.
         length: usize,
     },
     /// A message of a topic cannot be read.
@@ -32,15 +32,15 @@ pub enum BagError {
         topic: String,
         /// The number of the message among those that are read, from 1.
         number: usize,
-        /// What is wrong.
+        /// The error in the message.
         source: Box<BagError>,
     },
     /// A topic is not in the bag, or of another type.
     #[error("there is no topic {name} with {what}; the bag has {known}")]
     NoTopic {
-        /// What was wanted.
+        /// Name of the wanted topic.
         name: String,
-        /// What it should hold.
+        /// Its wanted contents.
         what: &'static str,
         /// The topics with their types.
         known: String,
@@ -48,9 +48,9 @@ pub enum BagError {
     /// Several topics could be meant.
     #[error("{names} have {what}; choose with {flag}")]
     SeveralTopics {
-        /// Which.
+        /// Names of the topics.
         names: String,
-        /// What they hold.
+        /// Their contents.
         what: &'static str,
         /// The flag that chooses.
         flag: &'static str,
@@ -58,17 +58,17 @@ pub enum BagError {
     /// Nothing came together.
     #[error("none of {levels} levels has a place of the receiver within {gap_s} s on both sides")]
     NoPlaces {
-        /// How many levels there are.
+        /// Number of levels.
         levels: usize,
-        /// How far places may be apart, in seconds.
+        /// Maximum distance in time between places, in seconds.
         gap_s: f64,
     },
     /// A setting is not a positive number.
     #[error("{name} is {value}; it must be a positive number")]
     Value {
-        /// Of what.
+        /// Name of the setting.
         name: &'static str,
-        /// What it is.
+        /// Its value.
         value: f64,
     },
 }

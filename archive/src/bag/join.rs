@@ -7,7 +7,7 @@ use super::{
 };
 use crate::{recording::Column, surrounding::surrounding};
 
-/// What is read of a bag.
+/// Topics of a bag that are read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Topics {
     /// The topic with the receiver's places; the only one that has such unless given.
@@ -15,7 +15,7 @@ pub struct Topics {
     /// The topics with levels, each with the beacon's name if it has one; the only one that has
     /// levels unless given.
     pub levels: Vec<(String, Option<String>)>,
-    /// How far apart the places about a level may be, in seconds.
+    /// Maximum distance in time between the places about a level, in seconds.
     pub gap_s: f64,
 }
 
@@ -26,7 +26,7 @@ impl Default for Topics {
     }
 }
 
-/// What became of a bag.
+/// Counts of a conversion.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Converted {
     /// Rows that were written.
@@ -166,8 +166,8 @@ fn joined(bag: &Bag, topics: &Topics, out: impl Write) -> Result<Converted, BagE
     }
 }
 
-/// Where a receiver was at a time, between the places about it where they are at most `gap_s`
-/// apart.
+/// Place of a receiver at a time, interpolated between the places about it if they are at most
+/// `gap_s` apart.
 fn between(places: &[(f64, Place)], time: f64, gap_s: f64) -> Option<Place> {
     let (from, to, share) = surrounding(places, time, gap_s)?;
     let mix = |from: [f64; 3], to: [f64; 3]| {

@@ -13,12 +13,12 @@ pub(super) enum Kind {
     Reception,
 }
 
-/// What a kind of message is of use for.
+/// Use of a kind of message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Use {
-    /// Where the receiver is.
+    /// The receiver's place.
     Place,
-    /// How strong the beacon is.
+    /// The beacon's level.
     Level,
     /// Both, and a bearing.
     Reception,
@@ -47,7 +47,7 @@ impl Kind {
     }
 }
 
-/// Where a receiver is.
+/// A receiver's place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Place {
     /// East, North and Up in metres, and the nose in radians counter-clockwise from East.
@@ -56,7 +56,7 @@ pub(super) enum Place {
     Earth([f64; 3]),
 }
 
-/// What foxhunt's own message holds.
+/// Contents of foxhunt's own message.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Received {
     pub(super) beacon: u16,
@@ -67,7 +67,7 @@ pub(super) struct Received {
     pub(super) bearing: Option<[f64; 2]>,
 }
 
-/// The place of a message; [`None`] of a fix that is none.
+/// Returns the place of a message; [`None`] for a message without a GNSS fix.
 pub(super) fn place(kind: Kind, message: &[u8]) -> Result<Option<Place>, BagError> {
     let mut cdr = Cdr::new(message)?;
     cdr.skip_header()?;

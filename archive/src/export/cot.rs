@@ -7,10 +7,10 @@ use super::{
 };
 use crate::overview::Overview;
 
-/// What stands for a height or an error that is not known.
+/// Value of a height or an error that is not known.
 const UNKNOWN: &str = "9999999.0";
 
-/// How long an event holds, in seconds.
+/// Validity of an event, in seconds.
 const HOLDS_S: f64 = 86_400.0;
 
 /// An event's own.
@@ -77,7 +77,7 @@ pub(super) fn write(overview: &Overview, frame: &LocalFrame) -> Result<Vec<u8>, 
     Ok(xml.into_bytes())
 }
 
-/// Where a feature is, or begins.
+/// The place of a feature, or its first point.
 fn first(feature: &Feature) -> Option<LonLat> {
     match &feature.shape {
         Shape::Point(place) => Some(*place),
@@ -86,7 +86,7 @@ fn first(feature: &Feature) -> Option<LonLat> {
     }
 }
 
-/// How long a straight line is.
+/// Length of a line's first segment, in metres.
 fn range_m<'a>(frame: &LocalFrame, mut line: impl Iterator<Item = &'a LonLat>) -> f64 {
     let mut local = || {
         let [lon_deg, lat_deg] = *line.next()?;
@@ -103,7 +103,9 @@ fn event(
     detail: impl FnOnce(&mut Xml) -> Result<(), ExportError>,
 ) -> Result<(), ExportError> {
     let utc = |time: f64| utc(overview, time).ok_or(ExportError::NoTime);
-    let (time, stale, uid) = (utc(head.time)?, utc(head.time + HOLDS_S)?, printable(&head.uid));
+    let time = utc(head.time)?;
+    let stale = utc(head.time + HOLDS_S)?;
+    let uid = printable(&head.uid);
     let attributes = [
         ("version", "2.0"),
         ("uid", uid.as_str()),

@@ -1,8 +1,8 @@
-/// Why nothing was exported.
+/// Reason why nothing was exported.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ExportError {
-    /// The file's ending is that of no format.
+    /// The file's ending belongs to no known format.
     #[error("the ending {ending:?} is none of .geojson, .json, .kml, .gpx, .csv, .cot and .mcap")]
     Ending {
         /// The ending.

@@ -7,22 +7,22 @@ use crate::overview::{Believed, Overview, Received};
 /// Something on the map.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Feature {
-    /// What it is.
+    /// Its kind.
     pub(super) kind: Kind,
-    /// Whose: a beacon's or a receiver's name.
+    /// Name of the beacon or the receiver that it belongs to.
     pub(super) name: String,
-    /// When, in seconds of the overview.
+    /// Time in seconds of the overview.
     pub(super) time: Option<f64>,
-    /// Where: one point, the points of a line, or the rings of an area, each closed.
+    /// Its shape: one point, the points of a line, or the rings of an area, each closed.
     pub(super) shape: Shape,
-    /// What else is known of it, by names with units.
+    /// Other quantities, by names with units.
     pub(super) numbers: Vec<(&'static str, f64)>,
 }
 
-/// What a feature is.
+/// Kind of a feature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Where a beacon is believed to be.
+    /// The believed place of a beacon.
     Fix,
     /// Another place that is nearly as probable.
     Rival,
@@ -30,9 +30,9 @@ pub(super) enum Kind {
     Ellipse,
     /// A part of the region that does.
     Region,
-    /// Where the fix of a beacon has been.
+    /// The fixes of a beacon over time.
     Track,
-    /// Where a beacon truly is, or its way.
+    /// The true place or way of a beacon.
     Truth,
     /// The path of a receiver.
     Path,
@@ -67,7 +67,7 @@ pub(super) enum Shape {
     Area(Vec<Vec<LonLat>>),
 }
 
-/// How many corners an ellipse has.
+/// Number of an ellipse's corners.
 const CORNERS: u16 = 72;
 
 /// A hundred-millionth of a degree is a millimetre.
@@ -86,7 +86,7 @@ pub(super) fn utc(overview: &Overview, time: f64) -> Option<String> {
     (!date.is_empty()).then(|| date.replacen(' ', "T", 1) + "Z")
 }
 
-/// How far bearings are drawn, in metres: across the field.
+/// Length of drawn bearings, in metres: across the field.
 pub(super) fn reach_m(overview: &Overview) -> f64 {
     let fixes = overview.searches.iter().filter_map(|search| search.last());
     let places = (overview.received.iter().map(|received| received.place.xy()))
@@ -105,7 +105,8 @@ pub(super) fn outline(mean: &Vector2<f64>, ellipse: &Ellipse) -> Vec<Vector2<f64
     let corner = |i: u16| {
         let turn = std::f64::consts::TAU * f64::from(i % CORNERS) / f64::from(CORNERS);
         let (s, c) = turn.sin_cos();
-        let (along, across) = (ellipse.semi_major * c, ellipse.semi_minor * s);
+        let along = ellipse.semi_major * c;
+        let across = ellipse.semi_minor * s;
         mean + Vector2::new(along * cos - across * sin, along * sin + across * cos)
     };
     (0..=CORNERS).map(corner).collect()
@@ -163,7 +164,7 @@ pub(super) fn features(overview: &Overview, frame: &LocalFrame) -> Vec<Feature> 
     features
 }
 
-/// What a fix is known by.
+/// Numbers of a fix: place, ellipse and error.
 fn numbers(believed: &Believed) -> Vec<(&'static str, f64)> {
     let place = believed.estimate.mean;
     let mut numbers = vec![("east_m", place.x), ("north_m", place.y)];

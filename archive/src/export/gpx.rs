@@ -47,7 +47,8 @@ fn point(
     time: Option<f64>,
     more: impl FnOnce(&mut Xml) -> Result<(), ExportError>,
 ) -> Result<(), ExportError> {
-    let (lat, lon) = (lat.to_string(), lon.to_string());
+    let lat = lat.to_string();
+    let lon = lon.to_string();
     xml.element(name, &[("lat", &lat), ("lon", &lon)], |xml| {
         if let Some(utc) = time.and_then(|time| utc(overview, time)) {
             xml.text("time", &utc)?;

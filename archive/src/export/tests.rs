@@ -59,7 +59,7 @@ fn text(format: Format) -> String {
         .expect("UTF-8")
 }
 
-/// How often an element begins, of a text that has to be well-formed.
+/// Counts an element's beginnings in a text that has to be well-formed.
 fn elements(text: &str, name: &str) -> usize {
     let mut reader = Reader::from_str(text);
     let mut found = 0;
@@ -76,7 +76,7 @@ fn elements(text: &str, name: &str) -> usize {
     }
 }
 
-/// Where the fix is on Earth, by the frame itself.
+/// The fix on Earth, converted by the frame itself.
 fn fix() -> Geodetic {
     LocalFrame::new(ORIGIN).expect("a place").to_geodetic(&Vector3::new(100.0, 50.0, 0.0))
 }

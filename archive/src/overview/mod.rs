@@ -1,4 +1,4 @@
-//! What there is to look at of a hunt, or of recordings: paths, receptions, beliefs in time,
+//! Contents of a hunt, or of recordings, to be looked at: paths, receptions, beliefs in time,
 //! events.
 //!
 //! The [page](crate::page) shows it, [`export`](crate::export) writes it for other programs.
@@ -25,23 +25,23 @@ use crate::struck::{ReceptionKey, StruckRows};
 /// metres, angles radians counter-clockwise from East, times seconds.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Overview {
-    /// What was flown or read.
+    /// Title: the hunt or the recordings.
     pub title: String,
-    /// What estimated, or what read the bearings.
+    /// The estimator, or the reader of the bearings.
     pub method: String,
     /// The seed of what was drawn at random, where anything was.
     pub seed: Option<u64>,
     /// UNIX time at the time 0, in seconds, where it is known.
     pub epoch_unix_s: Option<f64>,
-    /// Where the local frame is on Earth, if that is known.
+    /// The local frame on Earth, if known.
     pub frame: Option<LocalFrame>,
     /// The drones, or other receivers.
     pub receivers: Vec<Receiver>,
-    /// What they received.
+    /// Their receptions.
     pub received: Vec<Received>,
-    /// What was looked for: each search for a beacon.
+    /// The searches, each for one beacon.
     pub searches: Vec<SearchOverview>,
-    /// What happened, with reasons.
+    /// Events in words, with reasons.
     pub notices: Vec<Notice>,
 }
 
@@ -50,33 +50,33 @@ pub struct Overview {
 pub struct Receiver {
     /// Its name.
     pub name: String,
-    /// Where it was at what time; on straight lines between.
+    /// Its places with their times; on straight lines between.
     pub path: Vec<Knot>,
-    /// How its battery, link and position were, from when on; of drones that report that.
+    /// Its battery, link and position over time, for drones that report them.
     pub health: Vec<Health>,
 }
 
-/// How battery, link and position of a drone are from a time on, and how high it is.
+/// A drone's battery, link, position and height from a time on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Health {
-    /// When, in seconds.
+    /// Time in seconds.
     pub time: f64,
-    /// What is left in its battery, from 0 to 1.
+    /// Charge left in its battery, from 0 to 1.
     pub battery: Option<f64>,
-    /// Whether its messages come.
+    /// True if its messages come.
     pub linked: bool,
     /// σ of its position, the greatest axis in metres.
     pub position_sigma_m: Option<f64>,
-    /// How high it is above the ground by its own devices.
+    /// Height above the ground by its own devices.
     pub above_ground: Option<HeightAboveGround>,
 }
 
 /// A place at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Knot {
-    /// When, in seconds.
+    /// Time in seconds.
     pub time: f64,
-    /// Where: East, North and Up in metres.
+    /// Place: East, North and Up in metres.
     pub place: Vector3<f64>,
 }
 
@@ -89,13 +89,13 @@ impl Knot {
 /// A reception, with what became of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Received {
-    /// When, in seconds.
+    /// Time in seconds.
     pub time: f64,
-    /// Which of the receivers, from 0.
+    /// Index of the receiver, from 0.
     pub receiver: usize,
-    /// For which of the searches, from 0; none where nothing was searched.
+    /// Index of the search, from 0; `None` where nothing was searched.
     pub search: Option<usize>,
-    /// Where the receiver was.
+    /// Place of the receiver.
     pub place: Vector3<f64>,
     /// The power.
     pub level: Option<Level>,
@@ -103,13 +103,13 @@ pub struct Received {
     pub bearing: Option<Bearing>,
     /// The directions that compete for it.
     pub modes: BearingModes,
-    /// Why there is no bearing, or what else there is to remark.
+    /// Reason why there is no bearing, or another remark.
     pub remark: Option<String>,
-    /// Whether the estimator used it.
+    /// True if the estimator used it.
     pub used: bool,
-    /// Whether it was struck out by hand.
+    /// True if it was struck out by hand.
     pub struck: bool,
-    /// What the log or the recordings know it by.
+    /// Its key in the log or in the recordings.
     pub id: Option<ReceptionKey>,
     /// Its normalised innovation squared, and the degrees of freedom.
     pub nis: Option<(f64, usize)>,
@@ -122,24 +122,24 @@ pub struct Received {
 pub struct SearchOverview {
     /// The beacon's name.
     pub name: String,
-    /// Where it truly was, if that is known; one place, or its way.
+    /// Its true place or way, if known.
     pub truth: Vec<Knot>,
-    /// What was believed, in the order of time.
+    /// Beliefs in the order of time.
     pub beliefs: Vec<Believed>,
     /// The smallest region that holds it with 95 % in the end, where the estimator has one.
     pub regions_95: Vec<Region>,
     /// Other places that are nearly as probable in the end.
     pub rivals: Vec<Rival>,
-    /// How the search ended, if it did.
+    /// Outcome of the search, if it ended.
     pub outcome: Option<String>,
 }
 
-/// What is believed at a time.
+/// The belief at a time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Believed {
-    /// When, in seconds.
+    /// Time in seconds.
     pub time: f64,
-    /// After so many receptions.
+    /// Number of receptions up to then.
     pub steps: u32,
     /// The first two moments of the place.
     pub estimate: Estimate<2>,
@@ -201,7 +201,7 @@ impl SearchOverview {
         Self { name, truth, beliefs, ..Self::default() }
     }
 
-    /// What is believed in the end.
+    /// Returns the last belief.
     #[must_use]
     pub fn last(&self) -> Option<&Believed> {
         self.beliefs.last()
@@ -209,7 +209,7 @@ impl SearchOverview {
 }
 
 impl Overview {
-    /// The number of a receiver of a name; it is added where there is none.
+    /// Returns the index of the receiver with a name; adds it if it is missing.
     pub fn receiver(&mut self, name: &str) -> usize {
         let known = self.receivers.iter().position(|receiver| receiver.name == name);
         known.unwrap_or_else(|| {

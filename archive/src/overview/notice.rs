@@ -4,11 +4,11 @@ use foxhunt_hunt::hunt::Event;
 /// Something that happened, in words.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Notice {
-    /// When, in seconds.
+    /// Time in seconds.
     pub time: f64,
-    /// What, with its reason.
+    /// The event, with its reason.
     pub text: String,
-    /// Whether a person who follows the hunt has to know it.
+    /// True if a person who follows the hunt has to know it.
     pub important: bool,
 }
 
@@ -18,7 +18,7 @@ const OFF_S: f64 = 0.5;
 /// Below this share of its battery a drone has to come home.
 const LOW_BATTERY: f64 = 0.3;
 
-/// What happened in an event, in words; `None` for receptions, corrections and clouds.
+/// Describes an event in words; `None` for receptions, corrections and clouds.
 #[must_use]
 pub fn notice(event: &Event) -> Option<Notice> {
     let of_drone = |drone: usize, text: String| format!("drone {} {text}", drone.saturating_add(1));
@@ -132,7 +132,7 @@ pub fn notice(event: &Event) -> Option<Notice> {
     Some(Notice { time: *time, text, important })
 }
 
-/// Why a drone was sent, where it is not simply to its goal.
+/// Reason why a drone was sent, unless it simply goes to its goal.
 fn why_sent(reason: OrderReason) -> String {
     match reason {
         OrderReason::Around => ", the first corner of its way round".to_owned(),

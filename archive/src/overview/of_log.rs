@@ -22,21 +22,21 @@ use crate::{
 /// A turn whose samples were kept beside the log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KeptTurn {
-    /// Which drone's.
+    /// Index of the drone.
     pub drone: usize,
     /// The turn.
     pub sweep: OwnedSweep,
 }
 
-/// How many places stand for one belief at most.
+/// Maximum number of places for one belief.
 const MOST_PLACES: u32 = 2000;
 
-/// How many stand for all beliefs of a hunt together: they are most of a page.
+/// Maximum number of places for all beliefs of a hunt together: they are most of a page.
 const ALL_PLACES: usize = 400_000;
 
 impl Overview {
-    /// A hunt out of its log, replayed through its own estimator or another one: the beliefs are
-    /// those of the replay to the bit, which comes with them. `turns` may be empty.
+    /// Reads a hunt from its log, replayed through its own estimator or another one: the beliefs
+    /// are the returned replay's to the bit. `turns` may be empty.
     ///
     /// # Errors
     ///
@@ -64,15 +64,15 @@ impl Overview {
     }
 }
 
-/// What a reception and its turn have in common: drone, beacon, and the bits of the time.
+/// Key that a reception and its turn have in common: drone, beacon, and the bits of the time.
 type Key = (usize, u16, u64);
 
-/// Where a drone is, by its orders.
+/// A drone's flight, by its orders.
 #[derive(Clone, Copy, Default)]
 struct Flight {
-    /// Where it was last known to be.
+    /// Its last known place.
     at: Option<Vector3<f64>>,
-    /// Where it was sent from there.
+    /// Goal of its order from there.
     to: Option<Vector3<f64>>,
 }
 
@@ -81,7 +81,7 @@ pub struct OverviewReader<'a> {
     header: LogHeader,
     replayer: Replayer<'a>,
     struck: Struck,
-    /// How many places stand for one belief at most.
+    /// Maximum number of places for one belief.
     places: u32,
     turns: BTreeMap<Key, KeptTurn>,
     antenna: Option<KnownAntenna<'a>>,
@@ -97,11 +97,11 @@ impl fmt::Debug for OverviewReader<'_> {
 }
 
 impl<'a> OverviewReader<'a> {
-    /// Begins with the header of a log; what estimates is as of [`Replayer::new`].
+    /// Begins with the header of a log; the estimator is chosen as in [`Replayer::new`].
     ///
     /// # Errors
     ///
-    /// Those of [`Replayer::new`].
+    /// The errors of [`Replayer::new`].
     pub fn new(
         header: &LogHeader,
         registry: &Registry,
@@ -149,13 +149,13 @@ impl<'a> OverviewReader<'a> {
         let _ = self.turns.insert(key, turn);
     }
 
-    /// What came of the events so far.
+    /// Returns the overview of the events so far.
     #[must_use]
     pub fn overview(&self) -> &Overview {
         &self.overview
     }
 
-    /// What came of all events.
+    /// Returns the overview and the replay of all events.
     #[must_use]
     pub fn finish(self) -> (Overview, Replay) {
         (self.overview, self.replayer.finish())
@@ -261,7 +261,7 @@ impl<'a> OverviewReader<'a> {
         }
     }
 
-    /// The flight of a drone; those that are new have a name, and begin where the log has them.
+    /// The flight of a drone; a new drone has a name, and begins where the log has it.
     fn flight(&mut self, drone: usize) -> Flight {
         while self.flights.len() <= drone {
             let home = self.header.homes.get(self.flights.len()).copied();

@@ -20,11 +20,11 @@ pub struct Turn {
 pub struct KnownAntenna<'a> {
     /// Its gain.
     pub antenna: &'a dyn Antenna,
-    /// How far above the horizon beacons are, in radians.
+    /// Elevation of beacons above the horizon, in radians.
     pub elevation: f64,
 }
 
-/// Over how many positions the reference averages.
+/// Number of positions that the reference averages.
 const WINDOW: u16 = 7;
 
 impl Turn {
@@ -46,7 +46,8 @@ impl Turn {
 fn fit(pattern: &Pattern, known: KnownAntenna<'_>, bearing: f64) -> Vec<[f64; 2]> {
     // A bearing that lies to the left of the boresight is at a positive azimuth.
     let gain = |boresight: f64| known.antenna.gain_dbi(bearing - boresight, known.elevation);
-    let (mut sum, mut count) = (0.0, 0.0);
+    let mut sum = 0.0;
+    let mut count = 0.0;
     for cell in pattern.cells() {
         if let Some(mean_dbm) = cell.mean_dbm() {
             sum += mean_dbm - gain(cell.angle());

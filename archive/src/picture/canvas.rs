@@ -22,11 +22,11 @@ pub(super) const UNIT: i32 = 4;
 const WIDTH: i32 = 1120 * UNIT;
 const HEIGHT: i32 = 860 * UNIT;
 
-/// Where the field is drawn.
+/// Rectangle of the field.
 pub(super) const PLOT: Rect =
     Rect { left: 64 * UNIT, top: 56 * UNIT, right: 870 * UNIT, bottom: 802 * UNIT };
 
-/// Where the legend is.
+/// Rectangle of the legend.
 pub(super) const LEGEND: Rect =
     Rect { left: 892 * UNIT, top: 56 * UNIT, right: 1108 * UNIT, bottom: 802 * UNIT };
 
@@ -49,13 +49,13 @@ pub(super) fn svg(
     Ok(text.replacen(&fine, &shown, 1))
 }
 
-/// What is drawn on: lines, dots and text in canvas units; line widths, radii and text sizes in
+/// Drawing surface: lines, dots and text in canvas units; line widths, radii and text sizes in
 /// quarters of a pixel too.
 pub(super) struct Canvas<'a> {
     root: DrawingArea<SVGBackend<'a>, Shift>,
 }
 
-/// Which part of a text is at the place it is given.
+/// Part of a text that is at the given place.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Anchor {
     /// The middle of its left edge.
@@ -148,13 +148,13 @@ fn stroke(colour: RGBAColor, width: i32) -> ShapeStyle {
     colour.stroke_width(width.unsigned_abs())
 }
 
-/// How wide a text of this size is, about: the font is the viewer's.
+/// Approximate width of a text of this size: the font is the viewer's.
 pub(super) fn text_width(text: &str, size: i32) -> i32 {
     let characters = i32::try_from(text.chars().count()).unwrap_or(i32::MAX / 64).min(1000);
     characters * size * 58 / 100
 }
 
-/// Why there is no picture.
+/// Reason why there is no picture.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("the picture cannot be drawn: {reason}")]
 pub struct PictureError {

@@ -74,7 +74,7 @@ pub(super) fn grid(canvas: &Canvas<'_>, frame: &Frame) -> Result<(), PictureErro
     canvas.text("North in metres", above, SIZE, palette::INK, Anchor::Left)
 }
 
-/// How long bearings are drawn, as a share of the field: the estimates show what is at their ends.
+/// Length of drawn bearings, as a share of the field: the estimates show what is at their ends.
 const RAY_SHARE: f64 = 0.16;
 
 fn rays(canvas: &Canvas<'_>, frame: &Frame, scene: &Scene) -> Result<(), PictureError> {
@@ -114,10 +114,10 @@ fn places(canvas: &Canvas<'_>, frame: &Frame, scene: &Scene) -> Result<(), Pictu
     Ok(())
 }
 
-/// How broad the way of a beacon that moves is drawn.
+/// Width of the drawn way of a beacon that moves.
 pub(super) const COURSE_WIDTH: i32 = 2 * UNIT;
 
-/// How large a place of a cloud is drawn.
+/// Radius of a drawn place of a cloud.
 pub(super) const CLOUD_DOT: i32 = 2 * UNIT;
 
 fn cloud(canvas: &Canvas<'_>, frame: &Frame, search: &Search) -> Result<(), PictureError> {
@@ -158,7 +158,8 @@ fn clipped(
     for ends in line.windows(2) {
         let [from, to] = ends else { continue };
         let Some((from, to)) = frame.clip(from, to) else { continue };
-        let (from, to) = (frame.pixel(&from), frame.pixel(&to));
+        let from = frame.pixel(&from);
+        let to = frame.pixel(&to);
         if piece.last() != Some(&from) {
             canvas.line(std::mem::take(&mut piece), colour, width)?;
             piece.push(from);

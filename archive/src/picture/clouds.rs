@@ -10,13 +10,13 @@ use super::{
 };
 use crate::overview::{Believed, SearchOverview};
 
-/// How many places of a cloud are drawn at most: more make no other picture, but a larger file.
+/// Maximum number of drawn places of a cloud: more make no other picture, but a larger file.
 const MOST_PLACES: usize = 250;
 
-/// How many moments are shown.
+/// Number of moments that are shown.
 const PANELS: usize = 6;
 
-/// How many of them lie side by side.
+/// Number of them side by side.
 const COLUMNS: usize = 3;
 
 /// The cloud of a search at six moments from its beginning to its end, each in a frame of its own:
@@ -34,8 +34,10 @@ pub(super) fn draw(
     let truth = search.truth.last().map(|knot| knot.place.xy()).filter(drawable);
     for (panel, believed) in (0_i32..).zip(&shown) {
         let columns = i32::try_from(COLUMNS).unwrap_or(1);
-        let (column, row) = (panel % columns, panel / columns);
-        let (left, top) = ((64 + column * 356) * UNIT, (92 + row * 392) * UNIT);
+        let column = panel % columns;
+        let row = panel / columns;
+        let left = (64 + column * 356) * UNIT;
+        let top = (92 + row * 392) * UNIT;
         let rect = Rect { left, top, right: left + 300 * UNIT, bottom: top + 300 * UNIT };
         let mut extent = Extent::default();
         for place in believed.cloud.iter().chain(&truth).filter(|place| drawable(place)) {

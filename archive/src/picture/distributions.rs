@@ -26,10 +26,10 @@ const SIZE: i32 = 13 * UNIT;
 /// The largest NEES that is shown: χ²₂ is below it with 99.9 %.
 const MOST_NEES: f64 = 14.0;
 
-/// How many points a curve has.
+/// Number of points of a curve.
 const POINTS: u32 = 400;
 
-/// How errors and NEES are distributed: the share of runs that are below.
+/// Draws the distributions of errors and NEES: the share of runs that are below.
 pub(super) fn draw(
     canvas: &Canvas<'_>,
     title: &str,
@@ -42,7 +42,8 @@ pub(super) fn draw(
     };
     let least = positive().fold(f64::INFINITY, f64::min).clamp(1e-3, 1.0);
     let most = positive().fold(0.0, f64::max).max(10.0 * least);
-    let (low, high) = (least.log10().floor(), most.log10().ceil());
+    let low = least.log10().floor();
+    let high = most.log10().ceil();
     let errors = Panel {
         rect: ERRORS,
         title: "share of runs with an error below, in metres",
@@ -79,8 +80,8 @@ pub(super) fn draw(
     Ok(())
 }
 
-/// How far the share of so many consistent runs may be from χ²₂'s anywhere, with 95 % (Dvoretzky,
-/// Kiefer & Wolfowitz 1956 with the constant of Massart 1990), about the curve of χ²₂.
+/// Draws the band about the curve of χ²₂ that holds the shares of this number of consistent runs
+/// everywhere with 95 % (Dvoretzky, Kiefer & Wolfowitz 1956 with the constant of Massart 1990).
 fn band(canvas: &Canvas<'_>, panel: &Panel, runs: usize) -> Result<(), PictureError> {
     let runs = f64::from(u32::try_from(runs).unwrap_or(u32::MAX)).max(1.0);
     let reach = ((2.0_f64 / 0.05).ln() / (2.0 * runs)).sqrt();
@@ -101,9 +102,9 @@ fn chi_squared_2(at: f64) -> f64 {
 struct Panel {
     rect: Rect,
     title: &'static str,
-    /// Where a value lies across.
+    /// Position of a value across.
     across: fn(f64) -> f64,
-    /// What is at the left and the right edge, in the units of `across`.
+    /// Ends at the left and the right edge, in the units of `across`.
     range: [f64; 2],
 }
 

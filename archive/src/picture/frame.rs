@@ -39,7 +39,7 @@ impl Extent {
     }
 }
 
-/// How the field lies on the canvas: a metre is as long in both directions.
+/// Projection of the field on the canvas: a metre is as long in both directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Frame {
     rect: Rect,
@@ -62,12 +62,12 @@ impl Frame {
         Self { rect, centre: (low + high) * 0.5, scale }
     }
 
-    /// Where the field is drawn.
+    /// Returns the rectangle of the field.
     pub(super) fn rect(&self) -> Rect {
         self.rect
     }
 
-    /// Where a place of the field lies on the canvas.
+    /// Returns the pixel of a place of the field.
     pub(super) fn pixel(&self, place: &Vector2<f64>) -> Pixel {
         let offset = (place - self.centre) * self.scale;
         let middle = |a: i32, b: i32| 0.5 * (f64::from(a) + f64::from(b));
@@ -94,7 +94,8 @@ impl Frame {
     ) -> Option<(Vector2<f64>, Vector2<f64>)> {
         let (low, high) = self.corners();
         let way = to - from;
-        let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
+        let mut enter = 0.0_f64;
+        let mut leave = 1.0_f64;
         for axis in 0..2 {
             for (rate, room) in
                 [(-way[axis], from[axis] - low[axis]), (way[axis], high[axis] - from[axis])]
@@ -111,8 +112,8 @@ impl Frame {
         (enter < leave).then(|| (from + way * enter, from + way * leave))
     }
 
-    /// Where the grid's lines are, East and North, the same distance apart on both axes, and
-    /// how many decimals distinguish them.
+    /// Coordinates of the grid's lines, East and North, the same distance apart on both axes, and
+    /// the number of decimals that distinguish them.
     pub(super) fn grid(&self) -> ([Vec<f64>; 2], usize) {
         let (low, high) = self.corners();
         let step = round_step((high - low).max() / 9.0);

@@ -10,13 +10,13 @@ use super::{
 /// Curves over one axis, for [`graph_svg`](super::graph_svg).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Graph {
-    /// What is shown.
+    /// Title above the graph.
     pub title: String,
     /// The axis to the right.
     pub across: Axis,
     /// The axis upwards.
     pub up: Axis,
-    /// What lies behind the curves.
+    /// Ranges behind the curves.
     pub bands: Vec<Band>,
     /// The curves.
     pub curves: Vec<Curve>,
@@ -25,13 +25,13 @@ pub struct Graph {
 /// An axis; its range is that of what is shown.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Axis {
-    /// What it counts, with its unit.
+    /// Its quantity with the unit.
     pub label: String,
-    /// How it is divided.
+    /// Its division.
     pub scale: Scale,
 }
 
-/// How an axis is divided.
+/// Division of an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Scale {
     /// Evenly.
@@ -50,13 +50,13 @@ pub struct Curve {
     pub name: String,
     /// Its points: to the right, and upwards. One that is not finite divides a line.
     pub points: Vec<[f64; 2]>,
-    /// How they are drawn.
+    /// Style of the points.
     pub mark: Mark,
     /// Its colour.
     pub tint: Tint,
 }
 
-/// How points are drawn.
+/// Style of points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Mark {
     /// As a line from each to the next.
@@ -65,18 +65,18 @@ pub enum Mark {
     Dashes,
     /// As dots.
     Dots,
-    /// As bars from 0 that are so wide.
+    /// As bars from 0 of this width.
     Bars(f64),
 }
 
 /// A colour by its meaning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tint {
-    /// That of a contender, a drone or a beacon, from 0.
+    /// The colour of a contender, a drone or a beacon, from 0.
     Number(usize),
-    /// What is believed or fitted.
+    /// A belief or a fit.
     Belief,
-    /// What is true, or a reference.
+    /// The truth, or a reference.
     Truth,
 }
 
@@ -101,7 +101,7 @@ impl Tint {
 
 const SIZE: i32 = 13 * UNIT;
 
-/// How much room is left about the points, as a share of the range.
+/// Room about the points, as a share of the range.
 const MARGIN: f64 = 0.04;
 
 pub(super) fn draw(canvas: &Canvas<'_>, graph: &Graph) -> Result<(), PictureError> {
@@ -128,7 +128,7 @@ pub(super) fn draw(canvas: &Canvas<'_>, graph: &Graph) -> Result<(), PictureErro
 /// One axis: how values lie along it.
 struct Ruler {
     scale: Scale,
-    /// What is at its ends, as the scale counts.
+    /// Values at its ends, as the scale counts.
     ends: [f64; 2],
 }
 
@@ -149,7 +149,7 @@ impl Ruler {
         Self { scale, ends: [low - below, high + room] }
     }
 
-    /// Where a value lies, from 0 to 1; [`None`] where it has no place.
+    /// Position of a value, from 0 to 1; [`None`] if it has no place.
     fn share(&self, value: f64) -> Option<f64> {
         let [low, high] = self.ends;
         let share = (counted(self.scale, value)? - low) / (high - low);
@@ -207,7 +207,7 @@ fn number(value: f64, decimals: usize) -> String {
     format!("{value:.decimals$}").replace('-', "\u{2212}")
 }
 
-/// Where a graph is drawn.
+/// A graph's rectangle and axes.
 struct Plot {
     rect: Rect,
     across: Ruler,
@@ -284,7 +284,7 @@ impl Plot {
     }
 }
 
-/// How large a dot is.
+/// Radius of a dot.
 const DOT: i32 = 3 * UNIT;
 
 fn stroke(
@@ -300,9 +300,10 @@ fn stroke(
 }
 
 fn legend(canvas: &Canvas<'_>, graph: &Graph) -> Result<(), PictureError> {
-    /// More than so many have no room.
+    /// Maximum number of lines; there is no room for more.
     const MOST: usize = 32;
-    let (left, right) = (LEGEND.left, LEGEND.left + 30 * UNIT);
+    let left = LEGEND.left;
+    let right = LEGEND.left + 30 * UNIT;
     let mut y = LEGEND.top + 8 * UNIT;
     let name = |name: &str, y: i32| {
         let at = (right + 8 * UNIT, y);

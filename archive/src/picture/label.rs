@@ -6,9 +6,9 @@ use super::{
 /// Finds places for labels where they hide least.
 #[derive(Debug)]
 pub(super) struct Labels {
-    /// Where labels may be.
+    /// Rectangle that labels may use.
     room: Rect,
-    /// What is better not hidden.
+    /// Points that are better not hidden.
     points: Vec<Pixel>,
     /// Labels that are placed already.
     taken: Vec<Rect>,

@@ -9,7 +9,7 @@ use super::{
 };
 use foxhunt_hunt::log::LogHeader;
 
-/// How many drones and how many beacons the legend has room for.
+/// Maximum numbers of drones and of beacons: the legend has no room for more.
 const MOST_DRONES: usize = 8;
 const MOST_BEACONS: usize = 6;
 

@@ -72,14 +72,15 @@ pub fn axes_over_steps(title: &str, searches: &[NamedSearch<'_>]) -> Graph {
 }
 
 /// The normalised estimation error squared after each reception, averaged over the searches of one
-/// beacon: those of a consistent estimator lie in the band of χ² with 95 % at each step (Bar-Shalom,
-/// Li & Kirubarajan 2001, §5.4.2). Searches without a truth are left out.
+/// beacon: for a consistent estimator the averages lie in the band of χ² with 95 % at each step
+/// (Bar-Shalom, Li & Kirubarajan 2001, §5.4.2). Searches without a truth are left out.
 #[must_use]
 pub fn nees_over_steps(title: &str, searches: &[NamedSearch<'_>]) -> Graph {
     let of_each = searches.iter().filter_map(|named| nees(named.search));
     let runs: Vec<Vec<(u32, f64)>> = of_each.collect();
     let last = runs.iter().filter_map(|run| run.last()).map(|(steps, _)| *steps).max();
-    let (mut average, mut band) = (Vec::new(), Vec::new());
+    let mut average = Vec::new();
+    let mut band = Vec::new();
     for step in 0..=last.unwrap_or(0) {
         let at = runs.iter().filter_map(|run| {
             let index = run.partition_point(|(steps, _)| *steps < step);
@@ -132,10 +133,11 @@ fn nees(search: &SearchOverview) -> Option<Vec<(u32, f64)>> {
     (!run.is_empty()).then_some(run)
 }
 
-/// Where a beacon was at a time; on straight lines between the knots of its way.
+/// Place of a beacon at a time; on straight lines between the knots of its way.
 fn truth_at(way: &[Knot], time: f64) -> Option<nalgebra::Vector2<f64>> {
     let after = way.partition_point(|knot| knot.time < time);
-    let (before, next) = (after.checked_sub(1).and_then(|i| way.get(i)), way.get(after));
+    let before = after.checked_sub(1).and_then(|i| way.get(i));
+    let next = way.get(after);
     let (before, next) = (before.or(next)?, next.or(before)?);
     let span = next.time - before.time;
     let share = if span > 0.0 { ((time - before.time) / span).clamp(0.0, 1.0) } else { 0.0 };
@@ -186,7 +188,8 @@ mod tests {
 
     #[test]
     fn nees_are_averaged_and_held_against_their_band() {
-        let (near, far) = (search(2.0, 5), search(6.0, 3));
+        let near = search(2.0, 5);
+        let far = search(6.0, 3);
         let graph = nees_over_steps("", &[named(&near), named(&far)]);
         let average = &graph.curves[1].points;
         // (2/2)² and (6/2)².

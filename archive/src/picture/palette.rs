@@ -15,11 +15,11 @@ pub(super) fn drone(index: usize) -> RGBColor {
     DRONES[index % DRONES.len()]
 }
 
-/// What is believed.
+/// Colour of beliefs.
 pub(super) const BELIEF: RGBColor = RGBColor(200, 20, 60);
 /// The places of a belief's cloud.
 pub(super) const CLOUD: RGBColor = RGBColor(235, 120, 140);
-/// What is true, and text.
+/// Colour of the truth and of text.
 pub(super) const INK: RGBColor = RGBColor(25, 25, 30);
 /// Text of less weight.
 pub(super) const FAINT_INK: RGBColor = RGBColor(95, 95, 105);

@@ -24,7 +24,7 @@ const SIZE: i32 = 13 * UNIT;
 struct Circle<'a> {
     centre: Pixel,
     title: &'a str,
-    /// What is written at the top, on the left, at the bottom and on the right.
+    /// Texts at the top, on the left, at the bottom and on the right.
     sides: [&'a str; 4],
 }
 

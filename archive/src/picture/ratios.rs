@@ -7,7 +7,7 @@ use super::{
     palette,
 };
 
-/// How a contender compares with a reference, for [`ratios_svg`](super::ratios_svg).
+/// Comparison of a contender with a reference, for [`ratios_svg`](super::ratios_svg).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ratios {
     /// Its name.
@@ -35,7 +35,8 @@ pub(super) fn draw(
     let values = known.flat_map(|(ratio, [low, high])| [*ratio, *low, *high]).filter(positive);
     let (low, high) =
         values.fold((0.8_f64, 1.25_f64), |(low, high), value| (low.min(value), high.max(value)));
-    let (low, high) = (low.ln() - 0.05, high.ln() + 0.05);
+    let low = low.ln() - 0.05;
+    let high = high.ln() + 0.05;
     let x = |ratio: f64| {
         let share = ((ratio.ln() - low) / (high - low)).clamp(0.0, 1.0);
         PLOT.left + whole(f64::from(PLOT.right - PLOT.left) * share)

@@ -9,10 +9,10 @@ use nalgebra::Vector2;
 
 use super::frame::Extent;
 
-/// What there is to draw, in metres East and North, all of it finite.
+/// Contents of a picture, in metres East and North, all of it finite.
 #[derive(Debug, Default)]
 pub(super) struct Scene {
-    /// Where each drone listened, in order.
+    /// Places where each drone listened, in order.
     pub(super) drones: BTreeMap<usize, Vec<Vector2<f64>>>,
     /// The bearings.
     pub(super) rays: Vec<Ray>,
@@ -20,9 +20,9 @@ pub(super) struct Scene {
     pub(super) searches: Vec<Search>,
     /// Every beacon whose place is known: where it was at its last reception.
     pub(super) beacons: Vec<(String, Vector2<f64>)>,
-    /// The ways that beacons went since the beginning, of those that move.
+    /// The ways of moving beacons since the beginning.
     pub(super) courses: Vec<Vec<Vector2<f64>>>,
-    /// Whose reception the last one was.
+    /// Beacon of the last reception.
     received: BeaconId,
 }
 
@@ -33,12 +33,12 @@ pub(super) struct Ray {
     pub(super) from: Vector2<f64>,
     /// Radians counter-clockwise from East.
     pub(super) angle: f64,
-    /// Whether the estimator fused it.
+    /// True if the estimator fused it.
     pub(super) fused: bool,
 }
 
 impl Ray {
-    /// Where it ends when it is drawn this long.
+    /// End of the ray when it is drawn this long.
     pub(super) fn end(&self, length: f64) -> Vector2<f64> {
         let (sin, cos) = self.angle.sin_cos();
         self.from + Vector2::new(cos, sin) * length
@@ -54,7 +54,7 @@ pub(super) struct Search {
     pub(super) track: Vec<Vector2<f64>>,
     /// Places of equal weight, drawn from the last belief, where two moments do not do.
     pub(super) cloud: Vec<Vector2<f64>>,
-    /// What is believed in the end.
+    /// The last belief.
     pub(super) estimate: Option<Estimate<2>>,
     pub(super) truth: Option<Vector2<f64>>,
     /// The result, where the search ended.
@@ -69,7 +69,7 @@ pub(super) fn drawable(place: &Vector2<f64>) -> bool {
     place.iter().all(|c| c.abs() < FAR)
 }
 
-/// When the beacon of an index was last received, in seconds.
+/// Time of the last reception of the beacon with an index, in seconds; 0 without receptions.
 fn last_received(events: &[Event], index: usize) -> f64 {
     let times = events.iter().filter_map(|event| match event {
         Event::Received { reception, .. } if usize::from(reception.beacon.0) == index => {
@@ -212,7 +212,8 @@ pub(super) fn outline(estimate: &Estimate<2>) -> Option<Vec<Vector2<f64>>> {
     let (sin, cos) = ellipse.orientation.sin_cos();
     let corner = |i: u32| {
         let (s, c) = (std::f64::consts::TAU * f64::from(i) / f64::from(CORNERS)).sin_cos();
-        let (along, across) = (ellipse.semi_major * c, ellipse.semi_minor * s);
+        let along = ellipse.semi_major * c;
+        let across = ellipse.semi_minor * s;
         estimate.mean + Vector2::new(along * cos - across * sin, along * sin + across * cos)
     };
     Some((0..=CORNERS).map(corner).collect())

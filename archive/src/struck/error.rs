@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use super::format::{ReceptionId, RowId, STRUCK_VERSION};
 
-/// Why a list of struck receptions cannot be used.
+/// Reason why a list of struck receptions cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StruckError {
@@ -11,7 +11,7 @@ pub enum StruckError {
     Read {
         /// The file.
         path: PathBuf,
-        /// Why not.
+        /// The error of the file system.
         source: std::io::Error,
     },
     /// The first line is no header.
@@ -22,7 +22,7 @@ pub enum StruckError {
     Header {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The JSON error.
         source: serde_json::Error,
     },
     /// The list is of another version.
@@ -41,11 +41,11 @@ pub enum StruckError {
     Line {
         /// The file.
         path: PathBuf,
-        /// Which line, from 1.
+        /// Line number, from 1.
         line: usize,
-        /// What stands in such a line.
+        /// Expected contents of such a line.
         what: &'static str,
-        /// What is wrong with it.
+        /// The JSON error.
         source: serde_json::Error,
     },
     /// The log has no such reception.
@@ -57,9 +57,9 @@ pub enum StruckError {
     NoReception {
         /// The file.
         path: PathBuf,
-        /// Which line, from 1.
+        /// Line number, from 1.
         line: usize,
-        /// What stands there.
+        /// The reception in that line.
         reception: ReceptionId,
         /// The reception of the same drone and beacon that is nearest in time.
         nearest: Option<ReceptionId>,
@@ -69,11 +69,11 @@ pub enum StruckError {
     NoRow {
         /// The file.
         path: PathBuf,
-        /// Which line, from 1.
+        /// Line number, from 1.
         line: usize,
-        /// What stands there.
+        /// The row in that line.
         row: RowId,
-        /// What there is instead.
+        /// Text about the rows that exist instead.
         there: String,
     },
     /// A reception stands there twice.
@@ -81,11 +81,11 @@ pub enum StruckError {
     Twice {
         /// The file.
         path: PathBuf,
-        /// Which line, from 1.
+        /// Line number, from 1.
         line: usize,
-        /// What stands there.
+        /// The reception in that line.
         what: String,
-        /// Where it stood before.
+        /// Number of the earlier line.
         before: usize,
     },
 }

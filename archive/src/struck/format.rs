@@ -18,11 +18,11 @@ pub enum ReceptionKey {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReceptionId {
-    /// Which drone's, from 0.
+    /// Index of the drone, from 0.
     pub drone: usize,
-    /// Of which beacon.
+    /// The beacon.
     pub beacon: BeaconId,
-    /// When it was received, in seconds; every bit counts.
+    /// Time of the reception, in seconds; every bit counts.
     pub time: f64,
 }
 

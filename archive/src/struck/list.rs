@@ -16,8 +16,8 @@ pub(super) fn read(path: &Path) -> Result<String, StruckError> {
     fs::read_to_string(path).map_err(|source| StruckError::Read { path: path.to_owned(), source })
 }
 
-/// What stands in the lines of a list after its header, each with its line from 1; `what` is what
-/// errors call such a line.
+/// Reads the lines of a list after its header, each with its number from 1; `what` is the name of
+/// such a line in errors.
 pub(super) fn entries<T: DeserializeOwned>(
     text: &str,
     path: &Path,

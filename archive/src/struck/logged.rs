@@ -44,19 +44,19 @@ impl Struck {
         Ok(struck)
     }
 
-    /// Whether a reception is left out.
+    /// Returns true if a reception is left out.
     #[must_use]
     pub fn contains(&self, reception: ReceptionId) -> bool {
         self.lines.contains_key(&reception.key())
     }
 
-    /// How many are left out.
+    /// Returns the number of receptions left out.
     #[must_use]
     pub fn len(&self) -> usize {
         self.lines.len()
     }
 
-    /// Whether none is left out.
+    /// Returns true if no reception is left out.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.lines.is_empty()
@@ -96,7 +96,8 @@ mod tests {
         for (second, (east, north)) in (1_u8..).zip(places) {
             let towards = f64::atan2(30.0 - north, 40.0 - east);
             let angle = if second == 6 { -towards } else { towards };
-            let (time, drone) = (f64::from(second), second % 2);
+            let time = f64::from(second);
+            let drone = second % 2;
             text += &format!(
                 r#"{{"event":"received","time":{time:?},"drone":{drone},"first_position":false,"#,
             );

@@ -3,7 +3,7 @@ use std::{collections::BTreeMap, path::Path};
 use super::{RowId, StruckError, list};
 use crate::recording::Recording;
 
-/// What the files of some recordings are called in a [`RowId`], in their order.
+/// Names of some recordings' files in a [`RowId`], in the order of the recordings.
 #[must_use]
 pub fn file_names(recordings: &[Recording]) -> Vec<String> {
     let last = |recording: &Recording| {
@@ -57,32 +57,32 @@ impl StruckRows {
         Ok(struck)
     }
 
-    /// Whether a reception is left out.
+    /// Returns true if a reception is left out.
     #[must_use]
     pub fn contains(&self, row: &RowId) -> bool {
         self.lines.contains_key(row)
     }
 
-    /// How many of a beacon are left out.
+    /// Returns the number of a beacon's receptions left out.
     #[must_use]
     pub fn of_beacon(&self, beacon: Option<&str>) -> usize {
         self.lines.keys().filter(|row| row.beacon.as_deref() == beacon).count()
     }
 
-    /// How many are left out.
+    /// Returns the number of receptions left out.
     #[must_use]
     pub fn len(&self) -> usize {
         self.lines.len()
     }
 
-    /// Whether none is left out.
+    /// Returns true if no reception is left out.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.lines.is_empty()
     }
 }
 
-/// What stands nearest to a row that is not there.
+/// Describes the known row nearest to a missing one.
 fn what_is_there(row: &RowId, known: &[RowId]) -> String {
     let of_file = || known.iter().filter(|known| known.file == row.file);
     let nearest = of_file().min_by_key(|known| (known.line.abs_diff(row.line), &known.beacon));

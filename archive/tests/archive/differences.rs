@@ -219,8 +219,8 @@ impl Score {
     }
 }
 
-/// Seed 38, 25 problems of each estimator. Of 25 consistent ellipses fewer than 20 hold in one
-/// set of 800.
+/// Seed 38, 25 problems of each estimator. Fewer than 20 of 25 consistent ellipses hold in one set
+/// of 800.
 #[test]
 fn recursive_estimators_of_differences_reach_a_batch() {
     for kind in KINDS {
@@ -228,8 +228,8 @@ fn recursive_estimators_of_differences_reach_a_batch() {
     }
 }
 
-/// Seed 38, 300 problems of each estimator, about a ring and from three receivers on one side. Of
-/// 300 consistent ellipses 93 % or more hold in 19 sets of 20.
+/// Seed 38, 300 problems of each estimator, about a ring and from three receivers on one side. In
+/// 19 sets of 20, 93 % or more of 300 consistent ellipses hold.
 #[test]
 #[ignore = "takes minutes"]
 fn recursive_estimators_of_differences_reach_a_batch_over_many_problems() {

@@ -1,5 +1,5 @@
 //! Levels as people record them, by the default estimator: a long way, a hunt that ends at the
-//! transmitter, a receiver at its ceiling, a room. Of each kind several are drawn, and the answers
+//! transmitter, a receiver at its ceiling, a room. Several of each kind are drawn, and the answers
 //! are judged together: their errors beside the place that all readings weighed alike would give,
 //! and the share of 95 % regions that hold the transmitter.
 

@@ -100,7 +100,7 @@ fn a_straight_flight_has_a_rival_and_a_bent_one_has_none() {
     }
 }
 
-/// 20 dB off the truth, a known power leads astray: it is used, and not found anew.
+/// A known power that is 20 dB off leads astray: it is used, and not estimated again.
 #[test]
 fn a_known_power_is_used_and_not_estimated() {
     let target = Vector2::new(120.0, 60.0);
@@ -156,11 +156,13 @@ fn named_antennas_explain_the_hole_below_a_drone() {
         let target = Vector2::from_fn(|_, _| 40.0 + 120.0 * random.random_range(0.0..1.0_f64));
         let receptions: Vec<Reception> = (0..160_u32)
             .map(|i| {
-                let (lane, along) = (f64::from(i / 40), 5.0 * f64::from(i % 40));
+                let lane = f64::from(i / 40);
+                let along = 5.0 * f64::from(i % 40);
                 let receiver = Pose::at(along, 60.0 * lane, 40.0);
                 let way = target.push(0.0) - receiver.position;
                 // The dipole's gain at the sine of an elevation e: cos(π/2 sin e)/cos e.
-                let (sine, cosine) = (way.z / way.norm(), way.xy().norm() / way.norm());
+                let sine = way.z / way.norm();
+                let cosine = way.xy().norm() / way.norm();
                 let gain = 20.0 * ((FRAC_PI_2 * sine).cos() / cosine).log10();
                 let noise: f64 = random.sample(StandardNormal);
                 let law = REFERENCE_DBM - 10.0 * EXPONENT * way.norm().log10();
@@ -187,7 +189,8 @@ fn named_antennas_explain_the_hole_below_a_drone() {
         }
     }
     for ((estimator, known), (square, nees)) in sums {
-        let (rms, consistent) = (square.sqrt(), (1.04..3.34).contains(&nees));
+        let rms = square.sqrt();
+        let consistent = (1.04..3.34).contains(&nees);
         assert_eq!(consistent, known, "{estimator}, {known}: {rms} m, NEES {nees}");
         assert!(
             rms < if estimator == "particle" { 7.0 } else { 12.0 } || !known,
@@ -314,7 +317,8 @@ fn survey(target: Vector2<f64>) -> Vec<Reception> {
     let lines = (0..6).flat_map(|line| (0..13).map(move |i| (line, i)));
     let observed = lines.map(|(line, i)| {
         let i = if line % 2 == 0 { i } else { 12 - i };
-        let (east, north) = (20.0 * f64::from(i), 40.0 * f64::from(line));
+        let east = 20.0 * f64::from(i);
+        let north = 40.0 * f64::from(line);
         reception(f64::from(13 * line + i), east, north, target)
     });
     levels(&observed.collect::<Vec<_>>())
@@ -365,7 +369,7 @@ fn levels_make_no_difference_to_estimators_of_bearings() {
     assert_ne!(still, moving);
 }
 
-/// What the program before version 0.2 found in the same recordings; in the flight's levels
+/// Places that the program before version 0.2 found in the same recordings; in the flight's levels
 /// `batch-multistart` since then counts what fades alike for fewer. A particle cloud is not among
 /// them: its stream of random numbers is another one now.
 #[test]
@@ -477,10 +481,12 @@ fn recordings_lead_to_the_places_that_they_led_to() {
 fn sigma_of_bearings_is_learned_from_several_transmitters() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(31);
     let receivers = [(0.0, 0.0), (900.0, 100.0), (100.0, 800.0), (800.0, 900.0)];
-    let (taken, true_sigma) = (10.0_f64.to_radians(), 3.0_f64.to_radians());
+    let taken = 10.0_f64.to_radians();
+    let true_sigma = 3.0_f64.to_radians();
     let transmitters: Vec<Vec<Reception>> = (0..60)
         .map(|_| {
-            let (east, north) = (1000.0 * rng.random::<f64>(), 1000.0 * rng.random::<f64>());
+            let east = 1000.0 * rng.random::<f64>();
+            let north = 1000.0 * rng.random::<f64>();
             let bearing = |&(x, y): &(f64, f64)| {
                 let error: f64 = rng.sample(StandardNormal);
                 let angle = (north - y).atan2(east - x) + true_sigma * error;

@@ -44,7 +44,7 @@ fn flight(seed: u64) -> (Vector2<f64>, Vec<(Pose, f64)>) {
     (target, places.into_iter().zip(&shadowing).map(level).collect())
 }
 
-/// What becomes of levels below the floor.
+/// Treatment of levels below the floor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Below {
     /// They are received as if there were no floor.
@@ -100,7 +100,10 @@ fn judge(estimator: &str, power: Power, below: Below, flights: u64) -> Outcome {
 
 /// The results of flights with these targets and answers.
 fn summary(outcomes: impl Iterator<Item = Option<(Vector2<f64>, Located)>>) -> Outcome {
-    let (mut errors, mut covered, mut nees, mut failed) = (Vec::new(), 0.0, 0.0, 0);
+    let mut errors = Vec::new();
+    let mut covered = 0.0;
+    let mut nees = 0.0;
+    let mut failed = 0;
     for outcome in outcomes {
         match outcome {
             None => failed += 1,
@@ -118,8 +121,8 @@ fn summary(outcomes: impl Iterator<Item = Option<(Vector2<f64>, Located)>>) -> O
     Outcome { median_m, covered: covered / count, mean_nees: nees / count, failed }
 }
 
-/// The same for the default estimator of levels, on coarse cells and with its other explanations
-/// left out, so that it is quick.
+/// Outcome of the default estimator of levels, on coarse cells and with its other explanations left
+/// out, so that it is quick.
 fn judge_grid(below: Below, flights: u64) -> Outcome {
     let config = ShadowingGridConfig {
         gain: Slope::Known(0.0),

@@ -46,8 +46,8 @@ fn days_that_were_not_fitted_have_honest_bearings() {
 }
 
 /// Without a calibration: four readings in a wooded valley make bearings whose own σ holds a
-/// quarter of the truths. That of an unknown site, of published measurements alone, holds nine in
-/// ten.
+/// quarter of the truths. The σ of an unknown site, from published measurements alone, holds nine
+/// in ten.
 #[test]
 fn bearings_of_an_unknown_site_are_honest() {
     let Some(recording) = recording("uri_yagi_station/detections.csv") else { return };
@@ -63,7 +63,8 @@ fn bearings_of_an_unknown_site_are_honest() {
         };
         fit.expect("bearings").sigma.expect("a fit").coverage_95
     };
-    let (own, unknown) = (held(None), held(Some(Site::Unknown)));
+    let own = held(None);
+    let unknown = held(Some(Site::Unknown));
     assert!(own < 0.35, "{own}");
     assert!((0.88..=0.97).contains(&unknown), "{unknown}");
 }

@@ -1,4 +1,4 @@
-//! What the documents show is what the program takes: every command, scenario and flight.
+//! The program takes every command, scenario and flight that the documents show.
 
 use std::{fs, path::PathBuf};
 
@@ -73,7 +73,7 @@ fn words(command: &str) -> Vec<String> {
     command.split_whitespace().filter(optional).map(concrete).collect()
 }
 
-/// What clap makes of a command line that begins with the program's name.
+/// Parses a command line that begins with the program's name.
 fn parsed(line: &str) -> Result<(), clap::Error> {
     names::command(Cli::command(), &Registry::builtin())
         .try_get_matches_from(words(line))

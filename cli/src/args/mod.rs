@@ -36,7 +36,7 @@ pub(crate) struct Cli {
     pub(crate) command: Command,
 }
 
-/// What the program is called.
+/// Name of the program.
 pub(crate) const PROGRAM: &str = "foxhunt";
 
 /// All commands, their arguments with the names of a registry.

@@ -34,7 +34,7 @@ mod tests {
     use super::*;
     use crate::args::Cli;
 
-    /// Whether a command's argument takes a value.
+    /// Returns true if a command's argument takes a value.
     fn takes(path: &[&str], argument: &str, value: &str) -> bool {
         takes_with(&Registry::builtin(), path, argument, value)
     }

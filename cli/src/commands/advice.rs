@@ -1,4 +1,4 @@
-//! What pilots are advised to do while they fly (`fly --advise`).
+//! Advice to pilots while they fly (`fly --advise`).
 
 use foxhunt::{
     fly::FlightConfig,
@@ -16,7 +16,8 @@ pub(super) fn advise(event: &Event, config: &FlightConfig, hunt: &Hunt) {
         Event::Sent { time, drone, to, .. } => {
             let Some(station) = hunt.stations().into_iter().nth(*drone) else { return };
             let way = to - station.pose.position;
-            let (metres, compass) = (way.xy().norm(), radians_to_compass_deg(way.y.atan2(way.x)));
+            let metres = way.xy().norm();
+            let compass = radians_to_compass_deg(way.y.atan2(way.x));
             let (name, [east, north, up]) = (name(*drone), [to.x, to.y, to.z]);
             warn(&format!(
                 "{time:7.0} s  {name}: fly {metres:.0} m towards {compass:03.0}°, to {east:.1} m \
@@ -29,8 +30,11 @@ pub(super) fn advise(event: &Event, config: &FlightConfig, hunt: &Hunt) {
         Event::GoalsSet { time, .. } => {
             for believed in hunt.believed() {
                 let Some(ellipse) = believed.estimate.ellipse(0.95) else { continue };
-                let (name, mean) = (believed.name, believed.estimate.mean);
-                let (east, north, within) = (mean.x, mean.y, ellipse.semi_major);
+                let name = believed.name;
+                let mean = believed.estimate.mean;
+                let east = mean.x;
+                let north = mean.y;
+                let within = ellipse.semi_major;
                 warn(&format!(
                     "{time:7.0} s  {name}: {east:.1} m East, {north:.1} m North, within \
                      {within:.1} m (95 %)",

@@ -76,11 +76,11 @@ struct Report {
     elevation_beamwidth_deg: Option<f64>,
     front_to_back_db: f64,
     directivity_dbi: f64,
-    /// Of a vendor's file, if it has one in numbers; down where positive.
+    /// Electrical tilt in a vendor's file, if it has one in numbers; positive downwards.
     electrical_tilt_deg: Option<f64>,
     /// The header of a vendor's file.
     header: BTreeMap<String, String>,
-    /// How a pattern that was learned was fitted.
+    /// Fit of a learned pattern.
     #[serde(skip_serializing_if = "Option::is_none")]
     learned: Option<Fit>,
 }
@@ -88,10 +88,10 @@ struct Report {
 /// The fit of a learned pattern.
 #[derive(Debug, Serialize)]
 struct Fit {
-    /// How many positions of turns it was fitted to.
+    /// Number of positions of turns that it was fitted to.
     directions: usize,
     harmonics: u16,
-    /// Of the positions' levels about it.
+    /// Standard deviation of the positions' levels about it.
     sigma_db: f64,
 }
 

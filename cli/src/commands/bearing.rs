@@ -59,10 +59,10 @@ pub(crate) struct Args {
 struct Report {
     file: String,
     format: String,
-    /// What surrounds the receiver, in the σ of bearings without a calibration.
+    /// The receiver's surroundings, in the σ of bearings without a calibration.
     site: &'static str,
     site_sigma_deg: f64,
-    /// Whether levels are in dBm, and not about an unknown reference.
+    /// True if levels are in dBm, and not about an unknown reference.
     calibrated: bool,
     turns: Vec<Turn>,
 }
@@ -83,7 +83,7 @@ struct Turn {
     bearing_sigma_deg: Option<f64>,
     confidence: Option<f64>,
     low_confidence: Option<bool>,
-    /// Why there is no bearing.
+    /// Reason why there is no bearing.
     no_bearing: Option<String>,
     /// The directions that compete, where there are several.
     modes: Vec<Mode>,
@@ -99,7 +99,8 @@ struct Mode {
 
 impl Turn {
     fn new(extractor: &str, read: &BearingReading) -> Self {
-        let (sweep, reading) = (&read.sweep, &read.reading);
+        let sweep = &read.sweep;
+        let reading = &read.reading;
         let bearing = reading.bearing.as_ref().ok();
         Self {
             extractor: extractor.to_owned(),

@@ -168,8 +168,8 @@ fn fit(
     Ok(report)
 }
 
-/// What each receiver recorded, by its name: its antennas are fitted alone. Recordings that do not
-/// name it are of one.
+/// Groups recordings by their receiver's name, as the antennas of each are fitted alone. Recordings
+/// without a name count as one receiver.
 fn by_station(recordings: &[Recording]) -> BTreeMap<Option<String>, Vec<Recording>> {
     let mut stations: BTreeMap<Option<String>, Vec<Recording>> = BTreeMap::new();
     for own in recordings.iter().flat_map(Recording::by_drone) {
@@ -179,11 +179,11 @@ fn by_station(recordings: &[Recording]) -> BTreeMap<Option<String>, Vec<Recordin
     stations
 }
 
-/// Why a path loss that was fitted is not used.
+/// Reason why a path loss that was fitted is not used.
 const NO_FALL: &str = "the levels do not show that power falls with range: the exponent's 95 % \
      interval reaches 0; points over a wider span of ranges are needed";
 
-/// Whether power falls with range for certain.
+/// Returns true if power falls with range for certain.
 fn falls(fit: &PathLossFit) -> bool {
     let certain = fit.exponent_interval(0.95).is_none_or(|[low, _]| low > 0.0);
     fit.exponent > 0.0 && (fit.at_bound || certain)

@@ -118,7 +118,7 @@ pub(super) fn parts<'r, 'f>(
     recording.by_drone().into_iter().map(part).collect()
 }
 
-/// Where a recording's receiver stands, as calibrations have it.
+/// Place of a recording's receiver, as calibrations have it.
 pub(super) fn station_place(recording: &Recording) -> Option<StationPlace> {
     let place = recording.first_place()?;
     Some(StationPlace { lat_deg: place.lat_deg, lon_deg: place.lon_deg })

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::table::{number, table, text as cell};
 
-/// What was fitted, as JSON has it.
+/// Fits as JSON has them.
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
     #[serde(rename = "calibration")]
@@ -20,14 +20,14 @@ pub(super) struct Report {
     first_file: String,
     files: Vec<String>,
     beacon: Option<String>,
-    /// Whether levels are in dBm, and not about an unknown reference.
+    /// True if levels are in dBm, and not about an unknown reference.
     calibrated: bool,
     #[serde(flatten)]
     path_loss: Option<PathLoss>,
     bearings: Option<Bearings>,
     /// In the order of the file's.
     pub(super) stations: Vec<Station>,
-    /// What could not be fitted.
+    /// Fits that were not possible.
     pub(super) skipped: Vec<Skipped>,
 }
 
@@ -68,7 +68,7 @@ struct Region {
     orientation_deg: f64,
 }
 
-/// How bearings err.
+/// Errors of bearings.
 #[derive(Debug, Serialize)]
 struct Bearings {
     bearings: usize,

@@ -103,7 +103,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     output.result(&report, tables)
 }
 
-/// Whether a built-in trial has the name of a scenario.
+/// Returns true if a built-in trial has the name of a scenario.
 fn is_trial(name: &str) -> bool {
     builtin_trials().iter().any(|trial| trial.name == name)
 }

@@ -2,7 +2,7 @@ use foxhunt::campaign::{BeaconCampaign, CampaignReport};
 
 use crate::table::{number, table, text};
 
-/// What the columns mean.
+/// Meaning of the columns.
 const LEGEND: &str = "Errors in metres. A consistent estimator's ANEES lies in the interval with \
      95 %, and 95 % of its ellipses hold the truth; an over-confident one has a larger ANEES, and \
      fewer of its ellipses do. Too few runs: a covariance 1.5 times too small would not be \

@@ -1,11 +1,11 @@
-//! What has to hold before a flight, and who watches it.
+//! Conditions that have to hold before a flight, and who watches them.
 
 use foxhunt::fly::{Check, CheckState};
 
 use crate::table::list;
 
-/// The checklist as a table, and how much of it does not hold. What is the same of several drones
-/// stands there once.
+/// The checklist as a table, and the number of its checks that do not hold. A finding that several
+/// drones share stands there once.
 pub(super) fn checklist(checks: &[Check]) -> String {
     let mut lines: Vec<(&Check, Vec<&str>)> = Vec::new();
     for check in checks {
@@ -47,7 +47,8 @@ pub(super) fn checklist(checks: &[Check]) -> String {
         ]);
     }
     let count = |state| checks.iter().filter(|check| check.state == state).count();
-    let (bad, open) = (count(CheckState::Bad), count(CheckState::Open));
+    let bad = count(CheckState::Bad);
+    let open = count(CheckState::Open);
     format!(
         "{rows}\nWho watches it while the drones fly. {bad} not as they should be, {open} for the \
          pilot to look at."

@@ -29,10 +29,10 @@ pub(crate) struct Args {
     at: Vec<Endpoint>,
 }
 
-/// What was found of a device.
+/// Findings about a device.
 #[derive(Serialize)]
 struct Examined {
-    /// Of which drone; none without a file.
+    /// Name of the drone; `None` without a file.
     #[serde(skip_serializing_if = "Option::is_none")]
     drone: Option<String>,
     device: String,
@@ -52,7 +52,8 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
                 examined.push(Examined { drone, device: device.to_owned(), findings });
             };
             let origin = clock.started_unix_s();
-            let (site, beacons) = (&config.site, &config.beacons);
+            let site = &config.site;
+            let beacons = &config.beacons;
             drone.examine(site, beacons, &clock, origin, &mut pause, &mut report);
         }
     } else {
@@ -83,7 +84,7 @@ fn serial_ports() -> Result<Vec<Endpoint>, CliError> {
     Ok(ports.into_iter().map(|port| Endpoint::Serial { port, baud: 57_600 }).collect())
 }
 
-/// What `SoapySDR` finds, each by the name that `listen` takes.
+/// Returns the receivers that `SoapySDR` finds, each by the name that `listen` takes.
 #[cfg(feature = "soapy")]
 fn soapy_receivers() -> Result<Vec<Examined>, CliError> {
     let found = foxhunt::hardware::soapy_devices().map_err(CliError::failure)?;

@@ -46,7 +46,7 @@ impl Extraction {
         registry.build_extractor(&config).map_err(CliError::input)
     }
 
-    /// Builds every extractor, those that take one with the antenna of the command line.
+    /// Builds every extractor; with the command line's antenna if the extractor takes one.
     pub(super) fn all<'a>(
         &self,
         registry: &'a Registry,
@@ -61,7 +61,7 @@ impl Extraction {
         registry.extractors().iter().map(build).collect()
     }
 
-    /// Whether the command line has an extractor or an antenna.
+    /// Returns true if the command line has an extractor or an antenna.
     pub(super) fn is_given(&self) -> bool {
         self.extractor.is_some() || self.antenna.is_some()
     }

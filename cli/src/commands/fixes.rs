@@ -46,7 +46,7 @@ pub(super) fn fixes<'a>(rows: impl IntoIterator<Item = Row<'a>>) -> Table {
     fixes
 }
 
-/// What the columns of [`fixes`] mean.
+/// Meaning of the columns of [`fixes`].
 pub(super) const LEGEND: &str = "East and north from the origin of the field; the ellipse's \
      semi-axes, and the direction of the longer one counter-clockwise from East; NEES is 2 on \
      average when the estimator is consistent.";

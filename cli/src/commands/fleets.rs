@@ -28,7 +28,7 @@ pub(crate) struct Args {
     estimator: Option<String>,
 }
 
-/// How many violations and failed hunts the tables hold; JSON has all.
+/// Maximum number of violations and of failed hunts in the tables; JSON has all.
 const MOST_ROWS: usize = 20;
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {

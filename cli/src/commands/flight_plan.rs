@@ -46,7 +46,9 @@ fn describe(plan: &FlightPlan) -> String {
             drones.add_row(row);
         }
     }
-    let (site, rules, hunt) = (&plan.site, &plan.rules, &plan.hunt);
+    let site = &plan.site;
+    let rules = &plan.rules;
+    let hunt = &plan.hunt;
     let mut plan_text = format!(
         "{}: East and North from {:.7}, {:.7}\nlooking for {}\n{drones}\n\
          take-off to {} m; at the end {}, if it is broken off {}\n\

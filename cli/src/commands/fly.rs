@@ -120,10 +120,10 @@ pub(crate) struct Args {
 /// The time between two steps of the flight.
 pub(super) const TICK: Duration = Duration::from_millis(5);
 
-/// What is flown, and in whose time.
+/// A flight with its clock and its devices.
 struct Field {
     config: FlightConfig,
-    /// What people call the file or the scenario.
+    /// Name of the file or the scenario.
     name: String,
     clock: Rc<dyn Fn() -> f64>,
     /// UNIX time when the clock was 0; absent where that is no time of this world.
@@ -325,7 +325,8 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     fs::write(&files.picture, svg).map_err(|error| CliError::writing(&files.picture, error))?;
     let flown = Log { header, events, torn: false };
     let antenna = Antennas::of(&config.extractor);
-    let (struck, turns) = (Struck::default(), turns.take());
+    let struck = Struck::default();
+    let turns = turns.take();
     let (overview, _) =
         Overview::of_log(&flown, registry, Some(estimator), &struck, turns, antenna.known())
             .map_err(CliError::failure)?;
@@ -339,7 +340,9 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let report = FlightReport::new(&config.name, &mission, clock.now(), truth);
     output.result(&report, text)?;
     let Files { log, samples, picture, page } = &files;
-    let (log, samples, picture) = (log.display(), samples.display(), picture.display());
+    let log = log.display();
+    let samples = samples.display();
+    let picture = picture.display();
     let page = page.display();
     output.note(&format!("log: {log}\nsamples: {samples}\npicture: {picture}\nreport: {page}"))?;
     args.exports.write(&overview, output)?;
@@ -360,12 +363,12 @@ fn stream(output: Output, happened: &Event) {
     }
 }
 
-/// Where a beacon of a simulated world is at a time, East and North in metres.
+/// Place of a beacon of a simulated world at a time, East and North in metres.
 fn place_at(world: &World, beacon: BeaconId, time: f64) -> Option<Vector2<f64>> {
     Some(world.truth_at(beacon, time)?.xy())
 }
 
-/// When a beacon was received last, which its fix is about.
+/// Time of a beacon's last reception, which its fix is about.
 fn last_received(events: &[Event], beacon: BeaconId) -> Option<f64> {
     events.iter().rev().find_map(|event| match event {
         Event::Received { reception, .. } if reception.beacon == beacon => Some(reception.time),
@@ -374,8 +377,7 @@ fn last_received(events: &[Event], beacon: BeaconId) -> Option<f64> {
 }
 
 /// Examines the devices of drones before anybody flies, prints the checklist, and returns what was
-/// found. Whether it matters what is wrong is the pilot's decision: a beacon may be too far to be
-/// received from here.
+/// found. The pilot decides if a fault matters: a beacon may be too far to be received from here.
 pub(super) fn examine_devices(
     config: &FlightConfig,
     drones: &[DroneConfig],
@@ -389,7 +391,8 @@ pub(super) fn examine_devices(
         let mut report = |device: &'static str, findings: Vec<Finding>| {
             examined.push(Examined { drone: drone.name.clone(), device, findings });
         };
-        let (site, beacons) = (&config.site, &config.beacons);
+        let site = &config.site;
+        let beacons = &config.beacons;
         drone.examine(site, beacons, clock, epoch_s, &mut pause, &mut report);
     }
     let checks = config.checklist(drones, Some(&examined));
@@ -488,7 +491,7 @@ pub(super) struct Pilot {
 /// The word that clears drones which came down without an order to take off again.
 const UP: &str = "up";
 
-/// What the pilot wants.
+/// Input of the pilot.
 pub(super) enum PilotInput {
     None,
     Enter,
@@ -542,7 +545,7 @@ impl Pilot {
         Ok(())
     }
 
-    /// What the pilot did since the last call.
+    /// Returns the pilot's input since the last call.
     pub(super) fn poll(&self) -> PilotInput {
         let interrupts = self.interrupts.load(Ordering::Relaxed);
         let before = self.handled.replace(interrupts);

@@ -107,7 +107,9 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
 
     let report = HuntReport::new(args.seed, &estimator.name, args.planning.name(), &hunt);
     output.result(&report, text)?;
-    let (log, picture, page) = (log.display(), picture.display(), page.display());
+    let log = log.display();
+    let picture = picture.display();
+    let page = page.display();
     output.note(&format!("log: {log}\npicture: {picture}\nreport: {page}"))?;
     args.exports.write(&overview, output)?;
     if let Some(live) = live {

@@ -122,14 +122,14 @@ struct ListedEstimator {
     name: String,
     about: String,
     source: String,
-    /// Whether levels are required, used or unused.
+    /// Use of levels: required, used or unused.
     level: String,
     bearing: String,
     /// Quantities besides level and bearing, all of them required.
     others: Vec<String>,
-    /// Whether it follows a beacon that moves.
+    /// True if it follows a beacon that moves.
     moving: bool,
-    /// Whether it takes all receptions at once, in `locate` alone.
+    /// True if it takes all receptions at once, in `locate` alone.
     all_at_once: bool,
 }
 
@@ -174,7 +174,7 @@ fn estimators(registry: &Registry, output: Output) -> Result<(), CliError> {
     })
 }
 
-/// What the columns of the estimators mean.
+/// Meaning of the estimators' columns.
 const ESTIMATORS_LEGEND: &str = "Level, bearing and others: what an estimator requires of a \
      reception, or uses where there is one. Moving: whether it follows a beacon that moves. One \
      that takes all receptions at once is for `foxhunt locate`.";
@@ -192,7 +192,7 @@ struct Listed {
 struct ListedExtractor {
     #[serde(flatten)]
     listed: Listed,
-    /// Whether it takes the antenna's pattern.
+    /// True if it takes the antenna's pattern.
     needs_antenna: bool,
     recommended: bool,
 }
@@ -236,9 +236,9 @@ fn table<'a>(what: &str, listed: impl IntoIterator<Item = &'a Listed>) -> String
 struct ListedSource {
     name: Cow<'static, str>,
     about: Cow<'static, str>,
-    /// What it measures besides level and bearing.
+    /// Quantities that it measures besides level and bearing.
     quantities: Vec<String>,
-    /// Whether a file has it as `kind = "registered"` with this name, not as a kind of its own.
+    /// True if a file has it as `kind = "registered"` with this name, not as a kind of its own.
     registered: bool,
 }
 

@@ -31,7 +31,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     context.output.result(&written, |_| format!("{count} pages: {}", folder.display()))
 }
 
-/// Writes the page of a command and those of its subcommands.
+/// Writes the pages of a command and of its subcommands.
 fn write(command: Command, folder: &Path, written: &mut Vec<PathBuf>) -> Result<(), CliError> {
     let subcommands: Vec<Command> = command.get_subcommands().cloned().collect();
     let man = Man::new(command);

@@ -27,7 +27,7 @@ struct Written {
 struct DroneMission {
     drone: String,
     file: PathBuf,
-    /// How many places it listens at.
+    /// Number of places that it listens at.
     places: usize,
 }
 
@@ -57,7 +57,8 @@ pub(super) fn write(
         let path = if routes.len() > 1 { of_drone(file, &route.drone) } else { file.to_owned() };
         fs::write(&path, route.mission(&frame, hold_s, format))
             .map_err(|error| CliError::writing(&path, error))?;
-        let (drone, places) = (route.drone.clone(), route.places_m.len());
+        let drone = route.drone.clone();
+        let places = route.places_m.len();
         missions.push(DroneMission { drone, file: path, places });
     }
     output.result(&Written { missions }, |written| {

@@ -6,7 +6,7 @@ use foxhunt::{hunt::Event, overview::notice};
 
 use crate::output::warn;
 
-/// A trouble that was away for so many seconds is printed when it comes again.
+/// A trouble that was away for this time, in seconds, is printed when it comes again.
 const AWAY_S: f64 = 60.0;
 
 /// Prints what people want to know of, and a trouble once while it lasts.
@@ -18,9 +18,9 @@ pub(super) struct Notices {
 /// A trouble that was printed.
 #[derive(Debug)]
 struct Trouble {
-    /// When it came last.
+    /// Time of its last occurrence, in seconds.
     came: f64,
-    /// How often it came since it was printed.
+    /// Number of occurrences since it was printed.
     since: u32,
 }
 
@@ -62,7 +62,7 @@ impl Notices {
     }
 }
 
-/// Whether an event is a trouble that comes again while it lasts.
+/// Returns true if an event is a trouble that comes again while it lasts.
 fn goes_on(event: &Event) -> bool {
     matches!(
         event,

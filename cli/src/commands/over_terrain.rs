@@ -50,7 +50,7 @@ pub(super) struct Relief {
 }
 
 impl OverTerrain {
-    /// Whether there is one.
+    /// Returns true if terrain is given.
     pub(super) fn is_given(&self) -> bool {
         self.terrain.is_some()
     }

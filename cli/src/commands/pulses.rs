@@ -81,7 +81,7 @@ pub(super) struct Search {
 }
 
 impl Search {
-    /// How a file is read.
+    /// Returns the options to open a file.
     pub(super) fn options(&self) -> OpenOptions {
         let mut options = OpenOptions::default();
         (options.rate_hz, options.center_hz) = (self.rate_hz, self.center_hz);
@@ -89,8 +89,8 @@ impl Search {
         options
     }
 
-    /// How samples of a rate about a centre are searched, whose numbers have steps that make this
-    /// power of noise.
+    /// Returns the detector's settings for samples of a rate about a centre, whose rounding makes
+    /// this power of noise.
     pub(super) fn config(
         &self,
         rate_hz: f64,
@@ -114,7 +114,7 @@ impl Search {
     }
 }
 
-/// What is searched where no interval is given, in seconds: those of most tags.
+/// Intervals that are searched unless one is given, in seconds: the range of most tags.
 const INTERVALS_S: [f64; 2] = [0.5, 3.0];
 
 fn intervals(text: &str) -> Result<[f64; 2], String> {
@@ -141,15 +141,15 @@ struct Report {
     rate_hz: f64,
     /// Without it frequencies are about the middle of the band.
     center_hz: Option<f64>,
-    /// How long a stretch was searched, without gaps.
+    /// Searched time without gaps, in seconds.
     searched_s: f64,
-    /// Whether levels are in dBm, and not in dB of full scale.
+    /// True if levels are in dBm, and not in dB of full scale.
     calibrated: bool,
     /// The energy over the noise's power density that a pulse must have, at the end.
     threshold_db: f64,
-    /// What was allowed.
+    /// Allowed rate of false alarms, per hour.
     false_alarms_per_hour: f64,
-    /// With --fold; those of the pulses are by their places here.
+    /// Trains found with --fold; `train` of a pulse is an index here.
     #[serde(skip_serializing_if = "Option::is_none")]
     trains: Option<Vec<FoundTrain>>,
     /// In the order of time.
@@ -160,7 +160,7 @@ struct Report {
 struct Found {
     #[serde(flatten)]
     pulse: Pulse,
-    /// How many times an hour noise alone gives one as strong, or a train as strong as its.
+    /// Rate at which noise alone gives a pulse as strong, or a train as strong as its, per hour.
     false_alarms_per_hour: f64,
     /// The probability that noise alone gives one as strong in all that was searched.
     p_value: f64,
@@ -178,14 +178,14 @@ struct FoundTrain {
     drift_hz_per_s: f64,
     width_s: f64,
     snr_db: f64,
-    /// How many stand out.
+    /// Number of pulses that stand out.
     pulses: usize,
     missed: usize,
     false_alarms_per_hour: f64,
     p_value: f64,
 }
 
-/// What searches samples, and what it found so far.
+/// Detector of samples, with its findings so far.
 #[derive(Debug)]
 enum PulseSearch {
     Single(Detector, Vec<Detection>),
@@ -194,7 +194,8 @@ enum PulseSearch {
 
 impl PulseSearch {
     fn new(args: &Args, source: &SampleSource) -> Result<Self, DetectorError> {
-        let (center_hz, rounding_noise) = (source.center_hz(), source.rounding_noise());
+        let center_hz = source.center_hz();
+        let rounding_noise = source.rounding_noise();
         let Some(pulses) = args.fold else {
             let config = args.search.config(source.rate_hz(), center_hz, rounding_noise);
             return Ok(Self::Single(Detector::new(config)?, Vec::new()));
@@ -255,7 +256,7 @@ impl PulseSearch {
     }
 }
 
-/// What was found since.
+/// Findings since the last call.
 #[derive(Debug, Default)]
 struct Taken {
     /// With the false alarms an hour and the place of the train.
@@ -283,7 +284,9 @@ fn search(args: &Args, file: &Path, output: Output) -> Result<Report, CliError> 
         CliError::input(InFile { file: file.display().to_string(), source: error.into() })
     };
     let mut search = PulseSearch::new(args, &source).map_err(in_file)?;
-    let (mut samples, mut all, mut count) = (Vec::new(), Taken::default(), 0);
+    let mut samples = Vec::new();
+    let mut all = Taken::default();
+    let mut count = 0;
     loop {
         let first = source.read(&mut samples).map_err(CliError::input)?;
         match first {

@@ -24,7 +24,7 @@ pub(super) struct Runs {
 }
 
 impl Runs {
-    /// How many runs each contender has.
+    /// Returns the number of runs of each contender.
     #[cfg(feature = "store")]
     pub(super) fn count(&self) -> u32 {
         self.runs
@@ -42,7 +42,8 @@ impl Runs {
         self.with_progress_of(output, what, contenders, self.runs, run)
     }
 
-    /// The same where each contender has only so many of the runs.
+    /// Calls `run` as [`with_progress`](Self::with_progress) does, where each contender has only
+    /// `part` of the runs.
     pub(super) fn with_progress_of<R>(
         &self,
         output: Output<'_>,
@@ -67,10 +68,10 @@ impl Runs {
     }
 }
 
-/// Has the heap keep what runs free, a few megabytes, for those that come after them.
+/// Has the heap keep what runs free, a few megabytes, for the next runs.
 ///
 /// glibc gives the top of its heap back to the system as soon as 128 KiB of it are free, and takes
-/// it anew page by page; once a larger block was freed, as soon as twice as much is (mallopt(3),
+/// it again page by page; once a larger block was freed, as soon as twice as much is (mallopt(3),
 /// dynamic thresholds). The block is never written to, so it takes no memory. Other heaps are as
 /// they were.
 fn keep_freed_memory() {

@@ -52,18 +52,18 @@ struct Report {
     scenario: String,
     /// The seed of the hunt that was logged.
     seed: u64,
-    /// What the log was made with.
+    /// Estimator that the log was made with.
     logged_estimator: String,
-    /// What it was replayed with.
+    /// Estimator of the replay.
     estimator: String,
-    /// Whether the two are the same and nothing is left out, so that every estimate has to be the
+    /// True if the two are the same and nothing is left out, so that every estimate has to be the
     /// same.
     own: bool,
-    /// How many receptions are left out.
+    /// Number of receptions left out.
     ignored: usize,
-    /// How many estimates the log holds.
+    /// Number of estimates in the log.
     compared: usize,
-    /// How many of them came out the same to the bit.
+    /// Number of them that came out the same to the bit.
     identical: usize,
     beacons: Vec<Replayed>,
 }
@@ -80,13 +80,13 @@ struct Replayed {
     steps: u32,
     rejected: u32,
     anis: Option<f64>,
-    /// Where a consistent estimator's ANIS lies with 95 %.
+    /// Interval that holds a consistent estimator's ANIS with 95 %.
     anis_interval: Option<[f64; 2]>,
-    /// Whether the innovations are as large as the estimator claims.
+    /// Verdict on the size of the innovations against the estimator's claim.
     innovations: Verdict,
     /// The probability of innovations as correlated as these if they are white (Ljung & Box 1978).
     whiteness_p: Option<f64>,
-    /// How often the innovations became larger than the estimator can explain.
+    /// Number of times that the innovations became larger than the estimator can explain.
     diverged: u32,
     outcome: Option<Outcome>,
     logged_estimate: Option<PlaceEstimate>,
@@ -192,7 +192,7 @@ fn tables(report: &Report) -> String {
     format!("{head}\n{fixes}\n{}\n{LEGEND}\n{verdict}", innovations(report))
 }
 
-/// What the columns of [`innovations`] mean.
+/// Meaning of the columns of [`innovations`].
 const LEGEND: &str = "A consistent estimator's ANIS lies in the interval with 95 %, and its \
      innovations are as correlated as these or more with the probability \"white p\". It \
      diverged each time that the innovations of ten receptions became larger than it can \

@@ -88,7 +88,7 @@ impl Storing {
 }
 
 impl Job<'_> {
-    /// How many of so many runs are flown here.
+    /// Returns the number of runs flown here, of all `runs`.
     pub(super) fn part_of(&self, runs: u32) -> u32 {
         let part = self.campaign.shard.of(runs);
         part.end - part.start
@@ -119,8 +119,8 @@ pub(super) fn reading(error: StoreError) -> CliError {
     self::error(error, "")
 }
 
-/// What starts many processes, and the variables by which each knows which one it is: its number,
-/// how many there are, and the number of the first one. An array of SLURM may begin anywhere.
+/// Variables by which launchers of many processes number them: a process's number, the number of
+/// processes, and the number of the first one. An array of SLURM may begin anywhere.
 const LAUNCHERS: [(&str, &str, Option<&str>); 4] = [
     ("SLURM_ARRAY_TASK_ID", "SLURM_ARRAY_TASK_COUNT", Some("SLURM_ARRAY_TASK_MIN")),
     ("JOB_COMPLETION_INDEX", "JOB_COMPLETIONS", None),
@@ -143,7 +143,8 @@ fn of_environment(variable: impl Fn(&str) -> Option<String>) -> Result<Shard, Cl
             ))
         };
         let text = variable(count).ok_or_else(missing)?;
-        let (index, count) = (whole(number, &given)?, whole(count, &text)?);
+        let index = whole(number, &given)?;
+        let count = whole(count, &text)?;
         let first = match first.and_then(|name| Some((name, variable(name)?))) {
             Some((name, text)) => whole(name, &text)?,
             None => 0,

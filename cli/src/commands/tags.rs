@@ -46,7 +46,7 @@ pub(crate) struct Args {
     frequency_tolerance_hz: Option<f64>,
 }
 
-/// What `--json` prints.
+/// Output of `--json`.
 #[derive(Debug, Serialize)]
 struct Report {
     file: String,
@@ -96,7 +96,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     context.output.result(&report, text)
 }
 
-/// What a tag is called: its names, or its place among the tags.
+/// Name of a tag: its names, or its number among the tags.
 pub(super) fn name(tag: &Tag, place: usize) -> String {
     if tag.names.is_empty() { format!("unknown {}", place + 1) } else { tag.names.join(" or ") }
 }

@@ -1,4 +1,4 @@
-//! What commands leave to look at, besides tables.
+//! Pages and exports that commands write besides tables.
 
 use std::{
     cell::RefCell,
@@ -53,7 +53,7 @@ fn utc(text: &str) -> Result<f64, &'static str> {
     utc_seconds(text).ok_or("it must be YYYY-MM-DDTHH:MM:SS")
 }
 
-/// Why `--origin` is refused where there is one.
+/// Reason why `--origin` is refused if the places have an origin.
 const OWN_ORIGIN: &str =
     "--origin: the places are in degrees already, about an origin of their own";
 
@@ -62,8 +62,8 @@ fn refused(file: &Path, error: &ExportError) -> CliError {
 }
 
 impl Exports {
-    /// Refuses files of unknown formats and those that cannot be written, before any work is done;
-    /// `on_map` is whether something else than exports needs the origin.
+    /// Refuses files that have an unknown format or cannot be written, before any work is done;
+    /// `on_map` is true if something else than exports needs the origin.
     pub(super) fn check(&self, on_map: bool) -> Result<(), CliError> {
         if self.origin.is_some() && self.exported.is_empty() && !on_map {
             return Err(CliError::input("--origin: of use with --export or --tiles alone"));
@@ -75,7 +75,7 @@ impl Exports {
         Ok(())
     }
 
-    /// Where the zero of local metres is, where the command line has it.
+    /// Returns the origin of local metres, if the command line has it.
     pub(super) fn origin(&self) -> Option<Geodetic> {
         self.origin.map(|origin| origin.frame().origin())
     }
@@ -119,17 +119,17 @@ impl Exports {
 }
 
 impl Views {
-    /// Whether anything is to be written.
+    /// Returns true if anything is to be written.
     pub(super) fn any(&self) -> bool {
         self.report.is_some() || !self.exports.exported.is_empty()
     }
 
-    /// Whether a page is to be written.
+    /// Returns true if a page is to be written.
     pub(super) fn has_page(&self) -> bool {
         self.report.is_some()
     }
 
-    /// Refuses files of unknown formats and those that cannot be written, before any work is done.
+    /// Refuses files that have an unknown format or cannot be written, before any work is done.
     pub(super) fn check(&self) -> Result<(), CliError> {
         self.report.iter().try_for_each(|path| writable::file(path))?;
         self.exports.check(false)

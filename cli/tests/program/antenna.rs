@@ -31,7 +31,10 @@ fn the_figures_of_an_antenna() {
 fn an_antenna_is_written_and_read_again() {
     let folder = folder("antenna");
     let path = |name: &str| folder.join(name).display().to_string();
-    let (msi, pln, csv, svg) = (path("a.msi"), path("b.pln"), path("c.csv"), path("a.svg"));
+    let msi = path("a.msi");
+    let pln = path("b.pln");
+    let csv = path("c.csv");
+    let svg = path("a.svg");
     let first = foxhunt(["antenna", "yagi", "--write", &msi, "--out", &svg, "--json"]).json();
     let again = foxhunt(["antenna", &msi, "--write", &pln, "--json"]).json();
     for field in ["gain_dbi", "azimuth_beamwidth_deg", "elevation_beamwidth_deg"] {

@@ -24,7 +24,8 @@ fn hovers() -> String {
     for hover in 0..12_u16 {
         let angle = f64::from(hover) * 0.55;
         let range = 8.0 + 7.0 * f64::from(hover);
-        let (east, north) = (range * angle.cos(), range * angle.sin());
+        let east = range * angle.cos();
+        let north = range * angle.sin();
         let towards = (-east).atan2(-north).to_degrees();
         let heading = f64::from(hover) * 30.0;
         let odd = if hover % 2 == 0 { 1.0 } else { -1.0 };
@@ -97,7 +98,8 @@ fn ready_made_bearings_are_corrected_too() {
         "east_m,north_m,bearing_deg_compass,bearing_sigma_deg,truth_east_m,truth_north_m\n"
             .to_owned();
     for i in 0..16_u16 {
-        let (east, north) = (100.0 * f64::from(i % 4), 70.0 * f64::from(i / 4));
+        let east = 100.0 * f64::from(i % 4);
+        let north = 70.0 * f64::from(i / 4);
         let towards = (130.0 - east).atan2(120.0 - north).to_degrees();
         let odd = if i % 3 == 0 { 2.0 } else { -1.0 };
         let bearing = (towards + 15.0 + odd).rem_euclid(360.0);

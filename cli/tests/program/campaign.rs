@@ -167,7 +167,8 @@ fn overrides_change_settings_and_are_refused_where_there_are_none() {
         let args = ["campaign", "--runs", "2", "--json", "--estimator", "ekf"];
         foxhunt([&args[..], more].concat())
     };
-    let (both, rss) = (campaign(&[]).json(), campaign(&["--components", "rss"]).json());
+    let both = campaign(&[]).json();
+    let rss = campaign(&["--components", "rss"]).json();
     assert_ne!(both["estimators"], rss["estimators"]);
     let own = ["hunt", "--estimator", "range-difference", "--lag-s", "5"];
     foxhunt(own).failed(2, &["range-difference has no setting --lag-s"]);

@@ -1,10 +1,10 @@
-//! What shells complete, and manual pages.
+//! Completions of shells, and manual pages.
 
 use std::{fs, process::Command};
 
 use crate::support::{folder, foxhunt};
 
-/// What bash completes the last of these words to, by the program's script.
+/// Completions of the last of these words by bash, with the program's script.
 fn completed(script: &str, words: &[&str]) -> Vec<String> {
     let last = words.len() - 1;
     let call = format!(

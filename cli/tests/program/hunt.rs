@@ -74,7 +74,8 @@ fn a_hunt_from_a_file_ends_with_a_table() {
     let folder = folder("hunt_file");
     let file = folder.join("small.toml");
     fs::write(&file, scenario()).expect("the folder can be written to");
-    let (file, out) = (file.to_str().expect("UTF-8"), folder.to_str().expect("UTF-8"));
+    let file = file.to_str().expect("UTF-8");
+    let out = folder.to_str().expect("UTF-8");
     let ran = foxhunt(["hunt", file, "--out", out, "--estimator", "particle"]);
     assert_eq!(ran.code, 0, "{ran:?}");
     for text in ["particle, seed 1", "fox", "NEES", "hunt.jsonl", "hunt.svg"] {
@@ -98,7 +99,8 @@ fn a_hunt_flies_with_the_planner_that_is_given() {
     assert_eq!(hunt(&["--planner", "waypoints"])["beacons"][0]["outcome"], "path_done");
     assert_eq!(held["planner"], "hold");
     // What pritzl-6.1 flies with is the reference's planner.
-    let (own, named) = (hunt(&[]), hunt(&["--planner", "pritzl2018"]));
+    let own = hunt(&[]);
+    let named = hunt(&["--planner", "pritzl2018"]);
     assert_eq!(own["beacons"], named["beacons"]);
     assert_eq!(
         (&own["planner"], &named["planner"]),

@@ -74,7 +74,7 @@ fn next(stream: &mut BufReader<TcpStream>) -> Option<[String; 3]> {
     None
 }
 
-/// How many receptions the rest of the news hold, up to the end of the hunt.
+/// Number of receptions in the rest of the news, up to the end of the hunt.
 fn receptions(stream: &mut BufReader<TcpStream>) -> usize {
     let mut count = 0;
     loop {
@@ -97,7 +97,8 @@ fn all_get_the_whole_hunt_whenever_they_come() {
     let out = out.to_str().expect("the target folder is UTF-8");
     let hunt = Hunt::start(&["--live=127.0.0.1:0", "--pace", "100", "--out", out], None);
     let mut early = hunt.request("GET /events", "");
-    let (mut last, mut had) = (String::new(), 0);
+    let mut last = String::new();
+    let mut had = 0;
     while had < 5 {
         let [id, _, data] = next(&mut early).expect("the hunt goes on");
         had += in_news(&data);

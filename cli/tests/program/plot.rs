@@ -32,7 +32,8 @@ fn logs_are_drawn_over_their_steps() {
         assert_eq!(ran.code, 0, "{ran:?}");
         to.join("hunt.jsonl")
     };
-    let (one, two) = (fly("1"), fly("2"));
+    let one = fly("1");
+    let two = fly("2");
     let trajectory = drawn(&["trajectory", text(&one)], &out);
     let picture = fs::read_to_string(folder.join("1/hunt.svg")).expect("it was written");
     assert_eq!(trajectory, picture, "one room of figures");

@@ -8,7 +8,7 @@ fn recording() -> Vec<u8> {
     samples(2, 1e4)
 }
 
-/// So many seconds, and pulses of that energy over the noise's power density.
+/// Samples of this many seconds, with pulses of that energy over the noise's power density.
 #[expect(clippy::cast_possible_truncation, reason = "clamped to a byte")]
 fn samples(seconds: u32, snr: f64) -> Vec<u8> {
     let mut state = 1_u64;

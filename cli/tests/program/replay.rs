@@ -84,8 +84,10 @@ fn struck_receptions_are_left_out() {
     let page = log.replace("hunt.jsonl", "without.html");
     let mut lines = "{\"foxhunt_struck\":1}\n".to_owned();
     for event in &received[3..6] {
-        let (drone, reception) = (&event["drone"], &event["reception"]);
-        let (beacon, time) = (&reception["beacon"], &reception["time"]);
+        let drone = &event["drone"];
+        let reception = &event["reception"];
+        let beacon = &reception["beacon"];
+        let time = &reception["time"];
         lines += &format!("{{\"drone\":{drone},\"beacon\":{beacon},\"time\":{time}}}\n");
     }
     fs::write(&list, &lines).expect("it can be written");

@@ -1,10 +1,11 @@
-//! What is printed fits the screen.
+//! Printed results fit the screen.
 
 use std::process::Command;
 
 use crate::support::{folder, foxhunt};
 
-/// The widest line of what a command prints on a screen of so many columns.
+/// Width of the widest line that a command prints on a screen with this number of columns, and its
+/// text.
 fn widest(args: &[&str], columns: &str) -> (usize, String) {
     let ran = Command::new(env!("CARGO_BIN_EXE_foxhunt"))
         .args(args)
@@ -23,7 +24,8 @@ fn tables_fit_80_100_and_160_columns() {
     let out = folder.to_str().expect("UTF-8");
     let data = concat!(env!("CARGO_MANIFEST_DIR"), "/../archive/tests/data");
     let file = |name: &str| format!("{data}/{name}");
-    let (bearings, turns) = (file("otter-telemetry/bearings.csv"), file("foxhunt/turns.csv"));
+    let bearings = file("otter-telemetry/bearings.csv");
+    let turns = file("foxhunt/turns.csv");
     let quiet = ["--runs", "2", "--quiet"];
     let commands: Vec<Vec<&str>> = vec![
         vec!["list", "estimators"],

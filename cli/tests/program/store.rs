@@ -47,7 +47,8 @@ fn killed_after(args: &[OsString], lines: usize, share: f64) -> Option<u64> {
     let progress = BufReader::new(child.stdout.take().expect("it is piped"));
     let begun = Instant::now();
     // What was there before is reported at once, so the last hundredth is what counts.
-    let (mut last, mut before) = (begun, begun);
+    let mut last = begun;
+    let mut before = begun;
     let mut reported = 0;
     for line in progress.lines().take(lines) {
         line.expect("it is piped");
@@ -83,7 +84,8 @@ fn watched(args: &[OsString]) -> (String, u64) {
 /// of one that was not, to the byte, and takes no more memory for more rows.
 fn kill_and_go_on(name: &str, runs: &str, kills: usize) {
     let folder = folder(name);
-    let (file, store) = (folder.join("small.toml"), folder.join("runs.sqlite"));
+    let file = folder.join("small.toml");
+    let store = folder.join("runs.sqlite");
     fs::write(&file, scenario()).expect("a file");
     let fixed = ["--runs", runs, "--jobs", "2"];
     let stored = campaign(&file, &[&fixed[..], &["--store", path(&store)]].concat());
@@ -186,7 +188,8 @@ fn three_shards_merge_to_one() {
 #[test]
 fn results_are_shown_compared_and_written() {
     let folder = folder("results");
-    let (file, store) = (folder.join("small.toml"), folder.join("runs.sqlite"));
+    let file = folder.join("small.toml");
+    let store = folder.join("runs.sqlite");
     fs::write(&file, scenario()).expect("a file");
     let args = ["--runs", "10", "--store", path(&store), "--store-logs"];
     let flown = foxhunt(campaign(&file, &args));

@@ -8,7 +8,8 @@ use crate::support::{folder, foxhunt, has};
 fn pulses() -> String {
     let mut text = "time_s,frequency_hz,width_s,power_dbm,snr_db\n".to_owned();
     for pulse in 0..60_u32 {
-        let (time, ripple) = (1.3 * f64::from(pulse), f64::from(pulse * 7 % 5));
+        let time = 1.3 * f64::from(pulse);
+        let ripple = f64::from(pulse * 7 % 5);
         writeln!(text, "{time},{},0.02,-80,20", 150_000_000.0 + 3.0 * ripple).expect("it fits");
         if pulse % 9 == 4 {
             let noise = time + 0.37 + 0.05 * ripple;

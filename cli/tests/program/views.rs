@@ -28,7 +28,8 @@ fn each_command_leaves_a_page_of_what_it_found() {
     let page = folder.join("report.html");
     let data = concat!(env!("CARGO_MANIFEST_DIR"), "/../archive/tests/data");
     let file = |name: &str| format!("{data}/{name}");
-    let (bearings, turns) = (file("otter-telemetry/bearings.csv"), file("foxhunt/turns.csv"));
+    let bearings = file("otter-telemetry/bearings.csv");
+    let turns = file("foxhunt/turns.csv");
 
     let out = folder.to_str().expect("UTF-8");
     let flown = foxhunt(["--json", "hunt", "one-drone", "--out", out, "--estimator", "ekf"]).json();
@@ -67,7 +68,9 @@ fn a_track_is_a_page_with_its_places_in_time() {
                     truth_east_m,truth_north_m\n"
         .to_owned();
     for minute in 0..10_i32 {
-        let (time, east, north) = (60 * minute, 60 * minute - 300, 200);
+        let time = 60 * minute;
+        let east = 60 * minute - 300;
+        let north = 200;
         for (name, x, y) in [("a", -400, 0), ("b", 400, 0), ("c", 0, 600)] {
             let bearing = f64::from(east - x).atan2(f64::from(north - y)).to_degrees();
             rows += &format!("{name},fox,{time},{x},{y},{bearing:.1},3,{east},{north}\n");

@@ -4,13 +4,13 @@ use nalgebra::SMatrix;
 
 use crate::{Correction, Estimator, Observation};
 
-/// Which laws [`estimator_with`] holds an estimator against, and how.
+/// Laws that [`estimator_with`] checks on an estimator, and their tolerances.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Checks {
     /// The length of the predicted step, in seconds.
     pub step: f64,
-    /// How far, as a share of the belief's spread, the posterior with a component of a variance of
-    /// 10¹⁵ may be from that without the component. `None` leaves this law out: a model of
+    /// Largest distance, as a share of the belief's spread, of the posterior with a component of a
+    /// variance of 10¹⁵ from that without the component. `None` leaves this law out: a model of
     /// outliers takes such an observation for one, so that it differs from a missing component.
     pub worthless_tolerance: Option<f64>,
 }
@@ -126,7 +126,8 @@ fn missing_component_is_not_read<E: Estimator<N, M>, const N: usize, const M: us
 fn samples_represent_the_belief<E: Estimator<N, M>, const N: usize, const M: usize>(estimator: &E) {
     let name = type_name::<E>();
     let estimate = estimator.estimate();
-    let (mut total, mut mean) = (0.0, estimate.mean * 0.0);
+    let mut total = 0.0;
+    let mut mean = estimate.mean * 0.0;
     estimator.visit_samples(&mut |x, w| {
         total += w;
         mean += (x - estimate.mean) * w;

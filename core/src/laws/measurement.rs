@@ -89,7 +89,7 @@ pub fn measurement_model<const N: usize, const M: usize>(
     assert!(nothing.abs() < 1e-12, "an empty observation has the log-likelihood {nothing}");
 }
 
-/// The log-likelihoods and the residuals of many states are those of each.
+/// Asserts that the log-likelihoods and residuals of many states equal each state's own.
 fn likelihoods<const N: usize, const M: usize>(
     model: &impl MeasurementModel<N, M>,
     state: &State<N>,
@@ -108,7 +108,8 @@ fn likelihoods<const N: usize, const M: usize>(
         );
     }
     let mut rows = [[f64::NAN; 2]; M];
-    let (z, receiver) = (observation.value(), observation.receiver());
+    let z = observation.value();
+    let receiver = observation.receiver();
     model.residuals(columns, z, receiver, rows.each_mut().map(|row| &mut row[..]));
     for (i, x) in [*state, nearby].iter().enumerate() {
         let many = SVector::<f64, M>::from_fn(|row, _| rows[row][i]);
@@ -144,7 +145,8 @@ fn walk_round<const N: usize, const M: usize>(
         return;
     }
     // A null is steep, too, but a part of its stride is shorter than the whole of it.
-    let (mut width, mut rest) = (1.0, jump);
+    let mut width = 1.0;
+    let mut rest = jump;
     for _ in 0..HALVINGS {
         width /= 2.0;
         let middle = from + width;
@@ -193,7 +195,8 @@ mod tests {
     }
 
     fn hold_to_the_laws(model: &impl MeasurementModel<2, 1>, value: f64) {
-        let (pose, noise) = (Pose::at(1.0, 2.0, 3.0), Matrix1::new(0.1));
+        let pose = Pose::at(1.0, 2.0, 3.0);
+        let noise = Matrix1::new(0.1);
         let z = Observation::new(0.0, pose, Vector1::new(value), noise).expect("proper");
         measurement_model(model, &Vector2::new(30.0, 40.0), &z);
     }

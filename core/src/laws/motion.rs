@@ -15,7 +15,8 @@ pub fn motion_model<const N: usize>(model: &impl MotionModel<N>, state: &State<N
     let factor = model.noise_factor(state, dt);
     assert!(factor.iter().all(|v| v.is_finite()), "the noise factor is not finite: {factor}");
 
-    let (propagated, offset) = (model.propagate(state, dt), State::repeat(1e-3));
+    let propagated = model.propagate(state, dt);
+    let offset = State::repeat(1e-3);
     let change = model.propagated_change(state, &propagated, &offset, dt);
     let difference = minus(&model.propagate(&(state + offset), dt), &propagated);
     let error = minus(&change, &difference).norm();
@@ -37,7 +38,8 @@ pub fn motion_model<const N: usize>(model: &impl MotionModel<N>, state: &State<N
     let column = |states: &[State<N>; 3]| -> [[f64; 3]; N] {
         core::array::from_fn(|row| states.map(|state| state[row]))
     };
-    let (mut moved, noise) = (column(&states), column(&white));
+    let mut moved = column(&states);
+    let noise = column(&white);
     model.move_columns(moved.each_mut().map(|c| &mut c[..]), noise.each_ref().map(|c| &c[..]), dt);
     for (i, (state, white)) in states.iter().zip(&white).enumerate() {
         let one = model.propagate(state, dt) + model.noise_factor(state, dt) * white;

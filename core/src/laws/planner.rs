@@ -25,7 +25,7 @@ pub fn formation_planner<P: FormationPlanner>(
     drones_come_and_go(&mut fresh(), belief);
 }
 
-/// The goal of each drone; those of drones that there are not are zero.
+/// The goal of each drone; zero beyond the last drone.
 fn goals(stations: &[Station]) -> [Vector3<f64>; MOST] {
     assert!(stations.len() <= MOST, "{} stations are more than {MOST}", stations.len());
     core::array::from_fn(|drone| {
@@ -102,7 +102,7 @@ fn drones_come_and_go<P: FormationPlanner>(planner: &mut P, belief: &Estimate<2>
     }
 }
 
-/// Whether anything was written.
+/// True if anything was written.
 struct Written(bool);
 
 impl fmt::Write for Written {

@@ -33,7 +33,9 @@ impl MotionModel<4> for ConstantVelocity {
 
     fn noise_factor(&self, _state: &State<4>, dt: f64) -> Matrix4<f64> {
         let root = self.acceleration_density * libm::sqrt(dt);
-        let (position, coupling, velocity) = (dt / libm::sqrt(3.0), libm::sqrt(3.0) / 2.0, 0.5);
+        let position = dt / libm::sqrt(3.0);
+        let coupling = libm::sqrt(3.0) / 2.0;
+        let velocity = 0.5;
         #[rustfmt::skip]
         let shape = Matrix4::new(
             position, 0.0,      0.0,      0.0,
@@ -51,7 +53,9 @@ impl MotionModel<4> for ConstantVelocity {
     #[inline(always)]
     fn move_columns(&self, columns: [&mut [f64]; 4], white: [&[f64]; 4], dt: f64) {
         let factor = self.noise_factor(&State::zeros(), dt);
-        let (place, coupling, rate) = (factor[(0, 0)], factor[(2, 0)], factor[(2, 2)]);
+        let place = factor[(0, 0)];
+        let coupling = factor[(2, 0)];
+        let rate = factor[(2, 2)];
         let [east, north, east_rate, north_rate] = columns;
         for (x, v, first, second) in
             [(east, east_rate, white[0], white[2]), (north, north_rate, white[1], white[3])]
@@ -81,7 +85,8 @@ mod tests {
 
     #[test]
     fn the_factor_is_one_of_q() {
-        let (dt, root) = (1.7, 0.3);
+        let dt = 1.7;
+        let root = 0.3;
         let l = ConstantVelocity { acceleration_density: root }.noise_factor(&State::zeros(), dt);
         let q = l * l.transpose();
         let scale = root * root;

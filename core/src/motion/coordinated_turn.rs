@@ -23,7 +23,8 @@ pub struct CoordinatedTurn {
 impl MotionModel<5> for CoordinatedTurn {
     fn propagate(&self, state: &State<5>, dt: f64) -> State<5> {
         let turn = Turn::new(state[4], dt);
-        let (east, north) = (state[2], state[3]);
+        let east = state[2];
+        let north = state[3];
         State::from([
             state[0] + turn.along * east - turn.across * north,
             state[1] + turn.across * east + turn.along * north,
@@ -45,7 +46,8 @@ impl MotionModel<5> for CoordinatedTurn {
     fn jacobian(&self, state: &State<5>, dt: f64) -> SMatrix<f64, 5, 5> {
         let turn = Turn::new(state[4], dt);
         let (along, across) = turn.slopes(dt);
-        let (east, north) = (state[2], state[3]);
+        let east = state[2];
+        let north = state[3];
         // By columns.
         SMatrix::from([
             [1.0, 0.0, 0.0, 0.0, 0.0],
@@ -63,7 +65,7 @@ impl MotionModel<5> for CoordinatedTurn {
     }
 }
 
-/// What a turn by a = ω Δt does to the plane.
+/// Effect of a turn by a = ω Δt on the plane.
 struct Turn {
     angle: f64,
     sin: f64,
@@ -80,13 +82,15 @@ impl Turn {
         let (sin, cos) = libm::sincos(angle);
         let half = 0.5 * angle;
         // 1 − cos a = 2 sin² (a / 2), without the difference.
-        let (along, across) = (dt * sinc(angle), dt * libm::sin(half) * sinc(half));
+        let along = dt * sinc(angle);
+        let across = dt * libm::sin(half) * sinc(half);
         Self { angle, sin, cos, along, across }
     }
 
     /// ∂`along`/∂ω and ∂`across`/∂ω.
     fn slopes(&self, dt: f64) -> (f64, f64) {
-        let (a, square) = (self.angle, self.angle * self.angle);
+        let a = self.angle;
+        let square = self.angle * self.angle;
         let (along, across) = if a.abs() < SMALL {
             // The next terms are below 10⁻¹³ of these.
             let end = 1.0 - square / 28.0 * (1.0 - square / 54.0);
@@ -127,15 +131,18 @@ mod tests {
     fn the_slopes_are_smooth_through_no_turn() {
         // On both sides of the seam, and at it, the two forms agree.
         for rate in [0.0, 1e-12, -1e-6, 0.01, 0.0999, 0.1001, -0.1001, 1.3, -3.0] {
-            let (slope, step) = (Turn::new(rate, 1.0).slopes(1.0), 1e-5);
-            let (ahead, behind) = (Turn::new(rate + step, 1.0), Turn::new(rate - step, 1.0));
+            let slope = Turn::new(rate, 1.0).slopes(1.0);
+            let step = 1e-5;
+            let ahead = Turn::new(rate + step, 1.0);
+            let behind = Turn::new(rate - step, 1.0);
             let along = (ahead.along - behind.along) / (2.0 * step);
             let across = (ahead.across - behind.across) / (2.0 * step);
             // Truncation h²/6 and rounding ε/h, each about 10⁻¹¹.
             assert!((slope.0 - along).abs() < 1e-10, "{rate}: {} {along}", slope.0);
             assert!((slope.1 - across).abs() < 1e-10, "{rate}: {} {across}", slope.1);
         }
-        let (below, above) = (Turn::new(SMALL * (1.0 - 1e-15), 1.0), Turn::new(SMALL, 1.0));
+        let below = Turn::new(SMALL * (1.0 - 1e-15), 1.0);
+        let above = Turn::new(SMALL, 1.0);
         assert!((below.slopes(1.0).0 - above.slopes(1.0).0).abs() < 1e-13);
         assert!((below.slopes(1.0).1 - above.slopes(1.0).1).abs() < 1e-13);
     }

@@ -40,8 +40,8 @@ pub trait MotionModel<const N: usize> {
         Axis::difference(&self.axes(), &self.propagate(&(state + offset), dt), propagated)
     }
 
-    /// Whether f(x, Δt) = F x with the [`jacobian`](Self::jacobian) F: the image of a Gaussian is
-    /// then exact under every filter, and costs no sigma points.
+    /// Returns true if f(x, Δt) = F x with the [`jacobian`](Self::jacobian) F: the image of a
+    /// Gaussian is then exact under every filter, and costs no sigma points.
     fn is_linear(&self) -> bool {
         false
     }

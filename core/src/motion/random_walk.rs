@@ -12,7 +12,7 @@ pub struct RandomWalk<const N: usize> {
 }
 
 impl<const N: usize> RandomWalk<N> {
-    /// The same drift on every component; 0 is a target that does not move at all.
+    /// Sets one drift for every component; 0 is a target that does not move at all.
     #[must_use]
     pub fn uniform(drift: f64) -> Self {
         Self { drift: SVector::repeat(drift) }

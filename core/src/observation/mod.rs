@@ -1,4 +1,4 @@
-//! What is measured: numbers, their noise, and which of them are missing.
+//! Measurements: numbers, their noise, and the marks of missing ones.
 
 mod error;
 #[cfg(feature = "serde")]

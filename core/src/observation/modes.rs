@@ -2,12 +2,12 @@ use super::Observation;
 use crate::BearingModes;
 
 impl<const M: usize> Observation<M> {
-    /// The same observation, `component` being a bearing that several directions compete for; as it
-    /// is where none do. It takes their moments, and has no part in another one's noise.
+    /// Makes `component` a bearing that several directions compete for; without competition nothing
+    /// changes. It takes their moments, and its noise is uncorrelated with the other components'.
     ///
     /// # Panics
     ///
-    /// When there is no such component, or it is missing.
+    /// If there is no such component, or it is missing.
     #[must_use]
     pub fn with_bearing_modes(mut self, component: usize, modes: BearingModes) -> Self {
         let Some((mean, sigma)) = modes.moments() else { return self };
@@ -21,15 +21,15 @@ impl<const M: usize> Observation<M> {
         self
     }
 
-    /// Which component is a bearing that several directions compete for, and these.
+    /// The component that is a bearing that several directions compete for, and the directions.
     #[must_use]
     pub fn bearing_modes(&self) -> Option<(usize, &BearingModes)> {
         self.modes.as_ref().map(|(component, modes)| (*component, modes))
     }
 
-    /// Where directions compete for a bearing: which component that is, and the bearing alone, as
-    /// the mixture of them and by its moments. What a filter that has conditioned on the moments
-    /// has to put right is the ratio of the two likelihoods.
+    /// The component for which directions compete, if any, and its bearing alone, as their mixture
+    /// and by its moments. A filter that has conditioned on the moments has to correct by the ratio
+    /// of the two likelihoods.
     #[must_use]
     pub fn competing_bearing(&self) -> Option<(usize, [Self; 2])> {
         let (bearing, _) = self.modes?;
@@ -53,8 +53,8 @@ impl<const M: usize> Observation<M> {
         }))
     }
 
-    /// Whether one Gaussian describes it, whatever the state: the receiver's place is known and
-    /// nothing competes for a bearing.
+    /// Returns true if one Gaussian describes it, whatever the state: the receiver's place is known
+    /// and nothing competes for a bearing.
     #[must_use]
     pub fn is_plain(&self) -> bool {
         self.receiver_sigma.is_none() && self.modes.is_none()

@@ -30,7 +30,7 @@ pub struct Observation<const M: usize> {
     pub(super) present: [bool; M],
     pub(super) below: [bool; M],
     pub(super) receiver_sigma: Option<Vector3<f64>>,
-    /// Which component is a bearing that several directions compete for, and these.
+    /// The component that is a bearing that several directions compete for, and the directions.
     pub(super) modes: Option<(usize, BearingModes)>,
 }
 
@@ -55,7 +55,8 @@ impl<const M: usize> Observation<M> {
             return Err(ObservationError::Receiver { pose: receiver });
         }
         for component in 0..M {
-            let (value, variance) = (value[component], noise[(component, component)]);
+            let value = value[component];
+            let variance = noise[(component, component)];
             if !value.is_finite() {
                 return Err(ObservationError::Value { component, value });
             }
@@ -67,15 +68,18 @@ impl<const M: usize> Observation<M> {
         let symmetric = (noise - noise.transpose()).norm() <= 1e-9 * noise.norm();
         let root = noise.cholesky().filter(|_| symmetric);
         let root = root.ok_or(ObservationError::Covariance)?.unpack();
-        let (present, below, receiver_sigma, modes) = ([true; M], [false; M], None, None);
+        let present = [true; M];
+        let below = [false; M];
+        let receiver_sigma = None;
+        let modes = None;
         Ok(Self { time, receiver, value, noise, root, present, below, receiver_sigma, modes })
     }
 
-    /// The same observation with one component struck out.
+    /// Removes one component.
     ///
     /// # Panics
     ///
-    /// When there is no such component.
+    /// If there is no such component.
     #[must_use]
     pub fn without(mut self, component: usize) -> Self {
         self.present[component] = false;
@@ -85,12 +89,12 @@ impl<const M: usize> Observation<M> {
         self
     }
 
-    /// The same observation with one component below a limit: all that is known of it is that it
-    /// lay below the value given, up to noise of its variance.
+    /// Replaces one component by a limit: it lay below the value given, up to noise of its
+    /// variance.
     ///
     /// # Panics
     ///
-    /// When there is no such component.
+    /// If there is no such component.
     #[must_use]
     pub fn below(self, component: usize) -> Self {
         let mut below = self.without(component);
@@ -98,15 +102,15 @@ impl<const M: usize> Observation<M> {
         below
     }
 
-    /// The limit below which a component lay, and the standard deviation of its noise; `None`
-    /// for one that is present, or of which nothing is known.
+    /// The limit below which a component lay, and the standard deviation of its noise; `None` for a
+    /// component that is present, or of which nothing is known.
     #[must_use]
     pub fn upper_limit(&self, component: usize) -> Option<(f64, f64)> {
         let below = self.below.get(component).copied().unwrap_or(false);
         below.then(|| (self.value[component], libm::sqrt(self.noise[(component, component)])))
     }
 
-    /// Whether some component lay below a limit.
+    /// Returns true if some component lay below a limit.
     #[must_use]
     pub fn is_censored(&self) -> bool {
         self.below.contains(&true)
@@ -116,7 +120,7 @@ impl<const M: usize> Observation<M> {
     ///
     /// # Panics
     ///
-    /// When there are not so many.
+    /// If there are fewer than `K`.
     #[must_use]
     pub fn marginal<const K: usize>(&self, first: usize) -> Observation<K> {
         let present = core::array::from_fn(|i| self.present[first + i]);
@@ -151,12 +155,11 @@ impl<const M: usize> Observation<M> {
             .unpack()
     }
 
-    /// The same observation, one component's standard deviation times `factor`; correlations
-    /// stay.
+    /// Multiplies one component's standard deviation by `factor`; correlations stay.
     ///
     /// # Panics
     ///
-    /// When there is no such component, or the factor is not a positive number.
+    /// If there is no such component, or the factor is not a positive number.
     #[must_use]
     pub fn with_noise_scaled(mut self, component: usize, factor: f64) -> Self {
         assert!(factor > 0.0 && factor.is_finite(), "a noise cannot be scaled by {factor}");
@@ -168,9 +171,9 @@ impl<const M: usize> Observation<M> {
         self.with_mode_sigmas(component, |sigma| sigma * factor)
     }
 
-    /// The same observation by a receiver whose own place is uncertain: the standard deviations
-    /// of its East, North and Up in metres, 0 where it is known. It enters the noise through the
-    /// geometry ([`absorb_receiver_noise`](crate::absorb_receiver_noise)).
+    /// Sets the standard deviations of the receiver's own place: East, North and Up in metres, 0
+    /// where it is known. It enters the noise through the geometry
+    /// ([`absorb_receiver_noise`](crate::absorb_receiver_noise)).
     ///
     /// # Errors
     ///
@@ -182,14 +185,13 @@ impl<const M: usize> Observation<M> {
         }
     }
 
-    /// How uncertain the receiver's own place is, if it is.
+    /// σ of the receiver's own place, if it is uncertain.
     #[must_use]
     pub fn receiver_sigma(&self) -> Option<&Vector3<f64>> {
         self.receiver_sigma.as_ref()
     }
 
-    /// The same observation by a receiver at a known place, with that much more noise: the
-    /// columns of `more` times their transpose.
+    /// Adds the covariance `more moreᵀ` to the noise, and makes the receiver's place known.
     pub(crate) fn with_more_noise<const K: usize>(mut self, more: &SMatrix<f64, M, K>) -> Self {
         let noise = self.noise + more * more.transpose();
         self.noise = (noise + noise.transpose()) * 0.5;
@@ -202,43 +204,43 @@ impl<const M: usize> Observation<M> {
         self
     }
 
-    /// When it was made, in seconds.
+    /// The time of the observation, in seconds.
     #[must_use]
     pub fn time(&self) -> f64 {
         self.time
     }
 
-    /// Where the receiver was.
+    /// The receiver's pose.
     #[must_use]
     pub fn receiver(&self) -> &Pose {
         &self.receiver
     }
 
-    /// The numbers; a missing component holds what it was given and must not be read.
+    /// The numbers; a missing component holds the value that it was given, which must not be read.
     #[must_use]
     pub fn value(&self) -> &SVector<f64, M> {
         &self.value
     }
 
-    /// Whether a component is present; false for one that there is not.
+    /// Returns true if the component exists and is present.
     #[must_use]
     pub fn has(&self, component: usize) -> bool {
         self.present.get(component).copied().unwrap_or(false)
     }
 
-    /// How many components are present: the degrees of freedom of its NIS.
+    /// Number of components that are present: the degrees of freedom of its NIS.
     #[must_use]
     pub fn len(&self) -> usize {
         self.present.iter().filter(|&&p| p).count()
     }
 
-    /// Whether no component is present. It may be censored all the same.
+    /// Returns true if no component is present. It may be censored all the same.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Whether no component is missing.
+    /// Returns true if no component is missing.
     fn is_whole(&self) -> bool {
         self.present == [true; M]
     }
@@ -352,7 +354,8 @@ mod tests {
         let residual = Vector2::new(0.3, 0.9);
         let error = scaled.log_density(&residual) - direct.log_density(&residual);
         assert!(error.abs() < 1e-14, "off by {error}");
-        let (scaled, direct) = (scaled.without(0), direct.without(0));
+        let scaled = scaled.without(0);
+        let direct = direct.without(0);
         assert!((scaled.log_density(&residual) - direct.log_density(&residual)).abs() < 1e-14);
     }
 

@@ -16,8 +16,8 @@ use foxhunt_sensors::{LogDistance, RssBearing};
 
 include!(concat!(env!("OUT_DIR"), "/sequences.rs"));
 
-/// How far from the vectors a mean may be, in metres: the scaled unscented transform with
-/// α = 10⁻³ costs eight digits.
+/// Maximum distance of a mean from the vectors, in metres: the scaled unscented transform with α =
+/// 10⁻³ costs eight digits.
 const TOLERANCE: f64 = 1e-6;
 
 /// A sequence of the vectors.
@@ -30,7 +30,7 @@ struct Sequence {
     drift: f64,
     /// The level at one metre.
     reference_dbm: f64,
-    /// Of the path loss.
+    /// Exponent of the path loss.
     exponent: f64,
     steps: &'static [Step],
 }
@@ -45,18 +45,19 @@ struct Step {
     ukf: [f64; 2],
 }
 
-/// What the steps of a filter cost.
+/// Cost of a filter's steps.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Cost {
-    /// How many there were.
+    /// Number of steps.
     pub steps: u32,
-    /// What all of them cost, in units of the stopwatch.
+    /// Cost of all of them, in units of the stopwatch.
     pub total: u32,
-    /// What the dearest cost.
+    /// Cost of the dearest step.
     pub most: u32,
 }
 
-/// Why a run ended early; without numbers, as to print decimals costs a quarter of the flash.
+/// Reason why a run ended early; without numbers, as to print decimals costs a quarter of the
+/// flash.
 #[derive(Clone, Copy, Debug)]
 pub enum Failure {
     /// A filter could not be made or could not go on.
@@ -67,9 +68,9 @@ pub enum Failure {
     Parameter,
     /// The mean after this step, from 0, is not the vectors'.
     Mean {
-        /// Of which sequence.
+        /// Name of the sequence.
         sequence: &'static str,
-        /// After which step.
+        /// Index of the step.
         step: usize,
     },
     /// The results could not be written.
@@ -122,7 +123,8 @@ pub fn run_ekf(out: &mut impl Write, lap: impl FnMut() -> u32) -> Result<Cost, F
     run("ekf", Taylor, |step| step.ekf, out, lap)
 }
 
-/// The same with the unscented filter: α = 10⁻³, β = 2, κ = 3 − n.
+/// Runs all sequences as [`run_ekf`] does, through the unscented filter: α = 10⁻³, β = 2, κ = 3 −
+/// n.
 ///
 /// # Errors
 ///

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::Examine;
 
-/// An aircraft that its pilot flies: every order is advice, which somebody else shows, and none
+/// An aircraft that its pilot flies: every order is advice, which somebody else shows, and no order
 /// reaches it.
 ///
 /// In the air it counts as one that follows, at its pilot's pace; on the ground as one that is

@@ -11,9 +11,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ForeignVehicle {
-    /// Where the flight reaches it.
+    /// Endpoint by which the flight reaches the vehicle.
     pub flown: Endpoint,
-    /// Where its telemetry comes to be followed, on a link of its own: nothing is sent there.
+    /// Endpoint of its telemetry, on a link of its own: nothing is sent there.
     pub pose: Endpoint,
     /// Its system number; where absent, that of the first autopilot received.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -27,7 +27,7 @@ pub struct CarriedDrone {
     vehicle: MavlinkVehicle<Box<dyn ByteStream>, SimClock>,
     world: World,
     drone: usize,
-    /// When its place was known last, in seconds of the world's time.
+    /// Time of its last known place, in seconds of the world's time.
     known_s: f64,
     patience_s: f64,
     lost: bool,
@@ -41,9 +41,9 @@ impl fmt::Debug for CarriedDrone {
 }
 
 impl CarriedDrone {
-    /// Follows the vehicle at the other end of `stream`, to which nothing is sent. The field's
-    /// East and North count from the configured origin; where there is none, from the vehicle's
-    /// first good position.
+    /// Follows the vehicle at the other end of `stream`, to which nothing is sent. The field's East
+    /// and North count from the configured origin; without one, from the vehicle's first good
+    /// position.
     ///
     /// # Errors
     ///
@@ -66,8 +66,8 @@ impl CarriedDrone {
 impl Emulator for CarriedDrone {
     /// # Errors
     ///
-    /// Those of the stream; and once, each time that its place has not been known for as long as
-    /// a link may be silent, why it is not.
+    /// The errors of the stream; and each time that its place has not been known for as long as a
+    /// link may be silent, once the reason.
     fn serve(&mut self) -> io::Result<()> {
         let now = self.world.clock().now();
         let unknown = match self.vehicle.pose() {
@@ -86,7 +86,7 @@ impl Emulator for CarriedDrone {
     }
 }
 
-/// Why a vehicle cannot be followed.
+/// Reason why a vehicle cannot be followed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CarriedDroneError {

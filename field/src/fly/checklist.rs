@@ -7,17 +7,17 @@ use super::{DroneConfig, FlightConfig, FlyError, VehicleDevice};
 /// Something that has to hold before a flight, and who watches it during the flight.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Check {
-    /// Of which drone; absent where it is of all.
+    /// Name of the drone; absent for a check of all drones.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub drone: Option<String>,
-    /// Whether it holds.
+    /// State of the check.
     pub state: CheckState,
-    /// What it is, and who watches it.
+    /// Subject of the check, and who watches it.
     #[serde(flatten)]
     pub finding: Finding,
 }
 
-/// Whether something holds before a flight.
+/// State of a check before a flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CheckState {
@@ -29,21 +29,21 @@ pub enum CheckState {
     Open,
 }
 
-/// What was found of a drone's device.
+/// Findings about a drone's device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Examined {
     /// The drone's name.
     pub drone: String,
-    /// Which device.
+    /// Kind of the device.
     pub device: &'static str,
-    /// What was found.
+    /// Findings about the device.
     pub findings: Vec<Finding>,
 }
 
 impl FlightConfig {
-    /// What has to hold before these of its drones fly: what the file sets, what was found of their
-    /// devices ([`DroneConfig::examine`]) where they were looked at, and what only a pilot can see.
-    /// In the order of who watches it: foxhunt, autopilots, the pilot.
+    /// Returns all that has to hold before these of its drones fly: settings of the file, findings
+    /// about their devices ([`DroneConfig::examine`]) if they were examined, and checks that only a
+    /// pilot can make. In the order of who watches it: foxhunt, autopilots, the pilot.
     #[must_use]
     pub fn checklist(&self, drones: &[DroneConfig], examined: Option<&[Examined]>) -> Vec<Check> {
         let mut checks = self.rules();
@@ -114,7 +114,8 @@ impl FlightConfig {
     }
 
     fn rules(&self) -> Vec<Check> {
-        let (airspace, flight) = (&self.hunt.airspace, &self.flight);
+        let airspace = &self.hunt.airspace;
+        let flight = &self.flight;
         let mut checks = Vec::new();
         checks.push(match airspace.fence_m.len() {
             0 => open("borders", "hunt.airspace has no fence: drones may be sent anywhere"),
@@ -197,7 +198,7 @@ impl DroneConfig {
 /// heights are some 2 m off.
 const HOME_APART_M: f64 = 5.0;
 
-/// No drone flies higher, in metres: the border of a fence that has none above.
+/// No drone flies higher, in metres: the upper border of a fence without one.
 const HIGHEST_M: f64 = 10_000.0;
 
 /// Height in metres at which a drone comes home, if that was read.

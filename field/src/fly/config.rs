@@ -33,18 +33,18 @@ pub struct FlightConfig {
     /// The estimator's name in the [`Registry`].
     #[serde(default = "default_estimator")]
     pub estimator: String,
-    /// What the estimator takes for the law of propagation.
+    /// Law of propagation that the estimator assumes.
     pub model: ModelConfig,
-    /// What makes a level and a bearing of a turn.
+    /// Extractor of a level and a bearing from a turn.
     pub extractor: ExtractorConfig,
-    /// How the bearings err and their σ is off, as a calibration has it.
+    /// Systematic error and σ correction of the bearings, from a calibration.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bearings: Option<BearingCalibration>,
-    /// How certain the bearings of a turn shall be, which it goes on for; a turn is one round
+    /// Required certainty of a turn's bearings, for which the turn goes on; a turn is one round
     /// unless given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub turns: Option<TurnGoalConfig>,
-    /// What decides where to listen.
+    /// Planner that decides where to listen.
     pub planner: PlannerConfig,
     /// Time-outs, tolerances, the prior, the airspace, the batteries.
     #[serde(default)]
@@ -53,14 +53,14 @@ pub struct FlightConfig {
     /// drone stands where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub terrain: Option<TerrainConfig>,
-    /// How the flight begins and ends.
+    /// Rules by which the flight begins and ends.
     #[serde(default)]
     pub flight: FlightRules,
     /// The drones.
     pub drones: Vec<DroneConfig>,
 }
 
-/// How close to where he is advised to fly a pilot comes, in metres.
+/// Distance within which a pilot reaches the place where he is advised to fly, in metres.
 const BY_HAND_M: f64 = 2.0;
 
 /// A day, in seconds: nobody flies longer.
@@ -203,9 +203,9 @@ impl FlightConfig {
         Ok(())
     }
 
-    /// The same flight with pilots who fly: nothing is sent to any vehicle, what would be an order
-    /// is advice, and everybody has as much time as he takes. A drone is where it was advised to be
-    /// within 2 m at least.
+    /// Returns this flight with pilots who fly: nothing is sent to any vehicle, what would be an
+    /// order is advice, and everybody has as much time as he takes. The tolerance of arrival
+    /// becomes at least 2 m.
     ///
     /// # Errors
     ///
@@ -231,7 +231,7 @@ impl FlightConfig {
         Ok(self)
     }
 
-    /// What its turns go on for, by the extractor of the registry; `None` where that is not given.
+    /// Returns the goal of its turns, by the extractor of the registry; `None` if it is not given.
     ///
     /// # Errors
     ///
@@ -243,17 +243,17 @@ impl FlightConfig {
         Ok(Some(goal.map_err(|error| error.within("turns"))?))
     }
 
-    /// Its estimator.
+    /// Returns its estimator.
     ///
     /// # Errors
     ///
-    /// [`FlyError::Estimator`] when there is none of its name.
+    /// [`FlyError::Estimator`] when the registry has no estimator of its name.
     pub fn estimator<'a>(&self, registry: &'a Registry) -> Result<&'a EstimatorEntry, FlyError> {
         Ok(registry.estimator(&self.estimator)?)
     }
 
-    /// What planners need to know of it. Speeds of autopilots that are not set, and how long a turn
-    /// of a real antenna takes, are not known.
+    /// Returns the field as planners need it. Speeds of autopilots that are not set, and the
+    /// duration of a real antenna's turn, are unknown.
     #[must_use]
     pub fn field(&self) -> Field {
         let speeds: Option<Vec<f64>> = self.drones.iter().map(DroneConfig::speed_mps).collect();
@@ -270,7 +270,7 @@ impl FlightConfig {
         }
     }
 
-    /// What its hunt is made of with an estimator and a seed.
+    /// Returns the parts of its hunt with an estimator and a seed.
     #[must_use]
     pub fn parts<'a>(
         &'a self,

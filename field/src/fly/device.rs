@@ -1,4 +1,4 @@
-//! What stands in a flight's file for each device of a drone.
+//! Sections of a flight's file for the devices of a drone.
 
 use foxhunt_hardware::{
     ArDroneConfig, FirmataConfig, GnssConfig, KrakenConfig, MavlinkConfig, RtlTcpConfig, XbeeConfig,
@@ -14,19 +14,19 @@ use serde::{Deserialize, Serialize};
 pub enum VehicleDevice {
     /// ArduPilot or PX4.
     Mavlink {
-        /// Where it is reached.
+        /// Endpoint of the autopilot.
         endpoint: Endpoint,
-        /// How it is flown.
+        /// Settings of the autopilot's driver.
         #[serde(default)]
         settings: MavlinkConfig,
     },
     /// A Parrot AR.Drone 2.0.
     ArDrone {
-        /// Where it takes orders: `udpout:192.168.1.1:5556`.
+        /// Endpoint for orders: `udpout:192.168.1.1:5556`.
         endpoint: Endpoint,
-        /// Where its navdata come from: `udpout:192.168.1.1:5554`.
+        /// Endpoint of its navdata: `udpout:192.168.1.1:5554`.
         navdata: Endpoint,
-        /// How it is flown; where it stands is the drone's `launch_m`.
+        /// Settings of its driver; its place before take-off is the drone's `launch_m`.
         #[serde(default)]
         settings: ArDroneConfig,
     },
@@ -36,9 +36,9 @@ pub enum VehicleDevice {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GnssDevice {
-    /// Where it is reached.
+    /// Endpoint of the receiver.
     pub endpoint: Endpoint,
-    /// How it is read.
+    /// Settings of its reader.
     #[serde(default)]
     pub settings: GnssConfig,
 }
@@ -50,17 +50,17 @@ pub struct GnssDevice {
 pub enum RadioDevice {
     /// An XBee, which sends a request to each beacon at its address.
     Xbee {
-        /// Where it is reached.
+        /// Endpoint of the XBee.
         endpoint: Endpoint,
-        /// How requests are sent; the addresses stand with the beacons.
+        /// Settings of the requests; the addresses stand with the beacons.
         #[serde(default)]
         settings: XbeeConfig,
     },
     /// An RTL-SDR behind rtl_tcp, which is tuned to each beacon's frequency.
     RtlTcp {
-        /// Where it is reached.
+        /// Endpoint of rtl_tcp.
         endpoint: Endpoint,
-        /// How power is measured; the frequencies stand with the beacons.
+        /// Settings of the power measurement; the frequencies stand with the beacons.
         #[serde(default)]
         settings: RtlTcpConfig,
     },
@@ -75,15 +75,15 @@ pub enum RadioDevice {
 pub enum RotatorDevice {
     /// A stepper behind Firmata.
     Firmata {
-        /// Where it is reached.
+        /// Endpoint of Firmata.
         endpoint: Endpoint,
-        /// How it is driven.
+        /// Settings of the stepper's driver.
         #[serde(default)]
         settings: FirmataConfig,
     },
 }
 
-/// How a drone listens.
+/// Source with which a drone listens.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -96,16 +96,16 @@ pub enum ListenConfig {
     Omnidirectional(OmnidirectionalConfig),
     /// A KrakenSDR, whose array needs no turning, and no radio beside it.
     Kraken {
-        /// Where its page is: `tcp:HOST:8081`.
+        /// Endpoint of its page: `tcp:HOST:8081`.
         endpoint: Endpoint,
-        /// How the page is read; the frequencies stand with the beacons.
+        /// Settings for reading the page; the frequencies stand with the beacons.
         #[serde(default)]
         settings: KrakenConfig,
     },
 }
 
 impl ListenConfig {
-    /// Whether it looks along one direction after the other, in turns that may go on.
+    /// Returns true if it looks along one direction after the other, in turns that may go on.
     pub(super) fn turns(&self) -> bool {
         matches!(self, Self::Stepper(_) | Self::RotatingBody(_))
     }

@@ -13,24 +13,24 @@ use super::{
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DroneConfig {
-    /// What people call it.
+    /// Name of the drone.
     pub name: String,
-    /// Where it stands before take-off, East and North of the site's origin in metres: for the plan
-    /// of a dry run, and for aircraft that do not know where they are.
+    /// Place before take-off, East and North of the site's origin in metres: for the plan of a dry
+    /// run, and for aircraft without a position of their own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub launch_m: Option<[f64; 2]>,
-    /// What flies it.
+    /// Device that flies it.
     pub vehicle: VehicleDevice,
     /// A GNSS receiver that knows better where it is than what flies it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gnss: Option<GnssDevice>,
-    /// What receives the beacons, unless its source does.
+    /// Device that receives the beacons, unless its source does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radio: Option<RadioDevice>,
-    /// What turns the antenna, where it is on a motor of its own.
+    /// Device that turns the antenna, if a motor of its own does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rotator: Option<RotatorDevice>,
-    /// How it listens.
+    /// Source with which it listens.
     pub source: ListenConfig,
 }
 
@@ -140,7 +140,7 @@ impl DroneConfig {
         Ok(())
     }
 
-    /// How high it may be sent, from the least to the most, in metres.
+    /// Returns the least and the greatest height to which it may be sent, in metres.
     pub(super) fn limits_up_m(&self) -> (f64, f64) {
         match &self.vehicle {
             VehicleDevice::Mavlink { settings, .. } => {
@@ -150,8 +150,8 @@ impl DroneConfig {
         }
     }
 
-    /// The same drone whose driver, which counts from where it stands, lets it be sent to as high
-    /// as that above any ground.
+    /// Returns this drone with its driver's limits, which count from where it stands, widened by
+    /// the ground's relief.
     pub(super) fn with_limits_over(&self, ground: &Ground) -> Self {
         let mut drone = self.clone();
         if let VehicleDevice::Mavlink { settings, .. } = &mut drone.vehicle {
@@ -178,7 +178,7 @@ impl DroneConfig {
         }
     }
 
-    /// What its driver lets it be sent to, and when it gives its link up, in words.
+    /// Describes its driver's limits of height and distance and its link time-out in words.
     pub(super) fn limits(&self) -> String {
         match &self.vehicle {
             VehicleDevice::Mavlink { settings, .. } => {
@@ -201,7 +201,7 @@ impl DroneConfig {
         }
     }
 
-    /// How fast it flies, in metres per second, where that is known.
+    /// Returns its speed in metres per second, if known.
     pub(super) fn speed_mps(&self) -> Option<f64> {
         match &self.vehicle {
             VehicleDevice::Mavlink { settings, .. } => settings.cruise_speed_mps,
@@ -246,7 +246,7 @@ impl DroneConfig {
     }
 }
 
-/// Why a field of a nested table is refused.
+/// Returns the text of an error in a field of a nested table.
 fn nested(table: &str, error: impl Into<FieldError>) -> String {
     error.into().within(table).to_string()
 }

@@ -29,11 +29,11 @@ use super::{
     VehicleDevice, emulated_tags::Tags,
 };
 
-/// How long a position and the first one of a turn may take with a real motor, in seconds.
+/// Longest time of a position and of the first one of a turn with a real motor, in seconds.
 const STEP_S: f64 = 1.0;
 const FIRST_STEP_S: f64 = 10.0;
 
-/// How long a turn may take then, in seconds.
+/// Longest time of a turn with a real motor, in seconds.
 const TURN_S: f64 = 150.0;
 
 /// Greatest distance of goals from the prior's middle, in its standard deviations.
@@ -42,19 +42,19 @@ const PRIOR_REACH: f64 = 4.0;
 /// Share of the height of a drone's start at which it may fly; it may rise to the height over this.
 const LEAST_UP: f64 = 0.5;
 
-/// How a field is emulated.
+/// Settings of an emulated field.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EmulatedFieldConfig {
-    /// Where its East and North are 0; with a world's tiles it is their origin.
+    /// Origin of its East and North; with a world's tiles it is their origin.
     pub site: Site,
-    /// Whose firmware flies its drones.
+    /// Firmware that flies its drones.
     pub autopilot: Autopilot,
-    /// From which least to which greatest distance in metres the autopilots' rangefinders measure,
-    /// which look down; there are none where absent.
+    /// Least and greatest distance in metres that the autopilots' downward rangefinders measure;
+    /// absent for no rangefinders.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rangefinder_m: Option<[f64; 2]>,
-    /// Whether the autopilots have the world's terrain, and report their heights above it.
+    /// True if the autopilots have the world's terrain, and report their heights above it.
     pub terrain_data: bool,
     /// The UDP port that the first drone's autopilot sends to, the next ones to those after it; any
     /// free ones where absent.
@@ -64,7 +64,7 @@ pub struct EmulatedFieldConfig {
     /// are left out are emulated.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub vehicles: Vec<ForeignVehicle>,
-    /// What goes wrong, drone by drone; nothing for those that are left out.
+    /// Faults, drone by drone; drones that are left out have no faults.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<DroneFaults>,
     /// The RTL-SDRs by which tags that pulse are received, and what is on air besides; each drone's
@@ -72,7 +72,7 @@ pub struct EmulatedFieldConfig {
     pub rtl_tcp: EmulatedRtlTcpConfig,
 }
 
-/// What goes wrong with the devices of a drone.
+/// Faults of a drone's devices.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DroneFaults {
@@ -91,7 +91,8 @@ impl Default for EmulatedFieldConfig {
         let site = Site { lat_deg: 50.0755, lon_deg: 14.4378, ground_alt_m: None };
         let autopilot = Autopilot::ArduPilot;
         let rtl_tcp = EmulatedRtlTcpConfig::default();
-        let (vehicles, faults) = (Vec::new(), Vec::new());
+        let vehicles = Vec::new();
+        let faults = Vec::new();
         Self {
             site,
             autopilot,
@@ -136,7 +137,7 @@ impl Ports for EmulatedPorts {
     }
 }
 
-/// Where the devices of a field are put.
+/// Place where the devices of a field are put.
 enum Place<'a> {
     /// Pseudo-terminals with links in a folder, and UDP.
     Folder(&'a Path),
@@ -165,7 +166,7 @@ impl EmulatedField {
     ///
     /// # Errors
     ///
-    /// Those of [`new`](Self::new).
+    /// The errors of [`new`](Self::new).
     pub fn in_memory(
         scenario: &Scenario,
         world: &World,
@@ -226,7 +227,8 @@ impl EmulatedField {
             climb_mps: known.climb_mps.unwrap_or(platform.climb_mps),
             ..platform
         });
-        let (vehicles, drones) = (config.vehicles.len(), scenario.world.drones.len());
+        let vehicles = config.vehicles.len();
+        let drones = scenario.world.drones.len();
         if vehicles > drones {
             return Err(EmulatedFieldError::Vehicles { vehicles, drones });
         }
@@ -288,7 +290,8 @@ impl EmulatedField {
                 rotator = Some(RotatorDevice::Firmata { endpoint, settings });
                 // A step backwards goes beyond its place and comes back, before six requests.
                 let samples_s = f64::from(config.samples_per_position()) * sample_s;
-                let (step_s, first_s) = (STEP_S + samples_s, FIRST_STEP_S + samples_s);
+                let step_s = STEP_S + samples_s;
+                let first_s = FIRST_STEP_S + samples_s;
                 let config = config.with_timeouts(step_s, first_s).expect("they are positive");
                 let beacons = u16::try_from(self.flight.beacons.len()).unwrap_or(u16::MAX);
                 let turn_s = &mut self.flight.hunt.turn_timeout_s;
@@ -404,7 +407,7 @@ impl EmulatedField {
     }
 }
 
-/// What a drone is called, counted from 0.
+/// Returns the name of a drone, counted from 0.
 fn name(drone: usize) -> String {
     format!("drone-{}", drone + 1)
 }

@@ -5,7 +5,7 @@ use foxhunt_wire::geodesy::GeodesyError;
 
 use super::CarriedDroneError;
 
-/// Why a field cannot be emulated.
+/// Reason why a field cannot be emulated.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EmulatedFieldError {
@@ -17,7 +17,7 @@ pub enum EmulatedFieldError {
     Port {
         /// The first one.
         first: u16,
-        /// Which drone.
+        /// Index of the drone, from 0.
         drone: usize,
     },
     /// A number is out of its range.
@@ -29,7 +29,7 @@ pub enum EmulatedFieldError {
          foxhunt hunt SCENARIO flies it in a simulated world without devices"
     )]
     Source {
-        /// Which drone.
+        /// Index of the drone, from 0.
         drone: usize,
         /// The kind of its source.
         kind: &'static str,
@@ -43,15 +43,15 @@ pub enum EmulatedFieldError {
          does not; emulate field goes with the clock on the wall"
     )]
     Foreign {
-        /// Whose it is.
+        /// Index of the vehicle's drone, from 0.
         drone: usize,
     },
     /// There are more vehicles than drones.
     #[error("there are {vehicles} vehicles for {drones} drones")]
     Vehicles {
-        /// How many vehicles.
+        /// Number of vehicles.
         vehicles: usize,
-        /// How many drones.
+        /// Number of drones.
         drones: usize,
     },
     /// The beacons do not all pulse alike, so that no one receiver is set for them.
@@ -62,7 +62,7 @@ pub enum EmulatedFieldError {
     Pulses {
         /// The first that is otherwise.
         beacon: usize,
-        /// How long those of the first tag are.
+        /// Pulse length of the first tag, in seconds.
         pulse_s: f64,
     },
     /// The site is not where the world's tiles have their origin.

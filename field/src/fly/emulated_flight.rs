@@ -21,11 +21,11 @@ use super::{
 pub struct EmulatedFlight {
     /// The devices, and what goes wrong with them.
     pub field: EmulatedFieldConfig,
-    /// How it is flown.
+    /// Rules of the flight.
     pub rules: FlightRules,
     /// The seed of the world.
     pub seed: u64,
-    /// When the pilot breaks it off, in seconds; never where absent.
+    /// Time at which the pilot breaks it off, in seconds; never where absent.
     pub abort_s: Option<f64>,
 }
 
@@ -36,13 +36,13 @@ pub struct EmulatedFlown {
     pub drones: Vec<ReportedMode>,
     /// The modes of each drone, in their order.
     pub modes: Vec<Vec<String>>,
-    /// How high each is at the end, in truth, in metres.
+    /// True height of each drone at the end, in metres.
     pub up_m: Vec<f64>,
-    /// How many searches ended.
+    /// Number of ended searches.
     pub found: usize,
-    /// Why the flight did not end as planned.
+    /// Reason why the flight did not end as planned.
     pub failure: Option<String>,
-    /// How long it took, in seconds.
+    /// Duration of the flight, in seconds.
     pub duration_s: f64,
     /// The nearest two drones that took our orders, over ground, in metres.
     pub nearest_m: f64,
@@ -50,16 +50,16 @@ pub struct EmulatedFlown {
     pub farthest_m: f64,
 }
 
-/// What the last report of a drone was.
+/// Last report of a drone.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ReportedMode {
     /// The autopilot's mode.
     pub mode: String,
-    /// Whether it takes our orders.
+    /// True if it takes our orders.
     pub is_commanded: bool,
 }
 
-/// Why a flight with emulated devices could not be flown to its end.
+/// Reason why a flight with emulated devices could not be flown to its end.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EmulatedFlightError {
@@ -69,9 +69,9 @@ pub enum EmulatedFlightError {
     /// An emulated device could not be served.
     #[error("{device} failed")]
     Device {
-        /// Which one.
+        /// Name of the device.
         device: String,
-        /// Why.
+        /// Cause of the failure.
         source: std::io::Error,
     },
     /// It does not end.
@@ -88,13 +88,13 @@ const LONG_S: f64 = 900.0;
 /// One that takes longer does not end, in seconds.
 const LIMIT_S: f64 = 3600.0;
 
-/// How long failsafes have after a flight to bring down what is left, in seconds.
+/// Time after a flight for failsafes to bring down drones that are still up, in seconds.
 const AFTER_S: f64 = 120.0;
 
 /// A drone that is lower than this has landed, in metres.
 const LANDED_M: f64 = 0.3;
 
-/// How near two drones may come to each other, in metres.
+/// Least distance between two drones, in metres.
 const SEPARATION_M: f64 = 2.0;
 
 impl EmulatedFlight {
@@ -121,7 +121,7 @@ impl EmulatedFlight {
         Self { field, rules, seed, abort_s: abort_s.or(Some(LONG_S)) }
     }
 
-    /// Flies it, until failsafes have brought down what is left.
+    /// Flies it, until failsafes have brought down the drones that are still up.
     ///
     /// # Errors
     ///
@@ -218,8 +218,8 @@ impl EmulatedFlown {
         }
     }
 
-    /// What did not hold: what takes our orders comes down, the flight ends unless a pilot has a
-    /// drone, and drones that take our orders keep fence and separation.
+    /// Returns the violations of these rules: drones that take our orders come down and keep fence
+    /// and separation, and the flight ends unless a pilot has a drone.
     #[must_use]
     pub fn violations(&self) -> Vec<String> {
         let mut violations = Vec::new();

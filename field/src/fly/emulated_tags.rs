@@ -10,7 +10,7 @@ pub(super) struct Tags {
 }
 
 impl Tags {
-    /// Those of a world's first beacons; `None` where the beacons answer.
+    /// Returns the tags of a world's first beacons; `None` if the beacons answer.
     pub(super) fn of(world: &World, count: usize) -> Result<Option<Self>, EmulatedFieldError> {
         let trains: Vec<Option<PulseTrain>> =
             (0..).map(|beacon| world.pulses(BeaconId(beacon))).take(count).collect();

@@ -10,7 +10,7 @@ use foxhunt_wire::{geodesy::GeodesyError, terrain::TerrainError};
 
 use super::MissionError;
 
-/// Why a flight cannot be prepared.
+/// Reason why a flight cannot be prepared.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FlyError {
@@ -19,7 +19,7 @@ pub enum FlyError {
     Read {
         /// The file.
         file: String,
-        /// Why not.
+        /// Cause of the failure.
         source: io::Error,
     },
     /// The file is no configuration of a flight.
@@ -27,7 +27,7 @@ pub enum FlyError {
     Parse {
         /// The file.
         file: String,
-        /// What is wrong, with line and field.
+        /// Description of the error, with line and field.
         source: toml::de::Error,
     },
     /// The origin is no place.
@@ -45,10 +45,10 @@ pub enum FlyError {
     /// The estimator's name is not known.
     #[error("estimator: {0}")]
     Estimator(#[from] RegistryError),
-    /// There is nobody to fly, or nothing to search for.
+    /// No drone or no beacon was given.
     #[error("there are no {missing}")]
     Nothing {
-        /// What there is none of.
+        /// Name of what is missing.
         missing: &'static str,
     },
     /// Two drones have one name.
@@ -62,7 +62,7 @@ pub enum FlyError {
     Drone {
         /// The drone.
         drone: String,
-        /// What is wrong.
+        /// Description of the fault.
         reason: String,
     },
     /// A port cannot be opened.
@@ -70,9 +70,9 @@ pub enum FlyError {
     Open {
         /// The drone.
         drone: String,
-        /// Which device.
+        /// Kind of the device.
         device: &'static str,
-        /// Why not.
+        /// Cause of the failure.
         source: io::Error,
     },
     /// The planner goes by what is received.

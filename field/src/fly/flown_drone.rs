@@ -9,11 +9,11 @@ use super::{Ending, height_watch::HeightWatch};
 /// A drone of a [`Mission`](super::Mission): its devices, and what is known of it.
 #[derive(Debug)]
 pub struct FlownDrone<A, S> {
-    /// What people call it.
+    /// Name of the drone.
     pub name: String,
-    /// What flies.
+    /// Aircraft of the drone.
     pub aircraft: A,
-    /// What it listens with.
+    /// Source with which it listens.
     pub source: S,
     /// Its present state; absent while its link fails.
     state: Option<AircraftState>,
@@ -21,15 +21,16 @@ pub struct FlownDrone<A, S> {
     reported_state: Option<AircraftState>,
     /// The health that was logged last.
     reported_health: Option<Health>,
-    /// Whether it was ordered to take off, or taken over: before that it is not ours to bring down.
+    /// True once it was ordered to take off, or taken over: before that it is not ours to bring
+    /// down.
     engaged: bool,
-    /// Whether one that is in the air already may be taken over.
+    /// True if it may be taken over while it is in the air already.
     may_take_over: bool,
-    /// When it was last ordered to take off, to take our orders again or to come down, in seconds.
+    /// Time of the last order to take off, to take our orders again or to come down, in seconds.
     last_order: f64,
-    /// Whether it has accepted the order to leave.
+    /// True if it has accepted the order to leave.
     leave_accepted: bool,
-    /// What compares its own height above the ground with the elevation model's, if there is one.
+    /// Comparison of its own height above the ground with the elevation model's, if there is one.
     height_watch: Option<HeightWatch>,
 }
 
@@ -56,7 +57,7 @@ const ALIVE_S: f64 = 1.0;
 /// A drone with less than this share of its battery waits for nobody.
 const LOW_BATTERY: f64 = 0.25;
 
-/// How often an order that was not followed is repeated, in seconds.
+/// Interval at which an order that was not followed is repeated, in seconds.
 const ORDER_AGAIN_S: f64 = 2.0;
 
 impl<A, S> FlownDrone<A, S> {
@@ -85,19 +86,19 @@ impl<A, S> FlownDrone<A, S> {
         self
     }
 
-    /// Whether it takes our orders.
+    /// Returns true if it takes our orders.
     pub(crate) fn is_commanded(&self) -> bool {
         self.state.as_ref().is_some_and(|state| state.commanded)
     }
 
-    /// Whether it is known to be on the ground with its motors off.
+    /// Returns true if it is known to be on the ground with its motors off.
     pub(crate) fn is_down(&self) -> bool {
         self.state
             .as_ref()
             .is_some_and(|state| !state.airborne && !state.armed && state.hands != Hands::Unheard)
     }
 
-    /// Whether it is known to be in the air.
+    /// Returns true if it is known to be in the air.
     pub(crate) fn is_airborne(&self) -> bool {
         self.state.as_ref().is_some_and(|state| state.airborne)
     }
@@ -136,8 +137,8 @@ impl<A, S> FlownDrone<A, S> {
         }
     }
 
-    /// Whether nothing may be expected of it any more: it is down, or nothing was received of it
-    /// for so many seconds. What the pilot flies may be given back.
+    /// Returns true if nothing may be expected of it any more: it is down, or nothing was received
+    /// from it for more than `silent_s` seconds. A drone that the pilot flies may be given back.
     pub(crate) fn is_out(&self, silent_s: f64) -> bool {
         self.is_down() || self.state.as_ref().is_none_or(|state| state.silent_s > silent_s)
     }
@@ -159,12 +160,12 @@ impl<A, S> FlownDrone<A, S> {
         })
     }
 
-    /// Why it is not up.
+    /// Returns the reason why it is not up.
     pub(crate) fn hindrance(&self) -> &str {
         self.state.as_ref().map_or("its link has failed", |state| state.hindrance.as_str())
     }
 
-    /// Whether an order is due; if so, it counts as given at `time`.
+    /// Returns true if an order is due; if so, it counts as given at `time`.
     fn takes_turn(&mut self, time: f64) -> bool {
         let due = time - self.last_order >= ORDER_AGAIN_S;
         if due {
@@ -175,7 +176,7 @@ impl<A, S> FlownDrone<A, S> {
 }
 
 impl<A: Aircraft, S> FlownDrone<A, S> {
-    /// How it is in the air before it was sent up, unless it may be taken over.
+    /// Describes how it is in the air before it was sent up, unless it may be taken over.
     pub(crate) fn flown_by_others(&self) -> Option<String> {
         let state = self.state.as_ref().filter(|state| state.airborne && state.armed)?;
         // One that takes orders without a take-over is flown by its pilot, as he is advised.
@@ -239,7 +240,7 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
         Ok(())
     }
 
-    /// Why it cannot take off yet, if it cannot.
+    /// Returns the reason why it cannot take off yet, if there is one.
     pub(crate) fn not_ready(&mut self) -> Option<String> {
         match &self.state {
             None => Some("its link has failed".to_owned()),
@@ -317,7 +318,7 @@ impl<A: Aircraft, S: PatternSource> Devices for FlownDrone<A, S> {
     }
 }
 
-/// Whether two states are one in the log, where batteries and ages make no difference.
+/// Returns true if two states are one in the log, where batteries and ages make no difference.
 fn is_same(one: &AircraftState, other: &AircraftState) -> bool {
     one.mode == other.mode
         && one.hindrance == other.hindrance
@@ -326,10 +327,10 @@ fn is_same(one: &AircraftState, other: &AircraftState) -> bool {
         && one.commanded == other.commanded
 }
 
-/// How long a link may bring nothing until it counts as lost, in seconds.
+/// Silence of a link after which it counts as lost, in seconds.
 const SILENT_S: f64 = 3.0;
 
-/// How an aircraft's battery, link, position and height above the ground are.
+/// State of an aircraft's battery, link, position and height above the ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Health {
     battery: Option<f64>,
@@ -348,8 +349,8 @@ impl Health {
         }
     }
 
-    /// Whether it is no noticeable change: less than 5 % of the battery, half of σ, a metre and a
-    /// fifth of the height.
+    /// Returns true if the change is not noticeable: less than 5 % of the battery, half of σ, a
+    /// metre and a fifth of the height.
     fn is_like(&self, other: &Self) -> bool {
         let source = |of: &Self| of.above_ground.map(|height| height.source);
         let metres = |of: &Self| of.above_ground.map(|height| height.metres);

@@ -5,17 +5,16 @@ use foxhunt_hunt::hunt::Event;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct HeightWatch {
     tolerance_m: f64,
-    /// Since when they have been too far apart, in seconds.
+    /// Time since when they have been too far apart, in seconds.
     since: Option<f64>,
-    /// Whether that was reported.
+    /// True if the difference was reported.
     reported: bool,
 }
 
 /// A report that is older is of another place, in seconds: at 5 m/s of two metres away.
 const FRESH_S: f64 = 0.4;
 
-/// How long heights are too far apart until it is reported, in seconds: a tree or a roof is passed
-/// by then.
+/// Duration of a difference until it is reported, in seconds: a tree or a roof is passed by then.
 const LASTS_S: f64 = 3.0;
 
 /// Heights agree again within this share of the tolerance.
@@ -49,7 +48,8 @@ impl HeightWatch {
             return None;
         }
         self.reported = true;
-        let (reported, tolerance_m) = (of.height, self.tolerance_m);
+        let reported = of.height;
+        let tolerance_m = self.tolerance_m;
         Some(Event::HeightDiffers { time, drone, reported, expected_m, tolerance_m })
     }
 }

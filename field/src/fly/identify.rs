@@ -7,8 +7,8 @@ use foxhunt_wire::{ByteStream, Endpoint};
 
 use super::Examine;
 
-/// How long bytes are awaited that a device sends without a request, in seconds: heartbeats and
-/// fixes come once a second.
+/// Time for which unrequested bytes of a device are awaited, in seconds: heartbeats and fixes come
+/// once a second.
 const LISTEN_S: f64 = 2.2;
 
 /// The rates that serial devices are tried at: what XBees, Arduinos, autopilots and GNSS receivers
@@ -95,7 +95,7 @@ fn probe<C: Clock + Clone + 'static>(
     Ok(findings.first().is_some_and(Finding::is_good).then_some(("stepper (Firmata)", findings)))
 }
 
-/// What devices send without a request.
+/// Protocol that a device speaks without a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Protocol {
     Mavlink,

@@ -6,7 +6,7 @@ use foxhunt_hunt::hunt::{Event, FlightStage, Hunt, drive};
 
 use super::{Ending, FlightRules, FlownDrone, flown_drone::Departure};
 
-/// Without a message for so many seconds an aircraft takes no part.
+/// Silence after which an aircraft takes no part, in seconds.
 const SILENT_S: f64 = 5.0;
 
 /// A flight of real aircraft from the ground to the ground, with a hunt in the middle.
@@ -20,16 +20,16 @@ pub struct Mission<A, S> {
     drones: Vec<FlownDrone<A, S>>,
     stage: FlightStage,
     since: f64,
-    /// By which rule the aircraft leave.
+    /// Rule by which the aircraft leave.
     ending: Ending,
-    /// Whether drones that are ready wait for [`go`](Self::go).
+    /// True if drones that are ready wait for [`go`](Self::go).
     waits: bool,
     ready: bool,
-    /// When an aircraft took part last.
+    /// Time when an aircraft took part last.
     attended: f64,
     /// Number of leaving drones that are not down yet.
     leaving: usize,
-    /// Why the flight ended before its time.
+    /// Reason why the flight ended before its time.
     failure: Option<String>,
     /// Reason why each drone does not take off, by its last order to.
     refused: Vec<Option<String>>,
@@ -50,11 +50,11 @@ impl<A, S> fmt::Debug for Mission<A, S> {
 }
 
 impl<A: Aircraft, S: PatternSource> Mission<A, S> {
-    /// A flight that begins at `time` with aircraft on the ground.
+    /// Creates a flight that begins at `time` with aircraft on the ground.
     ///
     /// # Errors
     ///
-    /// [`MissionError`] when there is none, or a rule is out of its range.
+    /// [`MissionError`] when there is no aircraft, or a rule is out of its range.
     pub fn new(
         rules: FlightRules,
         hunt: Hunt,
@@ -113,7 +113,7 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
         }
     }
 
-    /// Whether all drones are ready, and wait for [`go`](Self::go).
+    /// Returns true if all drones are ready, and wait for [`go`](Self::go).
     #[must_use]
     pub fn is_ready(&self) -> bool {
         self.stage == FlightStage::Preparing && self.ready && self.waits
@@ -172,13 +172,13 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
         self.stage
     }
 
-    /// Whether nothing is left to do.
+    /// Returns true if nothing remains to be done.
     #[must_use]
     pub fn is_over(&self) -> bool {
         self.stage == FlightStage::Over
     }
 
-    /// Why it ended before its time, if it did.
+    /// Returns the reason why it ended before its time, if it did.
     #[must_use]
     pub fn failure(&self) -> Option<&str> {
         self.failure.as_deref()
@@ -372,11 +372,11 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
     }
 }
 
-/// Why a flight cannot begin.
+/// Reason why a flight cannot begin.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MissionError {
-    /// There is nobody to fly.
+    /// No drone was given.
     #[error("a flight needs at least one drone")]
     NoDrone,
     /// A rule is out of its range.

@@ -18,7 +18,7 @@ pub enum MissionFormat {
     Waypoints,
 }
 
-/// The ending of a file is that of no format of missions.
+/// Error for a file whose ending belongs to no mission format.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the ending {ending:?} is neither .plan nor .waypoints")]
 pub struct MissionFormatError {
@@ -132,8 +132,8 @@ impl Route {
     }
 }
 
-/// The speed that a plan states where the flight has none, in metres per second: it estimates
-/// times with it and orders nothing.
+/// The speed that a plan states if the flight gives no speed, in metres per second: times are
+/// estimated with it, and nothing is ordered.
 const ASSUMED_SPEED_MPS: f64 = 5.0;
 
 fn plan(home: &Geodetic, speed_mps: Option<f64>, items: &[Item]) -> String {

@@ -103,7 +103,8 @@ impl DroneConfig {
                 .map_or_else(|error| vec![unopened(&error)], |mut device| device.examine(pause));
             report(device, findings);
         };
-        let (feed, ports) = (SikFeed::default(), &mut SystemPorts::new(clock.clone()));
+        let feed = SikFeed::default();
+        let ports = &mut SystemPorts::new(clock.clone());
         // A SiK radio reports through the autopilot's link, which is served while it is examined.
         let vehicle = self.open_aircraft(site, &feed, ports, clock, clock_origin_unix_s);
         examine("vehicle", vehicle.map(|device| Box::new(device) as _));
@@ -293,7 +294,7 @@ impl DroneConfig {
     }
 }
 
-/// What is found of a device whose port cannot be opened.
+/// Returns the finding about a device whose port cannot be opened.
 fn unopened(error: &FlyError) -> Finding {
     let remedy = match error {
         FlyError::Open { source, .. } if source.kind() == std::io::ErrorKind::PermissionDenied => {

@@ -6,8 +6,8 @@ use nalgebra::Vector3;
 
 use super::{Examine, Ground, terrain::WayError};
 
-/// An aircraft whose heights are above the ground below it, by an elevation model, where those of
-/// its autopilot are above where it stood.
+/// An aircraft whose heights are above the ground below it, by an elevation model, while its
+/// autopilot's heights are above where it stood.
 ///
 /// On the ground it learns what its autopilot's heights count from. A line that does not clear the
 /// ground is flown in several orders: straight up, across, straight down.
@@ -15,13 +15,13 @@ use super::{Examine, Ground, terrain::WayError};
 pub(super) struct OverGround<A> {
     aircraft: A,
     ground: Ground,
-    /// How high above the ground it may be sent, from the least to the most, in metres.
+    /// Least and greatest height above the ground to which it may be sent, in metres.
     limits_m: [f64; 2],
-    /// What the aircraft's heights are above, in the heights of the model.
+    /// Height of the autopilot's zero, in the heights of the model; `None` until it is learned.
     datum: Option<f64>,
-    /// Where it flies after the order that it has, in the heights of the model.
+    /// Places to fly to after the present order, in the heights of the model.
     next: VecDeque<Vector3<f64>>,
-    /// Where it was ordered to fly.
+    /// Place to which it was ordered.
     ordered: Vector3<f64>,
 }
 
@@ -29,7 +29,7 @@ pub(super) struct OverGround<A> {
 /// height, in metres.
 const ARRIVED_M: [f64; 2] = [1.0, 0.3];
 
-/// Why it is not known how high above the ground an aircraft is, or why it did not obey.
+/// Reason why an aircraft's height above the ground is unknown, or why it did not obey.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum OverGroundError<E> {
     /// The aircraft failed.
@@ -52,7 +52,7 @@ pub(super) enum OverGroundError<E> {
     /// A goal that it may not be sent to.
     #[error("{up_m:.1} m above the ground; {least_m} to {most_m} m are allowed")]
     Limit {
-        /// How high the goal is above the ground, in metres.
+        /// Height of the goal above the ground, in metres.
         up_m: f64,
         /// The least.
         least_m: f64,
@@ -63,7 +63,8 @@ pub(super) enum OverGroundError<E> {
 
 impl<A> OverGround<A> {
     pub(super) fn new(aircraft: A, ground: Ground, limits_m: [f64; 2]) -> Self {
-        let (next, ordered) = (VecDeque::new(), Vector3::zeros());
+        let next = VecDeque::new();
+        let ordered = Vector3::zeros();
         Self { aircraft, ground, limits_m, datum: None, next, ordered }
     }
 
@@ -156,7 +157,7 @@ impl<A: Aircraft> Aircraft for OverGround<A> {
                 state.hindrance = refusal.to_string();
             }
         } else {
-            // Whoever takes it sends it where he likes, and it is ordered anew when it is back.
+            // Whoever takes it sends it where he likes, and it is ordered again when it is back.
             self.next.clear();
         }
         Ok(state)

@@ -16,13 +16,13 @@ pub struct FlightPlan {
     pub beacons: Vec<String>,
     /// The drones.
     pub drones: Vec<PlannedDrone>,
-    /// How it begins and ends.
+    /// Rules by which it begins and ends.
     pub rules: FlightRules,
     /// Fences, separation, batteries, time-outs, rules to stop.
     pub hunt: HuntConfig,
-    /// Remarks for the pilot: what is left open.
+    /// Remarks for the pilot about open points.
     pub remarks: Vec<String>,
-    /// What has to hold before take-off.
+    /// Checks before take-off.
     pub checklist: Vec<Check>,
 }
 
@@ -31,16 +31,17 @@ pub struct FlightPlan {
 pub struct PlannedDrone {
     /// Its name.
     pub name: String,
-    /// Where it stands, East and North in metres.
+    /// Place where it stands, East and North in metres.
     pub launch_m: Option<[f64; 2]>,
     /// The height of the ground where it stands, in metres above what the elevation model counts
     /// from.
     pub ground_m: Option<f64>,
-    /// The same where it goes first.
+    /// The height of the ground at its first goal, in metres above what the elevation model counts
+    /// from.
     pub first_ground_m: Option<f64>,
-    /// Where it goes first, East, North and Up in metres.
+    /// First goal, East, North and Up in metres.
     pub first_goal_m: Option<[f64; 3]>,
-    /// What its driver lets it be sent to.
+    /// Its driver's limits, in words.
     pub limits: String,
     /// Its devices, each with where it is reached.
     pub devices: Vec<(&'static str, String)>,

@@ -11,11 +11,11 @@ use super::Mission;
 pub struct FlightReport {
     /// Its name.
     pub name: String,
-    /// How long it took, in seconds.
+    /// Duration of the flight, in seconds.
     pub duration_s: f64,
-    /// Why it ended before its time, if it did.
+    /// Reason why it ended before its time, if it did.
     pub failure: Option<String>,
-    /// What was found, in the order in which the searches ended.
+    /// Beacons, in the order in which their searches ended.
     pub beacons: Vec<FlownFix>,
 }
 
@@ -24,15 +24,15 @@ pub struct FlightReport {
 pub struct FlownFix {
     /// Its name.
     pub name: String,
-    /// Where it is believed to be.
+    /// Estimated place.
     pub estimate: PlaceEstimate,
     /// The ellipse that holds it with 95 %, if the covariance is positive definite.
     pub ellipse_95: Option<Ellipse>,
-    /// How many receptions went through the estimator.
+    /// Number of receptions that went through the estimator.
     pub steps: u32,
-    /// How the search ended.
+    /// Outcome of the search.
     pub outcome: Outcome,
-    /// How far off that is, where the truth is known.
+    /// True place and error of the estimate, if the truth is known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth: Option<FlownTruth>,
 }
@@ -40,9 +40,9 @@ pub struct FlownFix {
 /// A fix against the truth.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct FlownTruth {
-    /// How far East of the origin the beacon was, in metres.
+    /// East coordinate of the beacon's true place, in metres.
     pub east_m: f64,
-    /// How far North.
+    /// North coordinate of it, in metres.
     pub north_m: f64,
     /// From the estimate to it, in metres.
     pub error_m: f64,
@@ -51,8 +51,8 @@ pub struct FlownTruth {
 }
 
 impl FlightReport {
-    /// The result of a flight of that name after so many seconds; `truth` gives the true place of a
-    /// beacon where that is known, East and North in metres.
+    /// The result of a flight of that name after `duration_s` seconds; `truth` gives the true place
+    /// of a beacon where that is known, East and North in metres.
     #[must_use]
     pub fn new<A: Aircraft, S: PatternSource>(
         name: &str,

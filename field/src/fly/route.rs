@@ -7,24 +7,24 @@ use nalgebra::{Vector2, Vector3};
 
 use super::{Ending, FlightConfig, FlyError};
 
-/// What a drone flies, as far as its planner knows it before anything is received.
+/// Route of a drone, as far as its planner knows it before anything is received.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Route {
     /// The drone's name.
     pub drone: String,
-    /// Where it stands before take-off, East and North of the site's origin in metres.
+    /// Place before take-off, East and North of the site's origin in metres.
     pub launch_m: Vector2<f64>,
-    /// How high it climbs first, in metres above where it stands.
+    /// Height of the first climb, in metres above where it stands.
     pub takeoff_up_m: f64,
-    /// How fast it flies, in metres per second; the autopilot's own speed where absent.
+    /// Speed in metres per second; the autopilot's own speed where absent.
     pub speed_mps: Option<f64>,
-    /// Where it listens, one place after the other: East, North and Up in metres.
+    /// Places where it listens, in their order: East, North and Up in metres.
     pub places_m: Vec<Vector3<f64>>,
-    /// What it does after the last of them.
+    /// Action after the last place.
     pub ending: Ending,
 }
 
-/// How many places a route may have.
+/// Maximum number of places of a route.
 const MOST_PLACES: usize = 10_000;
 
 impl FlightConfig {

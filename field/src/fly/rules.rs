@@ -7,11 +7,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FlightRules {
-    /// How high the drones climb at take-off, in metres above where each stands.
+    /// Height of the drones' climb at take-off, in metres above where each stands.
     pub takeoff_up_m: f64,
-    /// When all is found.
+    /// Ending when all is found.
     pub at_end: Ending,
-    /// When the pilot breaks off, or something goes wrong.
+    /// Ending when the pilot breaks off, or something goes wrong.
     pub on_abort: Ending,
     /// Aircraft that are not ready after this long end the flight on the ground.
     pub ready_timeout_s: f64,
@@ -22,12 +22,12 @@ pub struct FlightRules {
     /// A hunt that no aircraft takes part in for this long ends, unless the pilot flies one of
     /// them, who may give it back; at once where all are down.
     pub deserted_timeout_s: f64,
-    /// Of a hunt on several computers: a drone that gets no orders for this long leaves as when the
-    /// pilot breaks off. Until then it flies to its last goal and holds there.
+    /// Silence of orders after which a drone of a hunt on several computers leaves as when the
+    /// pilot breaks off, in seconds. Until then it flies to its last goal and holds there.
     pub orders_timeout_s: f64,
 }
 
-/// What aircraft that are still in the air do when a flight ends.
+/// Action of aircraft that are still in the air when a flight ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]

@@ -20,15 +20,15 @@ pub struct TerrainConfig {
     /// The hills of a plain in the place of tiles, as emulated fields have them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub hills: Vec<Hill>,
-    /// How far East, North, West and South of the site's origin the ground is read, in metres: no
-    /// drone is sent farther.
+    /// Reach of the ground that is read East, North, West and South of the site's origin, in
+    /// metres: no drone is sent farther.
     #[serde(default = "reach_m")]
     pub reach_m: f64,
-    /// How high above the highest ground of its line a drone flies at least, in metres; one that is
-    /// sent lower keeps the height that it is sent to.
+    /// Least height of a drone above the highest ground of its line, in metres; one that is sent
+    /// lower keeps the height that it is sent to.
     #[serde(default = "clearance_m")]
     pub clearance_m: f64,
-    /// How far the height above the ground that a drone's own devices report may be from this
+    /// Tolerance between the height above the ground that a drone's own devices report and this
     /// model's, in metres; beyond it there is a notice. 4 unless given: nine of ten differences of
     /// heights of Copernicus GLO-30 are better than that on slopes of more than 20 %, and the
     /// clearance is used up there.
@@ -48,11 +48,11 @@ fn height_tolerance_m() -> f64 {
     4.0
 }
 
-/// How far there are hills, in metres: no tile has to be read for them.
+/// Reach of hills, in metres: no tile has to be read for them.
 const HILLS_REACH_M: f64 = 50_000.0;
 
 impl TerrainConfig {
-    /// That of a simulated world, with the clearance and the tolerance that are usual.
+    /// Returns the settings for a simulated world, with the usual clearance and tolerance.
     #[must_use]
     pub fn of_world(relief: &ReliefConfig) -> Self {
         let usual = if relief.folder.is_some() { reach_m() } else { HILLS_REACH_M };
@@ -112,7 +112,7 @@ pub struct Ground {
     height_tolerance_m: f64,
 }
 
-/// Why there is no way over the ground.
+/// Reason why there is no way over the ground.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub(super) enum WayError {
     /// It leaves the model.
@@ -121,7 +121,7 @@ pub(super) enum WayError {
     /// Some of the line is too high above the ground.
     #[error("the line to the goal is up to {above_m:.0} m above the ground, more than {most_m} m")]
     High {
-        /// How high, in metres.
+        /// Height above the ground, in metres.
         above_m: f64,
         /// The limit.
         most_m: f64,
@@ -139,12 +139,13 @@ impl Ground {
         (place.amax() <= self.reach_m).then(|| self.terrain.height(place))?
     }
 
-    /// How far heights above the ground that drones report may be from its own, in metres.
+    /// Returns the tolerance between heights above the ground that drones report and its own, in
+    /// metres.
     pub(super) fn height_tolerance_m(&self) -> f64 {
         self.height_tolerance_m
     }
 
-    /// How much higher its highest place is than its lowest at most, in metres.
+    /// Returns the upper bound of its relief, highest minus lowest place, in metres.
     pub(super) fn relief_m(&self) -> f64 {
         self.relief_m
     }
@@ -171,8 +172,10 @@ impl Ground {
             reason = "a line within the reach has at most some million pieces"
         )]
         let pieces = pieces as u32;
-        let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
-        let (mut clears, mut above_m) = (true, 0.0_f64);
+        let mut lowest = f64::INFINITY;
+        let mut highest = f64::NEG_INFINITY;
+        let mut clears = true;
+        let mut above_m = 0.0_f64;
         for piece in 0..=pieces {
             let place = from.lerp(to, f64::from(piece) / f64::from(pieces));
             let ground = self.height(&place.xy()).ok_or(WayError::Beyond)?;

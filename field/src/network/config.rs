@@ -8,14 +8,14 @@ use serde::{Deserialize, Serialize};
 pub struct DroneNodeConfig {
     /// Its pose and its status are sent this often, in seconds.
     pub report_every_s: f64,
-    /// A delivery is sent again after so many seconds, until it is known to be logged.
+    /// Interval at which a delivery is sent again until it is known to be logged, in seconds.
     pub repeat_every_s: f64,
-    /// An order that a device did not follow is tried again after so many seconds.
+    /// Time after which an order that a device did not follow is tried again, in seconds.
     pub retry_after_s: f64,
     /// A drone whose clock's offset is less certain than this, in seconds, takes no part; what it
     /// receives is refused.
     pub clock_uncertainty_s: f64,
-    /// So many deliveries are kept that are not known to be logged; the oldest are given up.
+    /// Maximum number of kept deliveries that are not known to be logged; the oldest are given up.
     pub most_kept: usize,
 }
 
@@ -58,14 +58,15 @@ pub struct FusionNodeConfig {
     pub order_every_s: f64,
     /// The view of the hunt is sent this often, in seconds.
     pub show_every_s: f64,
-    /// How far a corrected clock may be off, in seconds: a reception from farther in the future is
+    /// Tolerance of a corrected clock, in seconds: a reception from farther in the future is
     /// refused.
     pub clock_tolerance_s: f64,
-    /// A drone that has not reported for so many seconds is silent, and not waited for at the end.
+    /// Time without a report after which a drone is silent, and not waited for at the end, in
+    /// seconds.
     pub silent_after_s: f64,
-    /// A hunt that goes on from its log waits so long for its drones to show up, in seconds.
+    /// Time that a hunt that goes on from its log waits for its drones to show up, in seconds.
     pub assemble_s: f64,
-    /// So many places are kept of each drone's path, for the view.
+    /// Number of places kept of each drone's path, for the view.
     pub path_places: usize,
 }
 

@@ -25,7 +25,7 @@ impl Deliveries {
         self.kept.retain(|(_, delivery)| !taken.contains(&delivery.name()));
     }
 
-    /// Those that are to be sent now, and after `repeat_s` again.
+    /// Returns the deliveries that are to be sent now, and again after `repeat_s`.
     pub(super) fn due(
         &mut self,
         time: f64,
@@ -39,7 +39,8 @@ impl Deliveries {
         })
     }
 
-    /// How many were given up because they were not logged for too long.
+    /// Returns the number of deliveries that were given up because they were not logged for too
+    /// long.
     pub(super) fn given_up(&self) -> u64 {
         self.given_up
     }

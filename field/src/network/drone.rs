@@ -24,24 +24,24 @@ pub struct DroneNode<S, V, X, L> {
     epoch: UnixTime,
     config: DroneNodeConfig,
     order: Order,
-    /// When the last order came, or the node began.
+    /// Time when the last order came, or the node began.
     ordered_at: Option<f64>,
     clock: ClockFilter,
     /// Echoes that came in the step before, each with when its order was sent: they came before the
     /// present time was read.
     echoes: Vec<(Echo, UnixTime)>,
     stage: Stage,
-    /// Where its vehicle was sent last, and whether it has accepted the order to land.
+    /// Goal to which its vehicle was sent last; `landed` if it has accepted the order to land.
     sent: Option<Waypoint>,
     landed: bool,
     /// The last turn that was begun.
     begun: u64,
     deliveries: Deliveries,
-    /// Why a device did not follow the order.
+    /// Reason why a device did not follow the order.
     refusal: String,
-    /// What broke since the last report.
+    /// Failures since the last report.
     fault: String,
-    /// Before this nothing that failed is tried again.
+    /// Time before which nothing that failed is tried again.
     retry_at: f64,
     report_at: f64,
 }
@@ -137,17 +137,17 @@ where
         self.epoch.after(time).ok_or(NetworkError::Time { time })
     }
 
-    /// How long ago the last order came, or the node began, in seconds.
+    /// Returns the time since the last order came, or the node began, in seconds.
     pub fn silent_s(&self, time: f64) -> f64 {
         self.ordered_at.map_or(0.0, |last| time - last)
     }
 
-    /// How far its clock is off at a time of its own; `None` before the first exchange.
+    /// Returns its clock's offset at a time of its own; `None` before the first exchange.
     pub fn clock(&self, time: f64) -> Option<ClockOffset> {
         self.clock.offset(self.epoch.after(time)?)
     }
 
-    /// Whether it has accepted the order to land.
+    /// Returns true if it has accepted the order to land.
     pub(super) fn lands(&self) -> bool {
         self.landed
     }
@@ -157,7 +157,8 @@ where
         &self.order
     }
 
-    /// How many deliveries were given up because they were not logged for too long.
+    /// Returns the number of deliveries that were given up because they were not logged for too
+    /// long.
     pub fn given_up(&self) -> u64 {
         self.deliveries.given_up()
     }
@@ -230,7 +231,7 @@ where
         }
     }
 
-    /// How far its clock is off, if that is known well enough; why not otherwise.
+    /// Returns its clock's offset if it is known well enough, else the reason why not.
     fn certain_clock(&self, now: UnixTime) -> Result<ClockOffset, String> {
         let most_s = self.config.clock_uncertainty_s;
         match self.clock.offset(now) {
@@ -274,8 +275,8 @@ where
     }
 }
 
-/// The delivery of a sweep; `None` where its time is none. Of a clock that is not known its time is
-/// not either, and it is refused.
+/// Builds the delivery of a sweep; `None` if its time cannot be represented. While the clock offset
+/// is unknown the delivery carries a refusal instead of a reception.
 fn deliver(
     extractor: &impl BearingExtractor,
     epoch: UnixTime,

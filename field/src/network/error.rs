@@ -2,7 +2,7 @@ use foxhunt_core::parameter::{FieldError, ParameterError};
 use foxhunt_hardware::link::LinkError;
 use foxhunt_hunt::hunt::HuntError;
 
-/// Why a node cannot begin or go on.
+/// Reason why a node cannot begin or go on.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum NetworkError {
@@ -12,13 +12,13 @@ pub enum NetworkError {
     /// A rule of the flight is out of its range.
     #[error(transparent)]
     Rule(#[from] FieldError),
-    /// There is nobody to fly.
+    /// No drone was given.
     #[error("a hunt needs at least one drone")]
     NoDrone,
-    /// A clock reads what is no time.
+    /// The reading of a clock cannot be represented as a time.
     #[error("{time} s after the clock began is no time")]
     Time {
-        /// What it reads.
+        /// Reading of the clock, in seconds.
         time: f64,
     },
     /// The link failed; the node goes on when it is called again.

@@ -26,9 +26,9 @@ pub struct FlownNode<A, S, X, L> {
     rules: FlightRules,
     stage: Stage,
     since: f64,
-    /// By which rule it leaves.
+    /// Rule by which it leaves.
     ending: Ending,
-    /// Why it leaves, or what keeps it from flying.
+    /// Reason why it leaves, or what keeps it from flying.
     reason: String,
     events: VecDeque<Event>,
 }
@@ -112,12 +112,12 @@ where
         self.events.pop_front()
     }
 
-    /// What it is doing.
+    /// Returns the stage of the node.
     pub fn stage(&self) -> Stage {
         self.stage
     }
 
-    /// Why it leaves, or what keeps it from flying; empty where nothing does.
+    /// Returns the reason why it leaves, or what keeps it from flying; empty if nothing does.
     pub fn reason(&self) -> &str {
         &self.reason
     }

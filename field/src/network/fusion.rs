@@ -12,20 +12,21 @@ use super::{FusionNodeConfig, NetworkError, remote::Remote, show::view};
 /// The log of a hunt that was broken off.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Past {
-    /// Where the drones began, East, North and Up in metres.
+    /// Places where the drones began, East, North and Up in metres.
     pub homes: Vec<Vector3<f64>>,
     /// Its events.
     pub events: Vec<Event>,
 }
 
-/// How many reports are taken at one step, so that a flood does not stop the hunt.
+/// Maximum number of reports taken at one step, so that a flood does not stop the hunt.
 const MOST_REPORTS: usize = 10_000;
 
-/// How many reports may be lost at one step before the rest waits for the next one, so that a link
-/// that is broken does not stop the hunt.
+/// Number of reports lost at one step after which the rest waits for the next one, so that a broken
+/// link does not stop the hunt.
 const MOST_LOST: usize = 100;
 
-/// A step so many seconds after the last one comes late: its computer was busy with something else.
+/// Time between two steps after which the later one is late, in seconds: its computer was busy with
+/// something else.
 const STOOD_STILL_S: f64 = 1.0;
 
 /// The part of a hunt on several computers that fuses: runs the [`Hunt`] on the drones' reports,
@@ -41,19 +42,20 @@ pub struct FusionNode<L> {
     epoch: UnixTime,
     config: FusionNodeConfig,
     drones: Vec<Remote>,
-    /// What seemed to come from the future, and may have come since the step's time was read.
+    /// Deliveries that seemed to come from the future, and may have come since the step's time was
+    /// read.
     early: Vec<(usize, Delivery)>,
     stepped_at: Option<f64>,
     past: Option<Past>,
     homes: Vec<Vector3<f64>>,
-    /// When a drone showed up first.
+    /// Time when a drone showed up first.
     assembling: Option<f64>,
-    /// Whether drones that are ready wait for [`go`](Self::go).
+    /// True if drones that are ready wait for [`go`](Self::go).
     waits: bool,
     ready: bool,
-    /// Why the hunt was broken off.
+    /// Reason why the hunt was broken off.
     failure: Option<String>,
-    /// What is to be logged besides the hunt's own events.
+    /// Events to be logged besides the hunt's own.
     events: VecDeque<Event>,
     hindrance: Option<String>,
     number: u64,
@@ -133,8 +135,8 @@ impl<L: FusionLink> FusionNode<L> {
         Ok(received.and(sent).and(shown)?)
     }
 
-    /// The next thing to be logged, each once, in the order in which it happened. Poll until there
-    /// is none after every step.
+    /// Returns the next event to be logged, each once, in the order in which they happened. Poll
+    /// until it returns `None` after every step.
     pub fn poll_event(&mut self) -> Option<Event> {
         // A log begins with the hunt: its head names where the drones are then.
         if !self.has_begun() && self.failure.is_none() {
@@ -152,12 +154,13 @@ impl<L: FusionLink> FusionNode<L> {
         &self.hunt
     }
 
-    /// Where the drones began, East, North and Up in metres; nobody before the hunt has begun.
+    /// Returns the places where the drones began, East, North and Up in metres; empty before the
+    /// hunt has begun.
     pub fn homes(&self) -> &[Vector3<f64>] {
         &self.homes
     }
 
-    /// Why the hunt has not begun though all drones are there, if something is in the way.
+    /// Returns the reason why the hunt has not begun though all drones are there, if there is one.
     pub fn hindrance(&self) -> Option<&str> {
         self.hindrance.as_deref()
     }
@@ -171,8 +174,8 @@ impl<L: FusionLink> FusionNode<L> {
             .collect()
     }
 
-    /// Whether the hunt is over or was broken off, and every drone that is not silent has followed
-    /// its last order, and is down where it was ordered to come down.
+    /// Returns true if the hunt is over or was broken off, and every drone that is not silent has
+    /// followed its last order, and is down where it was ordered to come down.
     pub fn is_finished(&self, time: f64) -> bool {
         let done = |drone: &Remote| drone.is_done() || !self.is_reporting(drone, time);
         let over = self.has_begun() && self.hunt.is_finished() || self.failure.is_some();
@@ -185,7 +188,7 @@ impl<L: FusionLink> FusionNode<L> {
         self.waits = waits;
     }
 
-    /// Whether all drones stand ready, and wait for [`go`](Self::go).
+    /// Returns true if all drones stand ready, and wait for [`go`](Self::go).
     pub fn is_ready(&self) -> bool {
         self.ready && self.waits
     }
@@ -199,19 +202,19 @@ impl<L: FusionLink> FusionNode<L> {
     ///
     /// # Errors
     ///
-    /// [`NetworkError::Time`] when that is no time.
+    /// [`NetworkError::Time`] when `time` cannot be represented.
     pub fn abort(&mut self, time: f64, reason: &str) -> Result<(), NetworkError> {
         let now = self.epoch.after(time).ok_or(NetworkError::Time { time })?;
         self.break_off(now, reason.to_owned());
         Ok(())
     }
 
-    /// Why the hunt was broken off, if it was.
+    /// Returns the reason why the hunt was broken off, if it was.
     pub fn failure(&self) -> Option<&str> {
         self.failure.as_deref()
     }
 
-    /// What each drone is doing, and what is in its way.
+    /// Returns each drone's stage and what is in its way.
     pub fn stages(&self) -> impl Iterator<Item = (Stage, &str)> {
         self.drones.iter().map(|drone| (drone.stage, drone.failure.as_str()))
     }
@@ -257,7 +260,7 @@ impl<L: FusionLink> FusionNode<L> {
             let (index, report) = match self.link.receive() {
                 Ok(Some(report)) => report,
                 Ok(None) => break,
-                // It is logged with the hunt, and of no drone: a stranger is none.
+                // Logged without a drone: the sender is not one of ours.
                 Err(error @ LinkError::Refused { .. }) => {
                     self.hunt.device_failed(time, None, error.to_string());
                     continue;

@@ -5,13 +5,13 @@ use foxhunt_hardware::link::{
     ClockOffset, Echo, Leave, Order, Stage, Status, Taken, Turn, UnixTime,
 };
 
-/// How many deliveries an order names as logged; one that comes again is named again.
+/// Maximum number of deliveries that an order names as logged; one that comes again is named again.
 const MOST_TAKEN: usize = 64;
 
-/// How far apart places of a path are, in metres.
+/// Distance between places of a path, in metres.
 const PATH_STEP_M: f64 = 0.25;
 
-/// A clock's offset is logged again when it has changed by so many seconds.
+/// Change of a clock's offset at which it is logged again, in seconds.
 const CLOCK_STEP_S: f64 = 0.05;
 
 /// A place that is older than the last one by more seconds than this was not late on the way.
@@ -20,20 +20,20 @@ const CLOCK_SET_BACK_S: f64 = 30.0;
 /// A drone, as far as the one that fuses knows it.
 #[derive(Debug, Default)]
 pub(super) struct Remote {
-    /// What it is to do.
+    /// Current order of the drone.
     pub(super) order: Order,
-    /// Whether that was sent since it changed.
+    /// True if the order was sent since it changed.
     pub(super) sent: bool,
     /// The number of the order that it follows.
     pub(super) follows: u64,
-    /// Where it was last, and when by its own clock.
+    /// Last pose, with its time by the drone's own clock.
     pub(super) place: Option<(UnixTime, Pose)>,
-    /// When a report of it came last.
+    /// Time of its last report.
     pub(super) reported_at: Option<f64>,
-    /// How late its last place came, in seconds.
+    /// Delay of its last place, in seconds.
     pub(super) late_s: f64,
     pub(super) stage: Stage,
-    /// How far its clock is off, as it has it.
+    /// Offset of its clock, by the drone's own account.
     pub(super) clock: Option<ClockOffset>,
     /// The stamp of its last status, as long as it was not returned.
     unanswered: Option<UnixTime>,
@@ -118,7 +118,7 @@ impl Remote {
         }
     }
 
-    /// Whether it has done all that it will do after its last order.
+    /// Returns true if it has done all that it will do after its last order.
     pub(super) fn is_done(&self) -> bool {
         self.follows >= self.order.number && !matches!(self.stage, Stage::Climbing | Stage::Leaving)
     }
@@ -147,12 +147,12 @@ impl Remote {
         self.sent = false;
     }
 
-    /// Limits its turn to what it owes, so that one that has begun anew makes up for no more.
+    /// Limits its turn to the beacons that it owes, so that a restarted one makes up for no more.
     pub(super) fn limit_turn(&mut self, owed: &[BeaconId]) {
         self.order.turn.beacons.retain(|beacon| owed.contains(beacon));
     }
 
-    /// Whether a delivery is among the last that were handled.
+    /// Returns true if a delivery is among the last that were handled.
     pub(super) fn knows(&self, name: &Taken) -> bool {
         self.unlogged.contains(name) || self.order.taken.contains(name)
     }

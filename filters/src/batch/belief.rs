@@ -57,7 +57,7 @@ where
     Ok(Estimate { covariance, ..estimate })
 }
 
-/// Whether the observations leave a direction open along which their cost is not quadratic.
+/// Returns true if the observations leave a direction open along which their cost is not quadratic.
 fn is_curved<H, const N: usize, const M: usize>(
     problem: &Problem<'_, H, N, M>,
     prior: &Gaussian<N>,

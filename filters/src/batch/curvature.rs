@@ -7,7 +7,7 @@ use crate::count::number;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hessian<const N: usize>(pub(super) Covariance<N>);
 
-/// Whether a stationary place is an optimum.
+/// Kind of a stationary place.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Curvature<const N: usize> {
     /// The cost grows all round, or at least does not fall.
@@ -30,7 +30,8 @@ where
     for i in 0..N {
         let size = information[(i, i)];
         let step = 1e-4 / libm::sqrt(if size > 0.0 { size } else { 1.0 });
-        let (mut low, mut high) = (*x, *x);
+        let mut low = *x;
+        let mut high = *x;
         low[i] -= step;
         high[i] += step;
         let change = problem.local(&high).gradient - problem.local(&low).gradient;
@@ -48,7 +49,8 @@ pub(super) fn settle<H, const N: usize, const M: usize>(
 where
     H: MeasurementModel<N, M>,
 {
-    let (mut state, mut last) = (*start, f64::INFINITY);
+    let mut state = *start;
+    let mut last = f64::INFINITY;
     for _ in 0..30 {
         let local = problem.local(&state);
         let Hessian(information) = hessian(problem, &state, &local.information);
@@ -71,8 +73,8 @@ where
 }
 
 impl<const N: usize> Hessian<N> {
-    /// Which way the cost falls, by the power iteration on what is left when the Hessian, each
-    /// component in the unit that `scale` gives it, is taken from its largest eigenvalue.
+    /// Finds the way in which the cost falls, by the power iteration on a bound of the largest
+    /// eigenvalue less the Hessian, each component in the unit that `scale` gives it.
     pub(super) fn curvature(&self, scale: &Covariance<N>) -> Curvature<N> {
         let unit = scale.diagonal().map(|d| if d > 0.0 { 1.0 / libm::sqrt(d) } else { 1.0 });
         let scaled = Covariance::<N>::from_fn(|i, j| self.0[(i, j)] * unit[i] * unit[j]);

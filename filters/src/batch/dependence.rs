@@ -2,8 +2,8 @@ use alloc::vec::Vec;
 
 use nalgebra::{DMatrix, DVector, Vector2};
 
-/// The distances in metres over which the correlation of two errors may fall to 1/e, and the
-/// shares of their variance that may be each one's own, equally likely before: those of
+/// Distances in metres over which the correlation of two errors may fall to 1/e, and shares of
+/// their variance that may be each one's own, equally likely before, as in
 /// [`ShadowingGridConfig`](crate::ShadowingGridConfig).
 const LENGTHS_M: [f64; 5] = [15.0, 30.0, 60.0, 120.0, 240.0];
 const OWN_SHARES: [f64; 3] = [0.03, 0.1, 0.3];
@@ -11,26 +11,27 @@ const OWN_SHARES: [f64; 3] = [0.03, 0.1, 0.3];
 /// The errors of a longer path are looked at every few places.
 const MOST: usize = 150;
 
-/// How many independent observations each of a path's stands for: a share of one where the errors
-/// of neighbours are alike, or larger than their σ.
+/// Returns the number of independent observations that each of a path's stands for: less than 1
+/// where the errors of neighbours are alike, or larger than their σ.
 ///
 /// `residuals` are those of a least-squares fit in units of σ, a row of `jacobian` holds how the
 /// expected value changes with each parameter in the same units, all in the order of `places`. The
-/// errors' covariance is s² C with C that of Gudmundson 1991 with each of some lengths and
-/// nuggets, or the identity; each has the evidence of the restricted likelihood (Patterson &
-/// Thompson 1971), in which the parameters of the fit do not pass for small errors. The share is
-/// the inverse of the mean over them of s² tr((JᵀJ)⁻¹ JᵀCJ) / p, by how much the fit's
-/// variances are larger than for independent errors of σ (Kish 1965, "design effect"), and at
-/// most 1. All together stand for one at least: of errors that all have in common, as those from
-/// one place, the residuals show nothing. Directions of which the observations tell nothing do not
-/// take part. The share is 1 where there are too few residuals for it.
+/// errors' covariance is s² C with C that of Gudmundson 1991 with each of some lengths and nuggets,
+/// or the identity; each has the evidence of the restricted likelihood (Patterson & Thompson 1971),
+/// in which the parameters of the fit do not pass for small errors. The share is the inverse of the
+/// mean over them of s² tr((JᵀJ)⁻¹ JᵀCJ) / p, by how much the fit's variances are larger than for
+/// independent errors of σ (Kish 1965, "design effect"), and at most 1. All together stand for at
+/// least one. Errors common to all, as from one place, leave no trace in the residuals. Directions
+/// of which the observations tell nothing do not take part. The share is 1 where there are too few
+/// residuals for it.
 #[must_use]
 pub fn independent_share(
     places: &[Vector2<f64>],
     residuals: &[f64],
     jacobian: &DMatrix<f64>,
 ) -> f64 {
-    let (n, p) = (residuals.len(), jacobian.ncols());
+    let n = residuals.len();
+    let p = jacobian.ncols();
     if n < p + 3 || places.len() != n || jacobian.nrows() != n || p == 0 {
         return 1.0;
     }
@@ -46,7 +47,9 @@ pub fn independent_share(
         }
     }
     explanations.push((1.0, 1.0));
-    let (mut total, mut sum, mut peak) = (0.0, 0.0, f64::NEG_INFINITY);
+    let mut total = 0.0;
+    let mut sum = 0.0;
+    let mut peak = f64::NEG_INFINITY;
     for (length_m, own_share) in explanations {
         let correlation = |i: usize, j: usize| {
             let apart_m = (places[i] - places[j]).norm();
@@ -84,7 +87,7 @@ fn informed(jacobian: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     if columns.is_empty() { None } else { svd.u.map(|basis| basis.select_columns(&columns)) }
 }
 
-/// What singular values below this share of the largest tell is rounding.
+/// Share of the largest singular value below which others are rounding.
 const OPEN: f64 = 1e-9;
 
 /// The restricted log-likelihood with the scale integrated out, up to a constant, and the scale's

@@ -1,33 +1,33 @@
 use foxhunt_core::parameter::{ParameterError, finite, positive};
 
-/// Why observations were not turned into an estimate.
+/// Reason that observations were not turned into an estimate.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BatchError {
     /// There is too little to go by.
     #[error("there are {have} {what}, and {need} are needed")]
     TooFew {
-        /// Of what.
+        /// Name of the entries, in the plural.
         what: &'static str,
-        /// How many there are.
+        /// Number present.
         have: usize,
-        /// How many it takes.
+        /// Number needed.
         need: usize,
     },
     /// A number that came in is NaN, infinite or, where it must be, not positive.
     #[error("entry {index}: {error}")]
     Value {
-        /// Whose: the entry's place in its list, from 0.
+        /// Index of the entry in its list, from 0.
         index: usize,
-        /// Which number, and what it must be.
+        /// The number, and what it must be.
         error: ParameterError,
     },
     /// Times do not ascend.
     #[error("time {index}: {seconds} s after the one before; it must be later")]
     Order {
-        /// Which time, from 0.
+        /// Index of the time, from 0.
         index: usize,
-        /// How long after the one before, in seconds.
+        /// Time since the one before, in seconds.
         seconds: f64,
     },
     /// A setting is out of its range.
@@ -36,7 +36,7 @@ pub enum BatchError {
     /// The model or its Jacobian is not finite at a start, or the prior has no factor.
     #[error("the {what} is not finite or not positive definite")]
     Improper {
-        /// What.
+        /// Name of the part.
         what: &'static str,
     },
     /// The likelihood is flat: the observations leave a direction of the state undetermined.
@@ -49,15 +49,15 @@ pub enum BatchError {
     /// The iterates ran out of every bounded region: the likelihood grows towards infinity.
     #[error("the estimate ran away to {distance_m:e} m, beyond {limit_m:e} m")]
     RanAway {
-        /// How far it came from the middle of the receivers, in metres.
+        /// Distance from the middle of the receivers, in metres.
         distance_m: f64,
-        /// How far it may go, in metres.
+        /// Largest distance allowed, in metres.
         limit_m: f64,
     },
     /// The iteration did not settle.
     #[error("{iterations} iterations did not settle")]
     NotConverged {
-        /// How many there were.
+        /// Number of iterations.
         iterations: u32,
     },
     /// The iteration settled where the directions contradict the place: no maximum.

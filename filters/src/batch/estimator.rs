@@ -27,15 +27,15 @@ use crate::{Ekf, Gaussian, count::number};
 /// place.
 ///
 /// Between solutions the cost is that of the last one, expanded to third order about its optima,
-/// and that of each new observation about the same places. All observations are solved for anew
-/// where an optimum has come so far that the curvature there is another one by a twentieth, as
-/// soon as there are twice as many, and after each one as long as there are fewer than 32 or a
-/// curved direction is open. So a flight takes time in proportion to its observations, and mean
-/// and σ are those of the whole solution to about a hundredth of σ.
+/// and that of each new observation about the same places. All observations are solved for again
+/// where an optimum has come so far that the curvature there is another one by a twentieth, as soon
+/// as there are twice as many, and after each one as long as there are fewer than 32 or a curved
+/// direction is open. So a flight takes time in proportion to its observations, and mean and σ
+/// equal the whole solution's to about a hundredth of σ.
 ///
 /// Bearings from the optimum's own place are left out of a solution, as in the solver. Which ones
-/// is then decided anew as soon as there are a tenth more observations; until then a whole solution
-/// may leave out others, and differ by a part of σ.
+/// is then decided again as soon as there are a tenth more observations; until then a whole
+/// solution may leave out others, and differ by a part of σ.
 ///
 /// A target that drifts: the drift since the observations began is added to the estimate. As soon
 /// as it exceeds a hundredth of the posterior's variance in any direction, the batch is closed: the
@@ -62,7 +62,7 @@ pub struct BatchEstimator<H, const N: usize, const M: usize> {
     log_evidence: f64,
 }
 
-/// What an update comes to.
+/// Solution of an update.
 struct Solution<const N: usize> {
     best: End<N>,
     /// The belief about a target that stays.
@@ -70,20 +70,20 @@ struct Solution<const N: usize> {
     known: Known<N>,
 }
 
-/// What a solution leaves for the next one.
+/// Knowledge that a solution leaves for the next one.
 #[derive(Clone, Debug)]
 struct Known<const N: usize> {
     /// The optima when all observations were last solved for, the best first.
     optima: Vec<State<N>>,
-    /// The cost about those that may become the best; none where it is not to be relied upon.
+    /// The cost about optima that may become the best; empty where it is not to be relied upon.
     expansions: Vec<Expansion<N>>,
-    /// What turns the cost into a log-density.
+    /// Sum of the normalisers, which turns the cost into a log-density.
     normaliser: f64,
-    /// From how many observations on all are solved for anew.
+    /// Number of observations at which all are solved for again.
     lasts: usize,
     /// The place of the best optimum then.
     best: Estimate<2>,
-    /// Where observations with angles were made near there, and whether these were left out.
+    /// Places near there where observations had angles, and true where these were left out.
     near: Vec<(Vector2<f64>, bool)>,
 }
 
@@ -99,13 +99,13 @@ impl<const N: usize> Known<N> {
         }
     }
 
-    /// Whether what was observed at a place may come to lie within a standard deviation of the
+    /// Returns true if an observation at a place may come to lie within a standard deviation of the
     /// optimum, as long as that stays within one.
     fn is_near(&self, place: &Vector2<f64>) -> bool {
         (place - self.best.mean).norm_squared() < 4.0 * self.best.covariance.trace()
     }
 
-    /// Whether the same angles would be left out at another optimum.
+    /// Returns true if the same angles would be left out at another optimum.
     fn leaves_out_the_same(&self, other: &Estimate<2>) -> bool {
         let within = |place: &Vector2<f64>, of: &Estimate<2>| {
             (place - of.mean).norm_squared() < of.covariance.trace()
@@ -115,10 +115,10 @@ impl<const N: usize> Known<N> {
     }
 }
 
-/// How much of the posterior's variance the drift within a batch may be.
+/// Largest share of the posterior's variance that the drift within a batch may be.
 const DRIFT_SHARE: f64 = 0.01;
 
-/// How many optima are kept.
+/// Largest number of optima kept.
 const MOST_MODES: usize = 4;
 
 /// With more components than this times N, the optima are taken for known.
@@ -127,7 +127,7 @@ const FEW: usize = 4;
 /// With fewer observations the cost changes its shape too much to be expanded.
 const FEWEST: usize = 32;
 
-/// An optimum that is less likely than the best by so many nats does not become the best before all
+/// Gap (nats) to the best optimum beyond which another does not become the best before all
 /// observations are solved for again.
 const BEHIND: f64 = 15.0;
 
@@ -163,7 +163,7 @@ where
         })
     }
 
-    /// The same with another loss.
+    /// Replaces the loss.
     ///
     /// # Errors
     ///
@@ -219,7 +219,8 @@ where
         let optima = ends.iter().map(|end| end.state).collect();
         let best = ends.first().ok_or(EstimatorError::NotConverged { iterations: 0 })?.clone();
         let problem = self.solver.problem(&data, 1.0);
-        let (peak, still) = (laplace(&best)?, posterior(&problem, &best)?);
+        let peak = laplace(&best)?;
+        let still = posterior(&problem, &best)?;
         ends.retain(|end| end.cost < best.cost + BEHIND && data.len() >= FEWEST && still == peak);
         let mut known = Known {
             optima,
@@ -326,7 +327,7 @@ fn drifted<const N: usize>(
     Gaussian::new(estimate, Role::Posterior)
 }
 
-/// What a solver with a prior can fail of.
+/// Converts the errors of a solver with a prior.
 impl From<BatchError> for EstimatorError {
     fn from(error: BatchError) -> Self {
         match error {

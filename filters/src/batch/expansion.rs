@@ -12,27 +12,28 @@ pub(super) struct Expansion<const N: usize> {
     cost: f64,
     gradient: State<N>,
     curvature: Covariance<N>,
-    /// How the curvature changes along each axis.
+    /// Change of the curvature along each axis.
     bend: [Covariance<N>; N],
 }
 
-/// How far from the centre the curvature may have changed, as a share of itself. What the
-/// expansion leaves out is of the order of its square.
+/// Largest change of the curvature from the centre's, as a share of itself. What the expansion
+/// leaves out is of the order of its square.
 const STRAIGHT: f64 = 0.05;
 
-/// The curvature's slope is taken over so many standard deviations to either side.
+/// Distance to either side for the curvature's slope, in standard deviations.
 const REACH: f64 = 0.02;
 
-/// Newton's iteration for the minimum of a cubic settles in a few rounds, or there is none.
+/// Rounds of Newton's iteration for the minimum of a cubic, which settles in a few or not at all.
 const ROUNDS: usize = 20;
 
 impl<const N: usize> Expansion<N> {
-    /// That of a cost about where a descent of it ended.
+    /// Expands a cost about the end of a descent of it.
     pub(super) fn new<H, const M: usize>(problem: &Problem<'_, H, N, M>, end: &End<N>) -> Self
     where
         H: MeasurementModel<N, M>,
     {
-        let (centre, curvature) = (end.state, end.information);
+        let centre = end.state;
+        let curvature = end.information;
         let bend = bend(problem, &centre, &curvature);
         Self { centre, cost: end.cost, gradient: State::zeros(), curvature, bend }
     }
@@ -75,12 +76,12 @@ impl<const N: usize> Expansion<N> {
         None
     }
 
-    /// How the curvature changes over a step.
+    /// Returns the curvature's change over a step.
     fn change(&self, step: &State<N>) -> Covariance<N> {
         self.bend.iter().zip(step.iter()).map(|(bend, step)| bend * *step).sum()
     }
 
-    /// How large a change is in units of the curvature.
+    /// Returns the size of a change in units of the curvature.
     fn share(&self, change: &Covariance<N>) -> Option<f64> {
         let factor = self.curvature.cholesky()?.unpack();
         let half = factor.solve_lower_triangular(change)?;
@@ -100,7 +101,8 @@ where
     array::from_fn(|i| {
         let size = information[(i, i)];
         let step = REACH / libm::sqrt(if size > 0.0 { size } else { 1.0 });
-        let (mut low, mut high) = (*x, *x);
+        let mut low = *x;
+        let mut high = *x;
         low[i] -= step;
         high[i] += step;
         let change = hessian(problem, &high, information).0 - hessian(problem, &low, information).0;

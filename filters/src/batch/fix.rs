@@ -17,7 +17,7 @@ pub struct BatchFix<const N: usize> {
     /// observation's squared residual in its own standard deviations. About 1 where the sigmas are
     /// right; `None` where n ≤ N.
     pub reduced_chi_squared: Option<f64>,
-    /// What each observation counted, in the order in which they came.
+    /// Weight of each observation, in the order in which they came.
     pub weights: Vec<f64>,
     /// The observations whose angles were left out, since they were made at the optimum's own
     /// place.
@@ -27,8 +27,8 @@ pub struct BatchFix<const N: usize> {
     pub rivals: Vec<(State<N>, f64)>,
     /// The rivals in the same order, each with the covariance about itself.
     pub rival_estimates: Vec<Estimate<N>>,
-    /// How many iterations the winning start took.
+    /// Number of iterations from the winning start.
     pub iterations: u32,
-    /// How many of the starts settled in the same optimum, and how many there were.
+    /// Number of starts that settled in the same optimum, and number of all starts.
     pub agreeing_starts: (usize, usize),
 }

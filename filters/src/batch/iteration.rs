@@ -7,7 +7,7 @@ use super::{
     region::Region,
 };
 
-/// Where an iteration ended.
+/// End of an iteration.
 #[derive(Clone, Debug)]
 pub(super) struct End<const N: usize> {
     pub(super) state: State<N>,
@@ -15,12 +15,12 @@ pub(super) struct End<const N: usize> {
     /// The information there: the cost's Hessian.
     pub(super) information: Covariance<N>,
     pub(super) iterations: u32,
-    /// Why this is no optimum.
+    /// Reason that this is no optimum.
     pub(super) refused: Option<BatchError>,
 }
 
 impl<const N: usize> End<N> {
-    /// Whether a state is within so many of the optimum's standard deviations.
+    /// Returns true if a state is within this many of the optimum's standard deviations.
     pub(super) fn is_within(&self, deviations: f64, state: &State<N>) -> bool {
         let apart = state - self.state;
         apart.dot(&(self.information * apart)) < deviations * deviations
@@ -34,11 +34,11 @@ const NEAR: f64 = 1e-4;
 /// One that lowers it by less than this leads nowhere.
 const SETTLED: f64 = 1e-13;
 
-/// How often a saddle is left.
+/// Largest number of saddles left.
 const MOST_ESCAPES: u8 = 3;
 
-/// After so many iterations the steps are those of the Hessian: Gauss and Newton's approximation is
-/// poor where residuals are large, or a loss is far from quadratic.
+/// Number of iterations after which the Hessian gives the steps: Gauss and Newton's approximation
+/// is poor where residuals are large, or a loss is far from quadratic.
 const GAUSS_NEWTON: u32 = 15;
 
 /// Levenberg and Marquardt's iteration, damped by the gain (Nielsen 1999; Madsen, Nielsen &
@@ -53,8 +53,10 @@ pub(super) fn descend<H, const N: usize, const M: usize>(
 where
     H: MeasurementModel<N, M>,
 {
-    let (mut state, mut local) = (*start, problem.local(start));
-    let (mut damping, mut escapes) = (Damping::default(), 0);
+    let mut state = *start;
+    let mut local = problem.local(start);
+    let mut damping = Damping::default();
+    let mut escapes = 0;
     for iterations in 0..=most_iterations {
         let end = |state, cost, information: Covariance<N>, refused: Option<BatchError>| {
             let refused = refused.or_else(|| flatness(&information, region).err());
@@ -107,7 +109,8 @@ where
         };
         local = problem.local(&state);
     }
-    let (cost, information) = (local.cost, local.information);
+    let cost = local.cost;
+    let information = local.information;
     // With next to no slope left and no optimum near, the likelihood only creeps on.
     let creeps = full_gain(&local).is_some_and(|gain| gain <= NEAR * (1.0 + cost));
     let rcond = reciprocal_condition(&information);
@@ -118,7 +121,7 @@ where
     End { state, cost, information, iterations: most_iterations, refused }
 }
 
-/// How much the steps are shortened.
+/// Damping of the steps.
 #[derive(Clone, Copy, Debug)]
 struct Damping {
     value: f64,
@@ -167,7 +170,7 @@ impl Damping {
     }
 }
 
-/// By how much the undamped step should lower the cost.
+/// Returns the fall of the cost expected of the undamped step.
 fn full_gain<const N: usize>(local: &Local<N>) -> Option<f64> {
     let step = local.information.cholesky()?.solve(&local.gradient);
     Some(0.5 * local.gradient.dot(&step)).filter(|gain| gain.is_finite())

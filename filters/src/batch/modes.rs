@@ -14,11 +14,11 @@ use super::{
 pub(super) struct Modes<const N: usize> {
     /// The best first; there is one at least.
     pub(super) ends: Vec<End<N>>,
-    /// How many starts led to the best.
+    /// Number of starts that led to the best.
     pub(super) agreeing: usize,
 }
 
-/// Why there are none, and where the lowest descent ended.
+/// Reason that there is no optimum, and the end of the lowest descent.
 #[derive(Clone, Debug)]
 pub(super) struct NoMode<const N: usize> {
     pub(super) error: BatchError,
@@ -28,7 +28,7 @@ pub(super) struct NoMode<const N: usize> {
 /// Descends from every start.
 ///
 /// One that ran away, or settled where the likelihood is flat, decides only if it came lower than
-/// every optimum: the likelihood's supremum is there, and an optimum that lies higher is none.
+/// every optimum: the likelihood's supremum is there, and a higher optimum does not count.
 pub(super) fn search<H, const N: usize, const M: usize>(
     problem: &Problem<'_, H, N, M>,
     starts: &[State<N>],
@@ -74,8 +74,8 @@ where
     Ok(modes)
 }
 
-/// Which observation with angles was made nearest to the optimum, if that is within a standard
-/// deviation of it: the angle could be any there, and its linearisation is none.
+/// Returns the observation with angles made nearest to the optimum, if that is within a standard
+/// deviation of it: the angle could be any there, and its linearisation is invalid.
 pub(super) fn overhead<H, const N: usize, const M: usize>(
     problem: &Problem<'_, H, N, M>,
     mode: &End<N>,
@@ -94,7 +94,7 @@ where
     nearest.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(index, _)| index)
 }
 
-/// Which observation draws a descent into its receiver.
+/// Returns the observation that draws a descent into its receiver.
 ///
 /// At the receiver itself a bearing fits whatever its value: the density has a spike there without
 /// any mass, and a descent creeps into it without end. Its angles have most of the information on

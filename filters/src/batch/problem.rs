@@ -10,9 +10,9 @@ use crate::{Gaussian, count::number};
 #[derive(Clone, Debug)]
 pub(super) struct Datum<const M: usize> {
     pub(super) observation: Observation<M>,
-    /// The same with nothing left but that some components lay below a limit.
+    /// The observation reduced to components that lay below a limit, if any.
     silence: Option<Observation<M>>,
-    /// How many independent observations it stands for.
+    /// Number of independent observations that it stands for.
     pub(super) count: f64,
 }
 
@@ -24,7 +24,7 @@ impl<const M: usize> Datum<M> {
         Self { observation, silence, count: 1.0 }
     }
 
-    /// The same without its angles.
+    /// Returns the datum without its angles.
     pub(super) fn without_angles<H, const N: usize>(&self, model: &H) -> Self
     where
         H: MeasurementModel<N, M>,
@@ -45,7 +45,7 @@ impl<const M: usize> Datum<M> {
         self.observation.noise_factor().solve_lower_triangular_unchecked(&residual)
     }
 
-    /// Whether some component lay below a limit.
+    /// Returns true if some component lay below a limit.
     pub(super) fn is_silent(&self) -> bool {
         self.silence.is_some()
     }
@@ -82,7 +82,7 @@ pub(super) struct Problem<'a, H, const N: usize, const M: usize> {
     pub(super) data: &'a [Datum<M>],
     pub(super) prior: Option<&'a Gaussian<N>>,
     pub(super) loss: Loss,
-    /// What all observations' covariances are multiplied by.
+    /// Factor of all observations' covariances.
     pub(super) scale: f64,
 }
 
@@ -108,13 +108,15 @@ where
     }
 
     pub(super) fn local(&self, x: &State<N>) -> Local<N> {
-        let (mut cost, mut gradient) = (0.0, State::<N>::zeros());
+        let mut cost = 0.0;
+        let mut gradient = State::<N>::zeros();
         let mut information = Covariance::<N>::zeros();
         for datum in self.data {
             let white = datum.white(self.model, x);
             let m = number(datum.observation.len());
             let (misfit, weight) = self.loss.of(white.norm_squared(), m);
-            let (misfit, weight) = (datum.count * misfit, datum.count * weight);
+            let misfit = datum.count * misfit;
+            let weight = datum.count * weight;
             let jacobian = self.model.jacobian(x, datum.observation.receiver());
             let jacobian = datum.observation.strike(jacobian);
             let slope =
@@ -145,7 +147,7 @@ where
         Local { cost: 0.5 * cost, gradient, information }
     }
 
-    /// What turns a cost into a log-density: the sum of all normalisers.
+    /// Returns the sum of all normalisers, which turns a cost into a log-density.
     pub(super) fn normaliser(&self) -> f64 {
         let own: f64 = self.data.iter().map(Datum::normaliser).sum();
         let each = self.data.iter().map(|datum| datum.count * number(datum.observation.len()));
@@ -157,18 +159,18 @@ where
         own - 0.5 * components * libm::log(self.scale) + prior
     }
 
-    /// Whether an angle is present.
+    /// Returns true if an angle is present.
     pub(super) fn has_angle(&self, datum: &Datum<M>) -> bool {
         let axes = self.model.axes();
         (0..M).any(|i| axes[i] == Axis::Angle && datum.observation.has(i))
     }
 
-    /// How many observations have a component below a limit.
+    /// Returns the number of observations with a component below a limit.
     pub(super) fn silent(&self) -> usize {
         self.data.iter().filter(|datum| datum.is_silent()).count()
     }
 
-    /// How many components are present.
+    /// Returns the number of components present.
     pub(super) fn components(&self) -> usize {
         self.data.iter().map(|datum| datum.observation.len()).sum()
     }

@@ -76,11 +76,13 @@ impl<H, const N: usize> BatchSolver<H, N> {
     /// Maximum likelihood with a Gaussian loss, at most 200 iterations from each start.
     #[must_use]
     pub fn new(model: H) -> Self {
-        let (prior, loss, reach_m) = (None, Loss::Gaussian, None);
+        let prior = None;
+        let loss = Loss::Gaussian;
+        let reach_m = None;
         Self { model, prior, loss, reach_m, most_iterations: 200, inflates: false }
     }
 
-    /// The same with a Gaussian prior.
+    /// Sets a Gaussian prior.
     ///
     /// # Errors
     ///
@@ -94,7 +96,7 @@ impl<H, const N: usize> BatchSolver<H, N> {
         Self { prior: Some(prior), ..self }
     }
 
-    /// The same with another loss.
+    /// Replaces the loss.
     ///
     /// # Errors
     ///
@@ -103,7 +105,7 @@ impl<H, const N: usize> BatchSolver<H, N> {
         Ok(Self { loss: loss.check()?, ..self })
     }
 
-    /// The same with a limit to how far from the receivers the target may be, in metres.
+    /// Sets the largest distance of the target from the receivers, in metres.
     ///
     /// # Errors
     ///
@@ -112,15 +114,15 @@ impl<H, const N: usize> BatchSolver<H, N> {
         Ok(Self { reach_m: Some(positive("reach_m", reach_m)?), ..self })
     }
 
-    /// The same with another limit to the iterations from each start.
+    /// Sets the limit to the iterations from each start.
     #[must_use]
     pub fn with_most_iterations(self, most_iterations: u32) -> Self {
         Self { most_iterations, ..self }
     }
 
-    /// The same, where the residuals are larger than the observations' sigmas multiplying all
-    /// covariances of the observations by the reduced χ² of the first solution and solving again;
-    /// smaller residuals change nothing.
+    /// Inflates small sigmas: where the residuals are larger, multiplies all covariances of the
+    /// observations by the reduced χ² of the first solution and solves again; smaller residuals
+    /// change nothing.
     ///
     /// That suits sigmas that are wrong by one common factor. It does not suit errors that are
     /// alike in neighbouring observations.
@@ -148,9 +150,9 @@ impl<H, const N: usize> BatchSolver<H, N> {
         self.solve_counted(observations, &[], starts)
     }
 
-    /// The same where each observation stands for so many independent ones, such as a share of one
-    /// where neighbours err alike: its log-likelihood is multiplied by that. Of those without a
-    /// count each counts for one.
+    /// Solves where each observation stands for a number of independent ones, such as a share of
+    /// one where neighbours err alike: its log-likelihood is multiplied by that. An observation
+    /// without a count counts for one.
     ///
     /// # Errors
     ///
@@ -173,7 +175,8 @@ impl<H, const N: usize> BatchSolver<H, N> {
         let problem = self.problem(&data, 1.0);
         let components = problem.components() + problem.silent();
         at_least("components", components, if self.prior.is_some() { 1 } else { N })?;
-        let (mut modes, mut scale) = (self.search(&mut data, &starts, 1.0)?, 1.0);
+        let mut modes = self.search(&mut data, &starts, 1.0)?;
+        let mut scale = 1.0;
         let agreeing_starts = (modes.agreeing, starts.len());
         let mut reduced = misfit(&self.problem(&data, scale), &best(&modes).state);
         if let Some(factor) = reduced.filter(|r| self.inflates && *r > 1.0) {
@@ -182,7 +185,8 @@ impl<H, const N: usize> BatchSolver<H, N> {
             modes = self.search(&mut data, &starts, scale)?;
             reduced = misfit(&self.problem(&data, scale), &best(&modes).state);
         }
-        let (problem, optimum) = (self.problem(&data, scale), best(&modes));
+        let problem = self.problem(&data, scale);
+        let optimum = best(&modes);
         let rivals = modes.ends.iter().skip(1);
         let estimate = posterior(&problem, optimum)?;
         // A rival in a direction that is open to it has the spread of the optimum.

@@ -25,20 +25,20 @@ use crate::{
 /// **Common errors.** What a compass or a site does to one bearing it does to all that are taken at
 /// the same place: station j adds b_j ~ N(0, τ²) to each. Where some place has two bearings or more
 /// their scatter is that of s σ e alone, and b is integrated out: with W = Σ 1/σ_i² and the
-/// resultant R e^(iδ) = Σ e^(iΔθ_i)/σ_i² of a station its part of the sum becomes
-/// 2 (W − R) + 2 R (1 − cos δ)/(1 + R τ²), and the likelihood has a factor (1 + W τ²)^(−1/2): a
-/// covariance D + τ² 1 1ᵀ, by Sherman, Morrison and Woodbury. The values of τ are averaged by their
-/// evidence. They are taken as they are for the s that the scatter has; what is left unknown of s
-/// holds for both. Where no place has two bearings, b is a part of σ e.
+/// resultant R e^(iδ) = Σ e^(iΔθ_i)/σ_i² of a station its part of the sum becomes 2 (W − R) + 2 R
+/// (1 − cos δ)/(1 + R τ²), and the likelihood has a factor (1 + W τ²)^(−1/2): a covariance D + τ² 1
+/// 1ᵀ, by Sherman, Morrison and Woodbury. The values of τ are averaged by their evidence. They are
+/// taken as they are for the s that the scatter has; the remaining doubt about s holds for both.
+/// Where no place has two bearings, b is a part of σ e.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BearingGrid {
     /// The degrees of freedom ν of the bearings' common variance: how many bearings its knowledge
     /// is worth.
     pub freedom: f64,
-    /// What σ the error may have that all bearings of one place share, in radians; all are as
+    /// Possible σ of the error that all bearings of one place share, in radians; all are as
     /// probable before the bearings.
     pub common_sigmas: [f64; 5],
-    /// How far the search goes beyond the receivers at first, in metres.
+    /// Initial reach of the search beyond the receivers, in metres.
     pub margin_m: f64,
     /// The most cells, at least 100.
     pub max_cells: u32,
@@ -64,7 +64,7 @@ pub struct BearingGridFix {
     /// The least sum of squares of all cells, over the bearings' σ, which is near n − 2 where the σ
     /// are true.
     pub misfit: f64,
-    /// What the bearings of each place have in common; `None` where no place has two of them.
+    /// Common errors of the bearings of each place; `None` where no place has two bearings.
     pub common: Option<CommonErrors>,
 }
 
@@ -80,9 +80,9 @@ pub struct CommonErrors {
 /// The error that all bearings of a place share.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StationError {
-    /// Where the first of them was taken, East and North in metres.
+    /// Place of the first bearing, East and North in metres.
     pub place: Vector2<f64>,
-    /// How many there are.
+    /// Number of bearings.
     pub bearings: usize,
     /// The error, measured minus true, in radians.
     pub error: Marginal,
@@ -181,10 +181,9 @@ struct Ray {
 /// The bearings, place by place, and what their errors may have in common.
 struct Model {
     stations: Vec<Vec<Ray>>,
-    /// The values of τ over what s is by the scatter within the places; 0 alone where there is
-    /// none.
+    /// Values of τ in units of `scale`; 0 alone where no place has two bearings.
     sigmas: Vec<f64>,
-    /// That s.
+    /// Factor of the bearings' σ, by the scatter within places.
     scale: f64,
     freedom: f64,
     count: f64,
@@ -195,7 +194,7 @@ struct Likelihood {
     log_likelihood: f64,
     /// The sum of squares, averaged over the values of τ.
     misfit: f64,
-    /// How probable each value of τ is there, and the sum of squares under it.
+    /// Probability of each value of τ there, and the sum of squares under it.
     of_sigmas: [(f64, f64); 5],
 }
 
@@ -235,7 +234,8 @@ impl Model {
     /// place.
     fn resultants(&self, place: &Vector2<f64>) -> impl Iterator<Item = (f64, Vector2<f64>)> {
         self.stations.iter().map(move |rays| {
-            let (mut weight, mut resultant) = (0.0, Vector2::zeros());
+            let mut weight = 0.0;
+            let mut resultant = Vector2::zeros();
             for ray in rays {
                 weight += ray.weight;
                 let way = place - ray.receiver;
@@ -282,7 +282,7 @@ impl Model {
         Likelihood { log_likelihood: peak + libm::log(total), misfit, of_sigmas }
     }
 
-    /// What the bearings of each place have in common, over all places where the target may be.
+    /// Returns the common errors of each place's bearings, over all places where the target may be.
     fn common_errors(&self, map: &PosteriorMap) -> CommonErrors {
         let mut sigmas: Vec<(f64, f64)> =
             self.sigmas.iter().map(|sigma| (sigma * self.scale, 0.0)).collect();

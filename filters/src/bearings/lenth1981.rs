@@ -43,7 +43,7 @@ pub struct Lenth1981 {
     most_iterations: u32,
 }
 
-/// Where lines of bearing meet.
+/// Place where lines of bearing meet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BearingFix {
     /// The place with its covariance, East and North in metres. Where κ was estimated, this is
@@ -52,9 +52,9 @@ pub struct BearingFix {
     /// The concentration κ of the errors, about 1/σ² in rad⁻². Bearings that meet in a point leave
     /// it unbounded; it is then given as 10¹², σ = 1 µrad.
     pub kappa: f64,
-    /// What each bearing counted, in [0, 1].
+    /// Weight of each bearing, in [0, 1].
     pub weights: Vec<f64>,
-    /// How many iterations it took.
+    /// Number of iterations.
     pub iterations: u32,
     /// The degrees of freedom of an estimated κ: the sum of the weights less two; `None` where κ
     /// was given.
@@ -89,8 +89,8 @@ impl BearingFix {
     }
 }
 
-/// Where the iteration has settled: a step below this share of the receivers' extent, or of the
-/// distance from their mean where that is larger.
+/// Step of a settled iteration, as a share of the receivers' extent, or of the distance from their
+/// mean where that is larger.
 const SETTLED: f64 = 1e-12;
 
 /// The largest κ.
@@ -112,7 +112,7 @@ impl Lenth1981 {
         Ok(Self { weights: weights.check()?, ..self })
     }
 
-    /// The same with a κ that is known, in rad⁻²; two bearings are enough then.
+    /// Sets a known κ, in rad⁻²; two bearings are enough then.
     ///
     /// # Errors
     ///
@@ -121,7 +121,7 @@ impl Lenth1981 {
         Ok(Self { kappa: Some(positive("kappa", kappa)?), ..self })
     }
 
-    /// The same with another limit to the iterations.
+    /// Sets the limit to the iterations.
     #[must_use]
     pub fn with_most_iterations(self, most_iterations: u32) -> Self {
         Self { most_iterations, ..self }

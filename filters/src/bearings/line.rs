@@ -29,7 +29,7 @@ impl BearingLine {
         libm::cos(self.bearing - self.towards(place))
     }
 
-    /// Whether a place lies on the side that the bearing points to.
+    /// Returns true if a place lies on the side that the bearing points to.
     pub(super) fn looks_at(&self, place: &Vector2<f64>) -> bool {
         self.cosine(place) > 0.0
     }

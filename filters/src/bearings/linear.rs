@@ -25,7 +25,8 @@ impl Equations {
     ) -> Self {
         // About the first receiver, so that a frame far from its origin costs no digits.
         let origin = bearings.first().map_or_else(Vector2::zeros, |(line, _)| line.receiver);
-        let (mut matrix, mut right) = (Matrix2::zeros(), Vector2::zeros());
+        let mut matrix = Matrix2::zeros();
+        let mut right = Vector2::zeros();
         for (line, sigma) in bearings {
             let (g, weight) = instrument(line, *sigma);
             let normal = line.normal();
@@ -75,8 +76,8 @@ fn start(bearings: &[(BearingLine, f64)]) -> Result<Estimate<2>, BatchError> {
 }
 
 /// Stansfield's estimator (1947, "Statistical theory of D.F. fixing"): least squares on the
-/// distances of the place from the lines, each in units of σᵢ dᵢ, where the distances dᵢ from the
-/// receivers are those of the [`pseudolinear`] estimate. Each bearing comes with its σ in radians.
+/// distances of the place from the lines, each in units of σᵢ dᵢ, where the [`pseudolinear`]
+/// estimate gives the distances dᵢ from the receivers. Each bearing comes with its σ in radians.
 ///
 /// Biased as that one, and better weighed.
 ///
@@ -95,7 +96,7 @@ pub fn stansfield(bearings: &[(BearingLine, f64)]) -> Result<Estimate<2>, BatchE
 /// bearings of a first estimate, whose noise is next to independent of the equations'. That takes
 /// the bias off, and its covariance tends to the Cramér-Rao bound.
 ///
-/// Each bearing comes with its σ in radians. The normals and distances are taken anew from the
+/// Each bearing comes with its σ in radians. The normals and distances are computed from the
 /// estimate three times.
 ///
 /// # Errors

@@ -1,4 +1,4 @@
-//! Where lines of bearing meet.
+//! Localisation by lines of bearing.
 
 mod grid;
 mod lenth1981;

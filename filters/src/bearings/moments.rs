@@ -1,6 +1,6 @@
 use nalgebra::{Matrix2, Vector2};
 
-/// How far receivers lie apart, and how far from them a place is still meant.
+/// Extent of the receivers, and the largest distance of a place that is still meant.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reach {
     pub(super) centre: Vector2<f64>,
@@ -13,7 +13,8 @@ pub(super) struct Reach {
 
 /// The reach of receivers about their mean.
 pub(super) fn reach(receivers: impl Iterator<Item = Vector2<f64>> + Clone) -> Reach {
-    let (mut sum, mut count) = (Vector2::zeros(), 0.0);
+    let mut sum = Vector2::zeros();
+    let mut count = 0.0;
     for receiver in receivers.clone() {
         sum += receiver;
         count += 1.0;

@@ -6,7 +6,7 @@ use nalgebra::{Matrix2, Vector2};
 use super::{BearingLine, line::check};
 use crate::{batch::BatchError, count::number};
 
-/// Where lines of bearing meet by medians.
+/// Place where lines of bearing meet, by medians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RepeatedMedianFix {
     /// The repeated median and the jackknife's covariance, East and North in metres.
@@ -65,9 +65,10 @@ fn median_of_medians(lines: &[BearingLine]) -> Option<Vector2<f64>> {
     Some(Vector2::new(east?, north?)).filter(|_| any)
 }
 
-/// Where two rays cross.
+/// Returns the place where two rays cross, if any.
 fn crossing(a: &BearingLine, b: &BearingLine) -> Option<Vector2<f64>> {
-    let (first, second) = (a.normal(), b.normal());
+    let first = a.normal();
+    let second = b.normal();
     let normals = Matrix2::from_rows(&[first.transpose(), second.transpose()]);
     // About the first receiver, which lies on its own line.
     let away = Vector2::new(0.0, second.dot(&(b.receiver - a.receiver)));

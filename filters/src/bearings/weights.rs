@@ -2,8 +2,8 @@ use foxhunt_core::parameter::positive;
 
 use crate::batch::BatchError;
 
-/// How bearings that stray are weighed (Lenth 1981, eq. 4.5 to 4.7), by their standardised error t
-/// = √(2κ (1 − cos e)): about the error in standard deviations.
+/// Weights of bearings that stray (Lenth 1981, eq. 4.5 to 4.7), by their standardised error t =
+/// √(2κ (1 − cos e)): about the error in standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum BearingWeights {
@@ -11,7 +11,7 @@ pub enum BearingWeights {
     Even,
     /// Huber's: 1 up to `c`, then c/t. Usual is 1.5.
     Huber {
-        /// Where the weight begins to fall.
+        /// Standardised error at which the weight begins to fall.
         c: f64,
     },
     /// Andrews's sine: sin(t/c) / (t/c) up to πc, then nothing. Usual is 1.5.

@@ -61,8 +61,8 @@ impl ChiSquaredAverage {
         }
     }
 
-    /// Adds squares that were summed up elsewhere, such as those of one run. Sums of sums round
-    /// otherwise than one sum, in the last digits.
+    /// Adds squares that were summed up elsewhere, such as in one run. Sums of sums round otherwise
+    /// than one sum, in the last digits.
     pub fn add_sums(&mut self, sums: &ChiSquaredSums) {
         self.sum += sums.sum;
         self.sum_of_squares += sums.sum_of_squares;
@@ -77,7 +77,7 @@ impl ChiSquaredAverage {
         ChiSquaredSums { sum, sum_of_squares, degrees_of_freedom, count }
     }
 
-    /// How many squares were added.
+    /// Returns the number of squares added.
     #[must_use]
     pub fn count(&self) -> usize {
         self.count
@@ -95,14 +95,14 @@ impl ChiSquaredAverage {
         (self.count > 0).then(|| self.sum / number(self.count))
     }
 
-    /// What a consistent filter's average is expected to be: the mean of the degrees of freedom.
+    /// Expected average of a consistent filter: the mean of the degrees of freedom.
     #[must_use]
     pub fn expected(&self) -> Option<f64> {
         (self.count > 0).then(|| number(self.degrees_of_freedom) / number(self.count))
     }
 
-    /// Where a consistent filter's average lies with the stated probability, as much of the rest
-    /// below as above.
+    /// Interval that holds a consistent filter's average with the stated probability, with as much
+    /// of the rest below as above.
     #[must_use]
     pub fn interval(&self) -> Option<[f64; 2]> {
         let tail = 0.5 * (1.0 - self.probability);
@@ -114,12 +114,13 @@ impl ChiSquaredAverage {
     /// `None` for less than two.
     #[must_use]
     pub fn standard_error(&self) -> Option<f64> {
-        let (count, mean) = (number(self.count), self.average()?);
+        let count = number(self.count);
+        let mean = self.average()?;
         let variance = (self.sum_of_squares - count * mean * mean) / (count - 1.0);
         (self.count > 1).then(|| libm::sqrt(variance.max(0.0) / count))
     }
 
-    /// Whether the squares are as large as they should be. The rule is that of [`Verdict`].
+    /// Judges if the squares are as large as they should be, by the rule of [`Verdict`].
     #[must_use]
     pub fn verdict(&self) -> Verdict {
         match (self.average(), self.expected(), self.interval()) {
@@ -131,16 +132,16 @@ impl ChiSquaredAverage {
     }
 }
 
-/// What a [`ChiSquaredAverage`] is made of, to be kept and added to another one.
+/// Sums of a [`ChiSquaredAverage`], to be kept and added to another one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ChiSquaredSums {
-    /// Of the squares.
+    /// Sum of the squares.
     pub sum: f64,
-    /// Of the squares' squares.
+    /// Sum of the squares' squares.
     pub sum_of_squares: f64,
-    /// Of their degrees of freedom.
+    /// Sum of the degrees of freedom.
     pub degrees_of_freedom: usize,
-    /// How many squares.
+    /// Number of squares.
     pub count: usize,
 }
 

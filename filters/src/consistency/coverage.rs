@@ -4,7 +4,7 @@ use statrs::distribution::{Beta, ContinuousCDF};
 use super::verdict::{NOTICEABLE, Verdict, probability};
 use crate::count::number;
 
-/// How often confidence ellipses hold the truth.
+/// Share of confidence ellipses that hold the truth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coverage {
     nominal: f64,
@@ -38,7 +38,7 @@ impl Coverage {
         self.add(nees <= -2.0 * libm::log1p(-self.nominal));
     }
 
-    /// How many ellipses were added.
+    /// Returns the number of ellipses added.
     #[must_use]
     pub fn count(&self) -> usize {
         self.count
@@ -50,12 +50,13 @@ impl Coverage {
         (self.count > 0).then(|| number(self.inside) / number(self.count))
     }
 
-    /// Where the true share lies: the interval of Clopper & Pearson (1934), which holds it with at
-    /// least the stated probability for any count. `None` without any ellipse.
+    /// Confidence interval of the true share (Clopper & Pearson 1934), which holds it with at least
+    /// the stated probability for any count. `None` without any ellipse.
     #[must_use]
     pub fn interval(&self) -> Option<[f64; 2]> {
         let tail = 0.5 * (1.0 - self.probability);
-        let (inside, outside) = (number(self.inside), number(self.count - self.inside));
+        let inside = number(self.inside);
+        let outside = number(self.count - self.inside);
         let bound = |a: f64, b: f64, at: f64| Some(Beta::new(a, b).ok()?.inverse_cdf(at));
         let low = match self.inside {
             _ if self.count == 0 => return None,
@@ -67,7 +68,7 @@ impl Coverage {
         Some([low, high])
     }
 
-    /// Whether the ellipses hold the truth as often as they should. The rule is that of
+    /// Judges if the ellipses hold the truth as often as they should. The rule is that of
     /// [`Verdict`]; a Gaussian in the plane whose covariance is s times too small is held by its
     /// ellipse with 1 − (1 − p)^(1/s).
     #[must_use]

@@ -5,7 +5,7 @@ use foxhunt_core::{EstimatorError, parameter::require};
 /// A covariance that is wrong by this factor is one that a test must be able to notice.
 pub(super) const NOTICEABLE: f64 = 1.5;
 
-/// Whether an estimator's errors are as large as its covariance.
+/// Verdict on the size of an estimator's errors against its covariance.
 ///
 /// The rule: what lies outside the interval of a consistent estimator is reported as such, however
 /// few the runs. Inside it, the estimator is called consistent only if there were enough runs to

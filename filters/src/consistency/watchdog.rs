@@ -48,7 +48,7 @@ pub enum NisHealth {
     Sound {
         /// The average NIS over the window.
         average: f64,
-        /// Where it may be.
+        /// Interval of a consistent filter's average.
         interval: [f64; 2],
     },
     /// Innovations are larger than the filter expects: it has lost the target, or its noise is
@@ -56,20 +56,20 @@ pub enum NisHealth {
     Diverged {
         /// The average NIS over the window.
         average: f64,
-        /// Where it may be.
+        /// Interval of a consistent filter's average.
         interval: [f64; 2],
     },
     /// Innovations are smaller than the filter expects: its noise is too large.
     Overcautious {
         /// The average NIS over the window.
         average: f64,
-        /// Where it may be.
+        /// Interval of a consistent filter's average.
         interval: [f64; 2],
     },
 }
 
 impl NisHealth {
-    /// Whether the average lies outside its interval.
+    /// Returns true if the average lies outside its interval.
     #[must_use]
     pub fn is_alarm(&self) -> bool {
         matches!(self, Self::Diverged { .. } | Self::Overcautious { .. })
@@ -79,7 +79,8 @@ impl NisHealth {
 impl Default for NisWatchdog {
     /// The last 10 observations at 10⁻⁴.
     fn default() -> Self {
-        let (squares, limits) = (VecDeque::new(), (0, [0.0; 2]));
+        let squares = VecDeque::new();
+        let limits = (0, [0.0; 2]);
         Self { window: 10, significance: 1e-4, squares, limits }
     }
 }
@@ -106,8 +107,8 @@ impl NisWatchdog {
         }
     }
 
-    /// The same, given the normalised innovation squared and its degrees of freedom; without any
-    /// there is nothing to look at.
+    /// Adds a normalised innovation squared and its degrees of freedom; zero degrees of freedom
+    /// change nothing.
     pub fn add(&mut self, nis: f64, degrees_of_freedom: usize) -> NisHealth {
         if degrees_of_freedom > 0 {
             if self.squares.len() == self.window {
@@ -136,7 +137,7 @@ impl NisWatchdog {
         }
     }
 
-    /// Empties the window, as after the filter was set anew.
+    /// Empties the window, as after the filter was reset.
     pub fn reset(&mut self) {
         self.squares.clear();
     }

@@ -5,8 +5,8 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::{Innovation, count::number};
 
-/// Whether innovations are white: a consistent filter leaves nothing in one that could have been
-/// predicted from those before it (Bar-Shalom, Li & Kirubarajan 2001, §5.4.2, the time-average
+/// Test of innovations for whiteness: a consistent filter leaves nothing in one that could have
+/// been predicted from those before it (Bar-Shalom, Li & Kirubarajan 2001, §5.4.2, the time-average
 /// autocorrelation).
 ///
 /// ρ(l) = Σₖ ν(k)ᵀ ν(k + l) / Σₖ ν(k)ᵀ ν(k) over normalised innovations ν, whose components are
@@ -26,7 +26,7 @@ pub struct Whiteness {
 /// The autocorrelation at one lag.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Autocorrelation {
-    /// How many innovations lie from one to the other.
+    /// Distance of the two innovations, 1 for neighbours.
     pub lag: usize,
     /// ρ(l).
     pub rho: f64,
@@ -40,7 +40,7 @@ pub struct Autocorrelation {
 pub struct LjungBox {
     /// Q = Σ ρ(l)² / σ(l)².
     pub statistic: f64,
-    /// How many lags there were: Q is nearly χ² with as many degrees of freedom.
+    /// Number of lags: Q is nearly χ² with as many degrees of freedom.
     pub lags: usize,
     /// The probability of a larger Q if the innovations are white.
     pub p_value: f64,
@@ -86,7 +86,8 @@ impl Whiteness {
     /// All lags at once; `None` where no lag has a pair.
     #[must_use]
     pub fn ljung_box(&self) -> Option<LjungBox> {
-        let (mut statistic, mut lags) = (0.0, 0);
+        let mut statistic = 0.0;
+        let mut lags = 0;
         for Autocorrelation { rho, sigma, .. } in self.autocorrelations() {
             statistic += rho * rho / (sigma * sigma);
             lags += 1;

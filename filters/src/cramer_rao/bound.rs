@@ -42,7 +42,7 @@ pub struct PosteriorCramerRao<const N: usize> {
     information: Covariance<N>,
 }
 
-/// What may differ between states and still be rounding: numerical Jacobians.
+/// Largest difference between states that passes for rounding: numerical Jacobians.
 const ROUNDING: f64 = 1e-6;
 
 impl<const N: usize> PosteriorCramerRao<N> {
@@ -95,7 +95,8 @@ impl<const N: usize> PosteriorCramerRao<N> {
     ) -> Result<(), CramerRaoError> {
         EstimatorError::check_time_step(dt)?;
         let states = states.into_iter();
-        let (mut sum, mut count) = (Covariance::<N>::zeros(), 0);
+        let mut sum = Covariance::<N>::zeros();
+        let mut count = 0;
         let mut noise: Option<SMatrix<f64, N, N>> = None;
         for state in states.clone() {
             sum += motion.jacobian(state.borrow(), dt);
@@ -146,7 +147,7 @@ impl<const N: usize> PosteriorCramerRao<N> {
         })
     }
 
-    /// The same for any likelihood, its Fisher information by numerical integration.
+    /// Adds the information of an observation of any likelihood, by numerical integration.
     ///
     /// # Errors
     ///
@@ -183,7 +184,8 @@ impl<const N: usize> PosteriorCramerRao<N> {
         observed: impl IntoIterator<Item = (State<N>, Observation<M>)>,
         information: impl Fn(&State<N>, &Observation<M>) -> Result<Covariance<N>, CramerRaoError>,
     ) -> Result<(), CramerRaoError> {
-        let (mut sum, mut count) = (Covariance::<N>::zeros(), 0);
+        let mut sum = Covariance::<N>::zeros();
+        let mut count = 0;
         for (x, observation) in observed {
             sum += information(&x, &observation)?;
             count += 1;

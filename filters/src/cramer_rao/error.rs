@@ -1,6 +1,6 @@
 use foxhunt_core::EstimatorError;
 
-/// Why there is no bound.
+/// Reason that there is no bound.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CramerRaoError {
@@ -25,7 +25,7 @@ pub enum CramerRaoError {
     /// The likelihood is no density over the measurement, or the quadrature misses a part of it.
     #[error("the likelihood integrates to {mass} over the measurement, not to 1")]
     NotADensity {
-        /// What it integrates to.
+        /// The likelihood's integral.
         mass: f64,
     },
     /// A model gave NaN or infinity, or the information has no inverse.

@@ -23,7 +23,7 @@ pub struct FisherQuadrature {
     reach: f64,
 }
 
-/// How far the integral of the likelihood may be from 1.
+/// Tolerance of the likelihood's integral about 1.
 const MASS_TOLERANCE: f64 = 1e-3;
 
 impl FisherQuadrature {
@@ -52,7 +52,8 @@ impl FisherQuadrature {
         observation: &Observation<M>,
     ) -> Result<Covariance<N>, CramerRaoError> {
         let grid = Grid::new(self, model, x, observation);
-        let (mut information, mut mass) = (Covariance::<N>::zeros(), 0.0);
+        let mut information = Covariance::<N>::zeros();
+        let mut mass = 0.0;
         let mut index = [0; M];
         loop {
             let at = grid.observation(observation, &index)?;
@@ -113,7 +114,8 @@ impl<const M: usize> Grid<M> {
         x: &State<N>,
         observation: &Observation<M>,
     ) -> Self {
-        let (expected, axes) = (model.expected(x, observation.receiver()), model.axes());
+        let expected = model.expected(x, observation.receiver());
+        let axes = model.axes();
         let noise = observation.noise();
         let width = SVector::<f64, M>::from_fn(|i, _| match axes[i] {
             Axis::Angle => TAU,

@@ -4,7 +4,8 @@ use foxhunt_core::parameter::{not_negative, positive, require};
 
 use crate::batch::{BatchError, at_least};
 
-/// How [`FieldMap`](super::FieldMap) models the level and where it looks for the maximum.
+/// Settings of [`FieldMap`](super::FieldMap): its model of the level, and its search for the
+/// maximum.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FieldMapConfig {
     /// The lengths, in metres, that the field's correlation may have.
@@ -16,14 +17,14 @@ pub struct FieldMapConfig {
     pub segment_m: f64,
     /// The most segments, at least 4: time grows with their cube.
     pub max_segments: u32,
-    /// How far the maximum may lie beyond the receivers' bounding box, in metres.
+    /// Reach of the search for the maximum beyond the receivers' bounding box, in metres.
     pub margin_m: f64,
     /// The side of a cell in metres; larger where the area would take more than `max_cells`.
     pub cell_m: f64,
     /// The most cells, at least 16: time grows with their cube, memory with their square; 900 take
     /// 10 MB.
     pub max_cells: u32,
-    /// How many fields are drawn for the place of the maximum.
+    /// Number of fields drawn for the place of the maximum.
     pub samples: u32,
 }
 

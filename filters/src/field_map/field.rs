@@ -121,7 +121,7 @@ impl FieldMap {
     }
 }
 
-/// Why a path made no segments.
+/// Converts the reason that a path made no segments.
 impl From<ShadowingGridError> for BatchError {
     fn from(error: ShadowingGridError) -> Self {
         let improper = |name, index, value| {

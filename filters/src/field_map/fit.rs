@@ -58,7 +58,7 @@ mod tests {
     use super::*;
 
     /// The likelihood is the density of contrasts, which know nothing of the mean; written out
-    /// anew with Helmert's.
+    /// again with Helmert's.
     #[test]
     fn the_likelihood_is_that_of_the_contrasts() {
         let places: Vec<Vector2<f64>> =

@@ -9,7 +9,7 @@ use rand_distr::StandardNormal;
 use super::FieldMap;
 use crate::{PosteriorMap, batch::BatchError, shadowing_grid::Grid};
 
-/// Where a field is highest.
+/// Place where a field is highest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FieldMaximum {
     /// The mean and covariance of the place of the maximum, East and North in metres.
@@ -32,15 +32,15 @@ impl Belief for FieldMaximum {
     }
 }
 
-/// So many fields are drawn at once.
+/// Number of fields drawn at once.
 const DRAWN_AT_ONCE: usize = 256;
 
-/// What is added to a cell's variance, as a share of σ², so that rounding leaves a factor.
+/// Addition to a cell's variance, as a share of σ², so that rounding leaves a factor.
 const JITTER: f64 = 1e-8;
 
 impl FieldMap {
-    /// Where the field is highest over the receivers' bounding box and a margin about it: the share
-    /// of fields, drawn from the posterior, that have their maximum in each cell.
+    /// Locates the field's maximum over the receivers' bounding box and a margin about it: the
+    /// share of fields, drawn from the posterior, that have their maximum in each cell.
     ///
     /// The generator comes from outside; same seed, same result.
     ///
@@ -48,7 +48,8 @@ impl FieldMap {
     ///
     /// [`BatchError::Improper`] when the posterior has no factor.
     pub fn maximum<R: Rng>(&self, rng: &mut R) -> Result<FieldMaximum, BatchError> {
-        let (grid, samples) = (self.grid(), self.config.samples);
+        let grid = self.grid();
+        let samples = self.config.samples;
         let places: Vec<_> = (0..grid.len()).map(|cell| grid.centre(cell)).collect();
         let (mean, factor) = self.posterior(&places)?;
         let mut wins = vec![0_u32; places.len()];

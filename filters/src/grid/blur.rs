@@ -75,7 +75,8 @@ mod tests {
             let axis = |i: usize| number(i) - 40.0;
             let mut weights: Vec<f64> = (0..SIDE * SIDE)
                 .map(|i| {
-                    let (x, y) = (axis(i % SIDE), axis(i / SIDE));
+                    let x = axis(i % SIDE);
+                    let y = axis(i / SIDE);
                     libm::exp(-0.5 * (x * x + y * y) / before)
                 })
                 .collect();

@@ -16,7 +16,7 @@ use crate::{
 /// A number of every cell.
 #[derive(Clone, Debug)]
 pub(super) enum Column {
-    /// The same one in all of them.
+    /// One number for all cells.
     Same(f64),
     /// Each its own.
     Each(Vec<f64>),
@@ -30,7 +30,7 @@ impl Column {
         }
     }
 
-    /// The numbers of so many cells, each its own from now on.
+    /// Returns the numbers of `cells` cells, each its own from now on.
     pub(super) fn each_mut(&mut self, cells: usize) -> &mut [f64] {
         if let Self::Same(value) = *self {
             *self = Self::Each(vec![value; cells]);
@@ -41,7 +41,7 @@ impl Column {
         }
     }
 
-    /// Adds a factor times the product of two numbers of every one of so many cells.
+    /// Adds a factor times the product of two numbers of each of `cells` cells.
     pub(super) fn add_product(&mut self, cells: usize, factor: f64, x: &Self, y: &Self) {
         match (&mut *self, x, y) {
             (Self::Same(sum), Self::Same(x), Self::Same(y)) => *sum += factor * (x * y),
@@ -50,7 +50,7 @@ impl Column {
         }
     }
 
-    /// Its product with another number of each of so many cells, as a factor and a column.
+    /// Returns the product with another number of each of `cells` cells, as a factor and a column.
     pub(super) fn times<'a>(&self, cells: usize, other: &'a Self) -> (f64, Cow<'a, Self>) {
         match self {
             Self::Same(factor) => (*factor, Cow::Borrowed(other)),
@@ -62,7 +62,7 @@ impl Column {
         }
     }
 
-    /// Whether it is 0 in all cells alike.
+    /// Returns true if all cells share a zero.
     pub(super) fn is_zero(&self) -> bool {
         matches!(self, Self::Same(value) if value.abs() <= 0.0)
     }
@@ -91,7 +91,7 @@ pub(super) fn add_product(sums: &mut [f64], factor: f64, x: &Column, y: &Column)
     }
 }
 
-/// What is believed in each cell of a lattice, one column for each number.
+/// Belief in each cell of a lattice, one column for each number.
 ///
 /// Of a state of `N` components the first two are the cell's place. The others, n, are Gaussian
 /// given the place: ln p(x, n) = l + ηᵀ n − ½ nᵀ Λ n, so that l, η and Λ are sums over the
@@ -124,8 +124,8 @@ impl Hypothesis {
 /// One cell under one hypothesis: l, and η and Λ in the components behind the place, where the
 /// place itself stands as 0 and I.
 ///
-/// One component behind the place, as an unknown reference power is, is so common and the cells are
-/// so many that its 1 × 1 matrices are not factored.
+/// One component behind the place, as an unknown reference power is, is so common, and cells are so
+/// numerous, that its 1 × 1 matrices are not factored.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cell<const N: usize> {
     pub(super) log: f64,
@@ -140,7 +140,8 @@ impl<const N: usize> Cell<N> {
             return self.log;
         }
         if N == 3 {
-            let (shift, information) = (self.shift[2], self.information[(2, 2)]);
+            let shift = self.shift[2];
+            let information = self.information[(2, 2)];
             if information.is_nan() || information <= 0.0 {
                 return f64::NEG_INFINITY;
             }
@@ -156,7 +157,8 @@ impl<const N: usize> Cell<N> {
     pub(super) fn conditional(&self) -> Option<(State<N>, Covariance<N>)> {
         if N == 3 {
             let variance = 1.0 / self.information[(2, 2)];
-            let (mut mean, mut covariance) = (State::zeros(), Covariance::zeros());
+            let mut mean = State::zeros();
+            let mut covariance = Covariance::zeros();
             mean[2] = self.shift[2] * variance;
             covariance[(2, 2)] = variance;
             return (variance > 0.0 && variance.is_finite()).then_some((mean, covariance));
@@ -270,11 +272,12 @@ impl<const N: usize> Columns<N> {
         }
     }
 
-    /// The mean of the further components in every cell, 0 where there is none; sets `out`.
+    /// Sets `out` to the mean of the further components in every cell, 0 without information.
     pub(super) fn means(&self, hypothesis: usize, out: &mut [Vec<f64>]) {
         let Hypothesis { shifts, information, .. } = &self.hypotheses[hypothesis];
         if N == 3 {
-            let (shifts, out) = (&shifts[0], &mut out[0]);
+            let shifts = &shifts[0];
+            let out = &mut out[0];
             match &information[0] {
                 Column::Same(information) => {
                     let of = |[shift]: [f64; 1], _| mean_behind(shift, *information);
@@ -391,7 +394,8 @@ impl<const N: usize> Columns<N> {
         out: &mut Self,
     ) {
         out.hypotheses.resize_with(self.hypotheses.len(), Hypothesis::default);
-        let (mut logs, mut others) = ((Vec::new(), Vec::new()), (Vec::new(), Vec::new()));
+        let mut logs = (Vec::new(), Vec::new());
+        let mut others = (Vec::new(), Vec::new());
         for (to_fill, hypothesis) in out.hypotheses.iter_mut().zip(&self.hypotheses) {
             let Hypothesis { logs: logs_to_fill, shifts, information } = to_fill;
             shifts.resize_with(N - 2, Vec::new);
@@ -482,8 +486,8 @@ impl<const N: usize> Columns<N> {
     }
 }
 
-/// How far the mean of a component may be apart among 16 cells to be read between them: by two of
-/// its standard deviations, as the square of that.
+/// Squared spread of a component's mean among 16 cells, in its variances, up to which it is read
+/// between them: two standard deviations.
 const CLIFF: f64 = 4.0;
 
 /// The components behind the place in pairs, as the rows of Λ up to its diagonal.
@@ -491,7 +495,7 @@ fn behind() -> impl Iterator<Item = (usize, usize)> {
     (2..).flat_map(|i| (2..=i).map(move |j| (i, j)))
 }
 
-/// The mean of the one component behind the place, 0 where there is none.
+/// Returns the mean of the one component behind the place, 0 without information.
 #[inline(always)]
 fn mean_behind(shift: f64, information: f64) -> f64 {
     let mean = shift * (1.0 / information);
@@ -506,7 +510,7 @@ fn log_density(weight: f64, log_one: f64, before: f64) -> f64 {
     if weight >= f64::MIN_POSITIVE { log } else { before }
 }
 
-/// What becomes of l when a cell has a weight and the one component behind the place becomes less
+/// Change of l when a cell has a weight and the one component behind the place becomes less
 /// certain, its mean staying.
 struct Diffusion<'a, I> {
     weights: &'a [f64],
@@ -514,7 +518,7 @@ struct Diffusion<'a, I> {
     /// η and Λ before.
     shifts: &'a [f64],
     information_at: I,
-    /// What is added to the component's variance.
+    /// Addition to the component's variance.
     more: f64,
     logs: &'a mut [f64],
 }

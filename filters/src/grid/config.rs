@@ -3,7 +3,7 @@ use alloc::vec::Vec;
 use foxhunt_core::parameter::{ParameterError, positive, require};
 use nalgebra::Vector2;
 
-/// How a [`GridFilter`](super::GridFilter) lays out its cells, and what it doubts.
+/// Settings of a [`GridFilter`](super::GridFilter): its cells, and its doubts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GridConfig {
     /// Cells along each side of the area, 16 to 1024.
@@ -15,11 +15,11 @@ pub struct GridConfig {
     /// be, and within which every place is equally likely before the first observation; the prior's
     /// Gaussian in the plane where absent.
     pub area: Option<[Vector2<f64>; 2]>,
-    /// What is doubted of the noise that observations are given with; nothing where absent.
+    /// Doubts about the noise that observations are given with; `None` for no doubt.
     pub noise_scales: Option<NoiseScales>,
-    /// What is expected jumps from place to place, as a level does at the edge of a hill's shadow.
-    /// What enters the measurement linearly is then not read between cells that disagree about it:
-    /// the nearest one counts.
+    /// True if the expected value jumps from place to place, as a level does at the edge of a
+    /// hill's shadow. What enters the measurement linearly is then not read between cells that
+    /// disagree about it: the nearest one counts.
     pub cliffs: bool,
 }
 
@@ -34,7 +34,7 @@ impl Default for GridConfig {
 /// but that times one of these factors, the same one throughout.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NoiseScales {
-    /// Which component.
+    /// Index of the component.
     pub component: usize,
     /// The factors, each with its prior weight; the weights need not sum to 1.
     pub factors: Vec<(f64, f64)>,

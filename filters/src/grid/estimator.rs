@@ -17,12 +17,12 @@ use crate::{
     vectorised::{Dot, Largest, Map, Sum, run},
 };
 
-/// How often, at most, the cells are laid out anew for one observation: each time they become at
-/// least 1.5 times finer, or twice, or half as wide again.
+/// Largest number of rebuilds of the lattice for one observation: each makes the cells at least 1.5
+/// times finer, or twice, or half as wide again.
 const LAYOUTS: usize = 24;
 
-/// A lattice that reaches less than so many standard deviations each way after a prediction is
-/// made to reach [`REACH`] of them.
+/// Least reach of a lattice each way after a prediction, in standard deviations; a smaller one is
+/// made to reach [`REACH`].
 const LEAST_REACH: f64 = 5.5;
 
 /// Cells of less probability are not shown: all that there may be of them come to 10⁻⁷.
@@ -65,7 +65,8 @@ where
         for _ in 0..LAYOUTS {
             let widest = self.widest.as_ref();
             let Some(window) = Window::of(&lattice, widest, weights.all()) else { break };
-            let (side, most) = (self.config.side, self.config.most_per_side);
+            let side = self.config.side;
+            let most = self.config.most_per_side;
             let Some(better) = window.better(&lattice, widest, side, most)? else { break };
             // Read from the prior as it was, not from what was read from it.
             self.over(&self.columns, &self.lattice, &better, &place, &mut columns);
@@ -112,7 +113,8 @@ where
         if observation.is_empty() {
             return None;
         }
-        let (model, mean) = (&self.measurement, self.belief.mean());
+        let model = &self.measurement;
+        let mean = self.belief.mean();
         let observation = absorb_receiver_noise(model, mean, observation);
         let receiver = observation.receiver();
         let centre = model.expected(mean, receiver);
@@ -122,7 +124,8 @@ where
         let columns = deviations.each_mut().map(|column| &mut column[..]);
         model.residuals(states, &centre, receiver, columns);
         let total = run(Sum(&weights));
-        let (mut shift, mut square) = (SVector::<f64, M>::zeros(), Covariance::<M>::zeros());
+        let mut shift = SVector::<f64, M>::zeros();
+        let mut square = Covariance::<M>::zeros();
         let mut weighted = vec![0.0; weights.len()];
         for i in 0..M {
             let of = |[weight, x]: [f64; 2], _| weight * x;
@@ -145,7 +148,8 @@ where
 
     /// The states of the cells that carry the belief, as columns, and their weights.
     fn likely_states(&self) -> ([Vec<f64>; N], Vec<f64>) {
-        let (weights, side) = (self.weights.all(), self.lattice.side());
+        let weights = self.weights.all();
+        let side = self.lattice.side();
         let carrying = || self.lattice.carrying(weights, LEAST_LIKELY * run(Largest(weights)));
         let count = carrying().map(|cells| cells.len()).sum();
         let mut states: [Vec<f64>; N] = core::array::from_fn(|_| Vec::with_capacity(count));
@@ -197,7 +201,7 @@ where
         }
     }
 
-    /// Where the cells are after `dt`; sets what is believed in them.
+    /// Returns the lattice after `dt`, and sets the belief in its cells.
     fn moved(
         &self,
         dt: f64,
@@ -286,7 +290,7 @@ fn resolved_share(belief: &Matrix2<f64>, noise: &Matrix2<f64>) -> f64 {
 }
 
 /// Spreads the place by the noise's first two components, and the further components by the rest;
-/// leaves a density that integrates to 1. The weights are those of `before`, where given.
+/// leaves a density that integrates to 1. The weights come from `before`, where given.
 fn diffuse<const N: usize>(
     columns: &mut Columns<N>,
     before: Option<&Weights<N>>,

@@ -9,14 +9,14 @@ use crate::{
     vectorised::{Sum, run},
 };
 
-/// How far a lattice goes from the mean of a Gaussian, in standard deviations.
+/// Reach of a lattice from the mean of a Gaussian, in standard deviations.
 pub(super) const REACH: f64 = 8.0;
 
 /// Recursive Bayes over the cells of an area, the point-mass filter (Bucy & Senne 1971).
 ///
 /// Exact but for its resolution, for any shape of belief: no linearisation, no sampling noise. The
-/// cells follow the belief. Where it has become smaller than they can resolve, they are laid out
-/// anew, along its principal axes, and what was believed is read between the old ones by cubic
+/// cells follow the belief. When it has become smaller than they can resolve, the lattice is
+/// rebuilt along its principal axes, and the belief is read between the old cells by cubic
 /// convolution; so is a belief that leaves the area. Beside a cliff, as where all bearings meet at
 /// a receiver, it is bounded: cubics would make a peak there of what is nearly impossible.
 ///
@@ -70,10 +70,10 @@ pub struct GridFilter<F, H, const N: usize, const M: usize> {
     /// The lattice that covers all of an area that the target cannot leave.
     pub(super) widest: Option<Lattice>,
     pub(super) lattice: Lattice,
-    /// Of a density that integrates to 1.
+    /// Columns of a density that integrates to 1.
     pub(super) columns: Columns<N>,
     pub(super) weights: Weights<N>,
-    /// What the next step is worked out in.
+    /// Buffers for the next step.
     pub(super) spare: (Columns<N>, Weights<N>),
     pub(super) pool: Pool,
     pub(super) belief: Gaussian<N>,
@@ -149,7 +149,7 @@ where
         weights.map(move |(i, weight)| (self.lattice.place(i), scale * weight))
     }
 
-    /// How many cells there are along each side.
+    /// Returns the number of cells along each side.
     #[must_use]
     pub fn side(&self) -> usize {
         self.lattice.side()

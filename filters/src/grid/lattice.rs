@@ -18,11 +18,11 @@ pub(super) struct Lattice {
     centre: Vector2<f64>,
     /// From the centre to the middle of two sides, as columns.
     half_sides: Matrix2<f64>,
-    /// Of `half_sides`.
+    /// LU factors of `half_sides`.
     factor: LU<f64, U2, U2>,
     /// Cells along each side.
     side: usize,
-    /// Where they are along it, the whole side being −1 to 1.
+    /// Positions of the cells along a side, the whole side being −1 to 1.
     along: Vec<f64>,
 }
 
@@ -43,12 +43,12 @@ impl Lattice {
         Ok(Self { centre, half_sides, factor: half_sides.lu(), side, along: along(side) })
     }
 
-    /// The same rectangle in other cells.
+    /// Divides the rectangle into other cells.
     pub(super) fn with_side(&self, side: usize) -> Self {
         Self { side, along: along(side), ..self.clone() }
     }
 
-    /// Where the cells are after an affine motion.
+    /// Returns the lattice after an affine motion.
     pub(super) fn moved(
         &self,
         centre: Vector2<f64>,
@@ -71,7 +71,7 @@ impl Lattice {
         self.side
     }
 
-    /// How many cells there are.
+    /// Returns the number of cells.
     pub(super) fn len(&self) -> usize {
         self.side * self.side
     }
@@ -137,15 +137,15 @@ impl Lattice {
         })
     }
 
-    /// Where the first cell is, counted in another lattice's cells from the centre of the first of
-    /// these, and how far its neighbours are from it along either side.
+    /// Returns the place of the first cell, counted in another lattice's cells from the centre of
+    /// its first, and the steps to its neighbours along either side.
     pub(super) fn in_coordinates_of(&self, other: &Self) -> (Vector2<f64>, Matrix2<f64>) {
         let origin = other.coordinates(&self.place(0));
         let steps = self.steps() * (0.5 * number(other.side));
         (origin, other.factor.solve(&steps).expect("the rectangle has an area"))
     }
 
-    /// Where a place lies, counted in cells from the centre of the first.
+    /// Returns the coordinates of a place, counted in cells from the centre of the first.
     pub(super) fn coordinates(&self, place: &Vector2<f64>) -> Vector2<f64> {
         let at = self.factor.solve(&(place - self.centre)).expect("the rectangle has an area");
         (at + Vector2::repeat(1.0)) * (0.5 * number(self.side)) - Vector2::repeat(0.5)
@@ -153,7 +153,8 @@ impl Lattice {
 
     /// The cells that have no neighbour on some side.
     pub(super) fn border(&self) -> impl Iterator<Item = usize> {
-        let (side, last) = (self.side, self.len() - self.side);
+        let side = self.side;
+        let last = self.len() - self.side;
         let ends = (0..side).flat_map(move |i| [i * side, i * side + side - 1]);
         (0..side).chain(last..last + side).chain(ends)
     }
@@ -166,17 +167,17 @@ pub(super) struct Moments {
     pub(super) second: Matrix2<f64>,
 }
 
-/// Where so many cells are along a side, the whole side being −1 to 1.
+/// Returns the positions of `side` cells along a side, the whole side being −1 to 1.
 fn along(side: usize) -> Vec<f64> {
     (0..side).map(|i| (2.0 * number(i) + 1.0) / number(side) - 1.0).collect()
 }
 
 /// East or North of the cells of some rows.
 struct Places<'a> {
-    /// Where cells are along a side of the lattice, −1 to 1.
+    /// Positions of cells along a side of the lattice, −1 to 1.
     along: &'a [f64],
     rows: Range<usize>,
-    /// Of the half sides.
+    /// East or North of the half sides.
     half: [f64; 2],
     centre: f64,
     out: &'a mut [f64],
@@ -267,7 +268,9 @@ mod tests {
         let weight = |i: usize| number(i % 7) + 0.1 * number(i % 4);
         let weights: Vec<f64> = (0..lattice.len()).map(weight).collect();
         let Moments { total, first, second } = lattice.moments(&weights);
-        let (mut sum, mut mean, mut square) = (0.0, Vector2::zeros(), Matrix2::zeros());
+        let mut sum = 0.0;
+        let mut mean = Vector2::zeros();
+        let mut square = Matrix2::zeros();
         for (i, weight) in weights.iter().enumerate() {
             let x = lattice.place(i) - lattice.centre();
             sum += weight;
@@ -280,7 +283,8 @@ mod tests {
 
     #[test]
     fn another_lattice_has_coordinates_in_this_one() {
-        let (old, new) = (lattice(), lattice().with_side(5));
+        let old = lattice();
+        let new = lattice().with_side(5);
         let turned = Matrix2::new(0.6, -0.8, 0.8, 0.6);
         let new = new.moved(Vector2::new(4.0, -1.0), &turned).expect("it has an area");
         let (origin, steps) = new.in_coordinates_of(&old);

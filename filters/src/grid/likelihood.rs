@@ -18,7 +18,7 @@ const BLOCK: usize = 1024;
 /// The likelihood of an observation in every cell.
 pub(super) struct Likelihood<'a, H, const N: usize, const M: usize> {
     measurement: &'a H,
-    /// Where n is counted from; 0 in the first two components.
+    /// Origin of n; 0 in the first two components.
     reference: State<N>,
     /// The observation under each hypothesis of its noise.
     observations: Vec<Observation<M>>,
@@ -148,7 +148,8 @@ impl<'a, H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihood<'
     ) -> Result<Linear<N, M>, EstimatorError> {
         let not_finite = EstimatorError::NotFinite { role: Role::Expected };
         let residuals_at = |state: &State<N>, pool: &mut Pool| {
-            let (z, receiver) = (observation.value(), observation.receiver());
+            let z = observation.value();
+            let receiver = observation.receiver();
             let mut columns = self.residuals_at(places, state, z, receiver, pool);
             for (row, column) in columns.iter_mut().enumerate() {
                 if !observation.has(row) {
@@ -188,8 +189,8 @@ impl<'a, H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihood<'
         Ok(Linear { residuals: residuals.map(Column::Each), slopes })
     }
 
-    /// Where directions compete for a bearing that has no part in the further components: puts the
-    /// mixture in the place of the moments that the quadratic has.
+    /// Puts the mixture in the place of the quadratic's moments where directions compete for a
+    /// bearing that has no part in the further components.
     fn add_competing(
         &self,
         columns: &mut Columns<N>,
@@ -243,7 +244,8 @@ impl<'a, H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihood<'
                 receiver.position[axis] += step;
                 self.residuals_at(places, &self.reference, &SVector::zeros(), &receiver, pool)
             };
-            let (mut slopes, low) = (at(sigma[axis]), at(-sigma[axis]));
+            let mut slopes = at(sigma[axis]);
+            let low = at(-sigma[axis]);
             for (row, column) in slopes.iter_mut().enumerate() {
                 subtract(column, &low[row], axes[row], 0.5);
             }
@@ -260,12 +262,12 @@ impl<'a, H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihood<'
 }
 
 /// Columns whose memory is used again: a heap gives large ones back to the system, and takes them
-/// anew page by page.
+/// again page by page.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Pool(Vec<Vec<f64>>);
 
 impl Pool {
-    /// A column of so many cells, of any content.
+    /// Returns a column of `cells` cells, of any content.
     fn take(&mut self, cells: usize) -> Vec<f64> {
         let mut column = self.0.pop().unwrap_or_default();
         column.resize(cells, 0.0);
@@ -283,7 +285,7 @@ impl Pool {
     }
 }
 
-/// A state's further components, each as a column over so many cells.
+/// Returns a state's further components, each as a column over `cells` cells.
 fn columns_behind<const N: usize>(
     cells: usize,
     state: &State<N>,
@@ -356,7 +358,7 @@ impl Kernel for Extent<'_> {
 /// The residual r at n = 0 of every cell and its slope C over n.
 struct Linear<const N: usize, const M: usize> {
     residuals: [Column; M],
-    /// Of each component over those of the state.
+    /// Slopes of each component over the state's components.
     slopes: [[Column; N]; M],
 }
 
@@ -367,7 +369,7 @@ struct Noise<const M: usize> {
 }
 
 impl<const M: usize> Noise<M> {
-    /// The same one in all cells: that of the observation.
+    /// Returns the observation's noise, one for all cells.
     fn of(observation: &Observation<M>) -> Result<Self, EstimatorError> {
         let not_definite = EstimatorError::NotPositiveDefinite { role: Role::Innovation };
         let information = observation.noise().cholesky().ok_or(not_definite)?.inverse();

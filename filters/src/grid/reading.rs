@@ -14,8 +14,9 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// The one in a lattice with so many cells to a side; `at` as from
-    /// [`Lattice::coordinates`](super::Lattice::coordinates). Outside, what stands on the border.
+    /// Returns the place in a lattice with `side` cells to a side; `at` as from
+    /// [`Lattice::coordinates`](super::Lattice::coordinates). A place outside is moved to the
+    /// border.
     #[inline(always)]
     pub(super) fn at(at: &Vector2<f64>, side: usize) -> Self {
         let last = number(side - 1);
@@ -33,9 +34,10 @@ impl Place {
         self.before + next[1] * side + next[0]
     }
 
-    /// How far apart the numbers of the 4 × 4 cells about it are.
+    /// Returns the largest difference of the numbers of the 4 × 4 cells about it.
     pub(super) fn range(&self, column: &[f64], side: usize) -> f64 {
-        let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+        let mut least = f64::INFINITY;
+        let mut most = f64::NEG_INFINITY;
         for value in self.about(column, side).0.as_flattened() {
             (least, most) = (least.min(*value), most.max(*value));
         }
@@ -74,10 +76,10 @@ fn index(coordinate: f64) -> usize {
 /// parabolas through three cells each, weighted by their nearness. This is exact for quadratics,
 /// the logarithms of Gaussians.
 pub(super) struct Reading<'a, 'b> {
-    /// Where the first new cell is, counted in old ones, and how far its neighbours are from it.
+    /// Place of the first new cell, counted in old ones, and the steps to its neighbours.
     pub(super) origin: Vector2<f64>,
     pub(super) steps: Matrix2<f64>,
-    /// Of the old and the new cells.
+    /// Sides of the old and the new lattice, in cells.
     pub(super) sides: [usize; 2],
     /// Logarithms, and where they go.
     pub(super) logs: OldAndNew<'a, 'b>,
@@ -184,7 +186,8 @@ impl Surface {
             return;
         }
         let mut takes_one = vec![false; column.len()];
-        let (side, bends) = (self.side, self.bends[0].iter().zip(&self.bends[1]));
+        let side = self.side;
+        let bends = self.bends[0].iter().zip(&self.bends[1]);
         for (cell, _) in bends.enumerate().filter(|(_, (x, y))| steep(x) || steep(y)) {
             let [x, y] = [cell % side, cell / side];
             for row in y.saturating_sub(2)..(y + 2).min(side) {
@@ -211,14 +214,16 @@ impl Surface {
 #[inline(always)]
 fn bend(column: &[f64], side: usize, [along, across]: [usize; 2], out: &mut [f64]) {
     let count = column.len() - 2 * along;
-    let (before, after) = (&column[..count], &column[2 * along..]);
+    let before = &column[..count];
+    let after = &column[2 * along..];
     let cells = column[along..].iter().zip(before).zip(after);
     for (out, ((at, before), after)) in out[along..].iter_mut().zip(cells) {
         *out = (before - at) + (after - at);
     }
     // One step outside stands the quadratic through the last three cells of a line.
     for line in 0..side {
-        let (first, last) = (line * across, line * across + (side - 1) * along);
+        let first = line * across;
+        let last = line * across + (side - 1) * along;
         (out[first], out[last]) = (out[first + along], out[last - along]);
     }
 }
@@ -232,20 +237,21 @@ fn on_the_way(from: &Point, to: &Point, share: f64) -> Point {
 /// an eighth of it between them, where bearings of a hunt are bent by hundreds.
 const BEND: f64 = 20.0;
 
-/// Where cells are bent by no more than this, what lies between is bent by no more than [`BEND`]:
-/// the weights of cubic convolution have magnitudes of up to 1.25 together.
+/// Bend of the cells up to which the curve between them is bent by no more than [`BEND`]: the
+/// weights of cubic convolution have magnitudes of up to 1.25 together.
 const STEEP: f64 = BEND / 1.25;
 
-/// What lies behind one of four neighbours, at the share `t` of the way to the next: on the two
-/// parabolas through three of them, weighted by their nearness; but bent no more than twice what
-/// either of the two is.
+/// Returns the value behind one of four neighbours, at the share `t` of the way to the next: on the
+/// two parabolas through three of them, weighted by their nearness; but bent no more than twice
+/// what either of the two is, or [`BEND`].
 fn bent(four: [f64; 4], behind: usize, t: f64) -> f64 {
     let [a, b, c, d] = match behind {
         0 => [3.0 * (four[0] - four[1]) + four[2], four[0], four[1], four[2]],
         2 => [four[1], four[2], four[3], 3.0 * (four[3] - four[2]) + four[1]],
         _ => four,
     };
-    let (before, after) = ((a - b) + (c - b), (b - c) + (d - c));
+    let before = (a - b) + (c - b);
+    let after = (b - c) + (d - c);
     let least = if before * after > 0.0 { before.abs().min(after.abs()) } else { 0.0 };
     let most = (2.0 * least).max(BEND);
     let bend = ((1.0 - t) * before + t * after).clamp(-most, most);
@@ -260,7 +266,8 @@ mod tests {
 
     /// A column of 9 × 9 cells at a place, as any column and as a logarithm.
     fn read(at: Vector2<f64>, column: &[f64]) -> [f64; 2] {
-        let (mut any, mut log) = ([0.0], [0.0]);
+        let mut any = [0.0];
+        let mut log = [0.0];
         run(Reading {
             origin: at,
             steps: Matrix2::zeros(),
@@ -290,7 +297,8 @@ mod tests {
         let mut new = vec![vec![0.0; 49]; 4];
         let (old, mut new_mut): (Vec<&[f64]>, Vec<&mut [f64]>) =
             old.iter().zip(&mut new).map(|(old, new)| (&old[..], &mut new[..])).unzip();
-        let (origin, steps) = (Vector2::new(1.0, 0.5), Matrix2::new(0.75, 0.25, -0.05, 1.1));
+        let origin = Vector2::new(1.0, 0.5);
+        let steps = Matrix2::new(0.75, 0.25, -0.05, 1.1);
         let (logs, others) = new_mut.split_at_mut(2);
         run(Reading {
             origin,
@@ -316,7 +324,8 @@ mod tests {
             let places = (0..=160).map(|i| Vector2::new(0.05 * f64::from(i), 3.4));
             places.map(|at| read(at, &column)[which]).fold(f64::NEG_INFINITY, f64::max)
         };
-        let (cubic, log) = (highest(0), highest(1));
+        let cubic = highest(0);
+        let log = highest(1);
         assert!(cubic > 25.0 && log < 0.125 * BEND, "{cubic}, {log}");
     }
 
@@ -324,7 +333,8 @@ mod tests {
     fn bends_are_limited_wherever_one_is_beyond_its_limit() {
         // Waves of all sizes, with a cliff.
         let wave = |i: usize| {
-            let (x, y) = (number(i % 9), number(i / 9));
+            let x = number(i % 9);
+            let y = number(i / 9);
             x * y * libm::sin(2.0 * x + 3.0 * y) - if x + y > 13.0 { 200.0 } else { 0.0 }
         };
         let column: Vec<f64> = (0..81).map(wave).collect();

@@ -8,7 +8,7 @@ use crate::{
     vectorised::{Dot, Largest, Map, Sum, run},
 };
 
-/// What is believed of the place alone: how likely each cell is, on a common scale.
+/// Belief about the place alone: the probability of each cell, on a common scale.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Weights<const N: usize> {
     /// Under each hypothesis.
@@ -24,8 +24,8 @@ pub(super) struct Weights<const N: usize> {
 }
 
 impl<const N: usize> Weights<N> {
-    /// Sets the weights to those of the columns, the likeliest one of a hypothesis being 1; ln p of
-    /// such a one, −∞ where nothing is possible.
+    /// Sets the weights from the columns, the likeliest one of a hypothesis being 1; returns ln p
+    /// of such a one, −∞ where nothing is possible.
     pub(super) fn set(&mut self, columns: &Columns<N>) -> f64 {
         let hypotheses = columns.hypotheses();
         self.each.resize_with(hypotheses.len(), Vec::new);
@@ -102,8 +102,8 @@ impl<const N: usize> Weights<N> {
         self.behind[component - 2][index] / self.all()[index]
     }
 
-    /// The moments of what is believed, n counted from `reference`; keeps those of the further
-    /// components in each cell.
+    /// Returns the moments of the belief, n counted from `reference`; keeps the moments of the
+    /// further components in each cell.
     pub(super) fn moments(
         &mut self,
         columns: &Columns<N>,
@@ -112,7 +112,8 @@ impl<const N: usize> Weights<N> {
     ) -> Result<Gaussian<N>, EstimatorError> {
         let cells = lattice.len();
         let place = lattice.moments(self.all());
-        let (mut mean, mut square) = (State::<N>::zeros(), Covariance::<N>::zeros());
+        let mut mean = State::<N>::zeros();
+        let mut square = Covariance::<N>::zeros();
         mean.fixed_rows_mut::<2>(0).copy_from(&place.first);
         square.fixed_view_mut::<2, 2>(0, 0).copy_from(&place.second);
         self.behind.resize_with(N - 2, Vec::new);
@@ -121,7 +122,8 @@ impl<const N: usize> Weights<N> {
             column.resize(cells, 0.0);
         }
         if N > 2 {
-            let (means, weighted) = (&mut self.means, &mut self.scratch);
+            let means = &mut self.means;
+            let weighted = &mut self.scratch;
             means.resize_with(N - 2, Vec::new);
             means.iter_mut().for_each(|means| means.resize(cells, 0.0));
             weighted.resize(cells, 0.0);

@@ -8,8 +8,8 @@ use crate::vectorised::{Dot, Largest, run};
 /// standard deviations of a Gaussian.
 const DEPTH: f64 = 32.0;
 
-/// Where a border cell comes within this of the most likely one, in nats, the lattice is too
-/// small: five to six standard deviations.
+/// Gap (nats) between the likeliest cell and a border cell below which the lattice is too small:
+/// five to six standard deviations.
 const BORDER: f64 = 16.0;
 
 /// A lattice that could be smaller than this share of its area is made so.
@@ -19,12 +19,12 @@ const WASTE: f64 = 0.4;
 /// standard deviation of s cells, so this is s = 1.1.
 const FEWEST: f64 = 15.0;
 
-/// What a belief over a lattice needs of the lattice.
+/// Window that a belief needs of its lattice.
 pub(super) struct Window {
-    /// Where the belief is, as centre and half sides.
+    /// Centre and half sides of the belief.
     centre: Vector2<f64>,
     half_sides: Matrix2<f64>,
-    /// Whether it goes on beyond the border.
+    /// True if the belief goes on beyond the border.
     cut: bool,
     /// 1 / Σ p²: how many cells carry it.
     effective_cells: f64,
@@ -63,7 +63,8 @@ impl Window {
         }
         // A cell and a half about: what lies between the cells is not known to be outside.
         let margin = directions.tr_mul(&steps).abs() * Vector2::repeat(1.5);
-        let (mut low, mut high) = (low - margin, high + margin);
+        let mut low = low - margin;
+        let mut high = high + margin;
         if let Some(widest) = widest {
             let (centre, half) =
                 (widest.centre() - lattice.centre(), widest.half_sides().diagonal());
@@ -77,8 +78,8 @@ impl Window {
         Some(Self { centre, half_sides, cut, effective_cells })
     }
 
-    /// A lattice that suits the belief better than the one it lies on, which has `side` cells
-    /// to a side where that is enough and at most `most`; `None` where there is none.
+    /// Returns a lattice that suits the belief better than the present one, with `side` cells to a
+    /// side where that is enough and at most `most`; `None` if the present one suits it.
     pub(super) fn better(
         &self,
         lattice: &Lattice,

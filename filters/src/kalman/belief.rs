@@ -16,8 +16,8 @@ pub(super) struct Belief<const N: usize> {
     factor: Option<SMatrix<f64, N, N>>,
 }
 
-/// What is left of a variance when it is taken given others has lost this share of its digits: six
-/// of its sixteen.
+/// Least share of a variance that may remain given other components: below it, six of its sixteen
+/// digits are lost.
 const LEAST: f64 = 1e-6;
 
 impl<const N: usize> Belief<N> {
@@ -46,8 +46,8 @@ impl<const N: usize> Belief<N> {
     }
 }
 
-/// Whether all is finite, and no variance, given the components before it, is below [`LEAST`] of
-/// these.
+/// Returns true if all is finite, and no variance, given the components before it, is below
+/// [`LEAST`] of `variances`.
 #[inline(always)]
 pub(super) fn is_plain<const N: usize>(moments: &Estimate<N>, variances: &SVector<f64, N>) -> bool {
     let finite = triangle::nan_unless_finite(&moments.mean) <= 0.0;
@@ -64,9 +64,9 @@ pub(super) struct Conditioned<const N: usize> {
 }
 
 impl<const N: usize> Conditioned<N> {
-    /// What `prior` is given an observation that differs by `residual` from what is expected, by
-    /// eliminating the observation's components from the covariance of both, one after the other
-    /// (the Schur complement of S); `None` where that would lose digits.
+    /// Conditions `prior` on an observation that differs by `residual` from its expectation:
+    /// eliminates the observation's components from the covariance of both, one after the other
+    /// (the Schur complement of S). `None` where that would lose digits.
     #[inline(always)]
     pub(super) fn on<const M: usize>(
         prior: &Estimate<N>,
@@ -82,14 +82,16 @@ impl<const N: usize> Conditioned<N> {
         let mut s = explained + observation.noise();
         let least = s.diagonal() * LEAST;
 
-        let (mut nis, mut determinant) = (0.0, 1.0);
+        let mut nis = 0.0;
+        let mut determinant = 1.0;
         let mut plain = true;
         for k in 0..M {
             let pivot = s[(k, k)];
             plain &= pivot > least[k];
             determinant *= pivot;
             let inverse = 1.0 / pivot;
-            let (column, share) = (cross.column(k).into_owned(), y[k] * inverse);
+            let column = cross.column(k).into_owned();
+            let share = y[k] * inverse;
             nis += y[k] * share;
             mean += column * share;
             for j in 0..N {
@@ -156,7 +158,8 @@ mod tests {
         let linear = [Axis::Linear; 2];
         let conditioned = Conditioned::on(&prior, &expected, residual, &observation, &linear)?;
         // The textbook's, of what is present.
-        let (cross, residual) = (observation.mask(cross), observation.strike(residual));
+        let cross = observation.mask(cross);
+        let residual = observation.strike(residual);
         let s = observation.mask(observation.strike(explained)) + observation.noise();
         let gain = cross * s.try_inverse().expect("definite");
         let off = (conditioned.posterior.mean - prior.mean - gain * residual).norm()

@@ -86,14 +86,17 @@ where
     where
         T: Default,
     {
-        let (transform, gate, record) = (T::default(), Gate::open(), Record::default());
+        let transform = T::default();
+        let gate = Gate::open();
+        let record = Record::default();
         transform.check(N)?;
-        let (belief, iterations) = (Gaussian::new(prior, Role::Prior)?.into(), Iterations::once());
+        let belief = Gaussian::new(prior, Role::Prior)?.into();
+        let iterations = Iterations::once();
         let outliers = None;
         Ok(Self { transform, motion, measurement, belief, gate, iterations, outliers, record })
     }
 
-    /// The same filter over another transform.
+    /// Replaces the transform.
     ///
     /// # Errors
     ///
@@ -107,25 +110,25 @@ where
         Ok(Kalman { transform, motion, measurement, belief, gate, iterations, outliers, record })
     }
 
-    /// The same filter for a target that moves otherwise.
+    /// Replaces the motion model.
     #[must_use]
     pub fn with_motion<G: MotionModel<N>>(self, motion: G) -> Kalman<T, G, H, N, M> {
         let Self { transform, measurement, belief, gate, iterations, outliers, record, .. } = self;
         Kalman { transform, motion, measurement, belief, gate, iterations, outliers, record }
     }
 
-    /// The same filter behind a gate, which counts its steps from here.
+    /// Sets the gate, which counts its steps from here.
     #[must_use]
     pub fn with_gate(self, gate: Gate) -> Self {
         Self { gate, record: Record::default(), ..self }
     }
 
-    /// The same filter, each of its updates linearised afresh about its own posterior: over
-    /// [`Taylor`] the iterated extended filter (Bell & Cathey 1993), over sigma points iterated
-    /// posterior linearisation (García-Fernández, Svensson, Morelande & Särkkä 2015).
+    /// Sets the iterations: each update is linearised afresh about its own posterior. Over
+    /// [`Taylor`] this is the iterated extended filter (Bell & Cathey 1993), over sigma points
+    /// iterated posterior linearisation (García-Fernández, Svensson, Morelande & Särkkä 2015).
     ///
-    /// The gate and the NIS are those of the linearisation about the prior. The log-evidence
-    /// is that of the last one, which with Taylor is Laplace's approximation.
+    /// The linearisation about the prior gives the gate and the NIS. The last one gives the
+    /// log-evidence, which with Taylor is Laplace's approximation.
     #[must_use]
     pub fn with_iterations(self, iterations: Iterations) -> Self {
         Self { iterations, ..self }
@@ -138,7 +141,7 @@ where
         Self { outliers: Some(outliers), ..self }
     }
 
-    /// How an observation differs from what the belief expects, without fusing it.
+    /// Returns the difference between an observation and its expectation, without fusing it.
     ///
     /// # Errors
     ///
@@ -156,9 +159,9 @@ where
         Ok(Innovation { nis, ..innovation })
     }
 
-    /// How far the measurement is from linear over the belief: the variance of the observation that
-    /// a regression on the state leaves unexplained, as a share of the noise's, summed over the
-    /// components present. By the unscented transform, whatever the filter's own; below about
+    /// Returns the nonlinearity of the measurement over the belief: the variance of the observation
+    /// that a regression on the state leaves unexplained, as a share of the noise's, summed over
+    /// the components present. By the unscented transform, whatever the filter's own; below about
     /// 0.1 a linearised update is nearly the exact one.
     ///
     /// # Errors
@@ -246,7 +249,8 @@ where
     #[cold]
     #[inline(never)]
     fn predicted(&self, dt: f64) -> Result<Gaussian<N>, EstimatorError> {
-        let (belief, map) = (self.gaussian()?, OverTime::new(&self.motion, dt));
+        let belief = self.gaussian()?;
+        let map = OverTime::new(&self.motion, dt);
         let noise: SMatrix<f64, N, N> = self.motion.noise_factor(belief.mean(), dt);
         let image = match self.motion.is_linear() {
             true => Taylor.image(&belief, &map),

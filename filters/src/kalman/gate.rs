@@ -26,7 +26,7 @@ pub struct Gate {
     most_rejections: u32,
 }
 
-/// How a [`Gate`]'s limit is found.
+/// Rule for a [`Gate`]'s limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum GateLimit {
     /// Everything is let in.
@@ -82,13 +82,13 @@ impl Gate {
         Self { limit: GateLimit::Nis(limit), table, free_steps: 3, most_rejections: 3 }
     }
 
-    /// The same gate, open for the first `steps` updates.
+    /// Opens the gate for the first `steps` updates.
     #[must_use]
     pub const fn with_free_steps(self, steps: u32) -> Self {
         Self { free_steps: steps, ..self }
     }
 
-    /// The same gate, but after `rejections` in a row the next observation is let in, whatever
+    /// Sets the number of rejections in a row after which the next observation is let in, whatever
     /// its NIS: a filter that shuts out all that it receives is wrong itself.
     #[must_use]
     pub const fn with_most_rejections(self, rejections: u32) -> Self {
@@ -126,7 +126,7 @@ impl GateLimit {
     }
 }
 
-/// What a gate remembers of the updates so far.
+/// Record of a gate's updates so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Record {
     steps: u32,

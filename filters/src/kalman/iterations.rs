@@ -3,7 +3,7 @@ use foxhunt_core::{
     parameter::{not_negative, require},
 };
 
-/// How often an update is linearised, each time about the posterior of the time before.
+/// Limits to the linearisations of an update, each about the posterior of the one before.
 ///
 /// ```
 /// # use foxhunt_filters::Iterations;
@@ -39,8 +39,8 @@ impl Iterations {
         Ok(Self { max, ..Self::once() })
     }
 
-    /// The same, with another end: the Kullback-Leibler divergence in nats of a posterior from
-    /// the one before it, below which there is no further iteration.
+    /// Sets the tolerance: the Kullback-Leibler divergence in nats of a posterior from the one
+    /// before it, below which there is no further iteration.
     ///
     /// # Errors
     ///

@@ -7,21 +7,21 @@ use crate::{Gaussian, Image, Transform, count::number};
 /// A step is halved at most this often: to a 256th.
 const HALVINGS: u32 = 8;
 
-/// What a step may raise J by, in units of χ²: where the regression is at rest over sigma points,
-/// J is not quite at its least, and must not hold it back.
+/// Largest rise of J that a step may cause, in units of χ²: where the regression is at rest over
+/// sigma points, J is not quite at its least, and must not hold it back.
 const ROOM: f64 = 0.1;
 
-/// An earlier posterior must be better by so many nats to be preferred to the last: the images
+/// Advantage (nats) over the last posterior that an earlier one needs to be preferred: the images
 /// that give the free energy are themselves not exact.
 const SLACK: f64 = 0.5;
 
 /// The update of a prior N(x̂, L₀ L₀ᵀ), linearised about any Gaussian: statistical linear
 /// regression (García-Fernández, Svensson, Morelande & Särkkä 2015).
 ///
-/// About N(m, L Lᵀ) with the [`Image`] (z̄, V, W) the measurement is z ≈ A x + b + e,
-/// e ~ N(0, Ω), with A = Vᵀ L⁻¹, b = z̄ − A m, and Ω = W Wᵀ as it stands. Under the prior this is
-/// again an image, of the mean z̄ + A (x̂ − m), the whitened cross-covariance L₀ᵀ Aᵀ, and the
-/// same W; so gain, missing components and posterior are those of every other update.
+/// About N(m, L Lᵀ) with the [`Image`] (z̄, V, W) the measurement is z ≈ A x + b + e, e ~ N(0, Ω),
+/// with A = Vᵀ L⁻¹, b = z̄ − A m, and Ω = W Wᵀ as it stands. Under the prior this is again an
+/// image, of the mean z̄ + A (x̂ − m), the whitened cross-covariance L₀ᵀ Aᵀ, and the same W; so
+/// gain, missing components and posterior are as in every other update.
 pub(super) struct Linearisation<'a, T, H, const N: usize, const M: usize> {
     pub(super) transform: &'a T,
     pub(super) measurement: &'a H,
@@ -64,8 +64,11 @@ where
         textbook: Gaussian<N>,
         iterations: Iterations,
     ) -> Result<(Gaussian<N>, f64), EstimatorError> {
-        let (mut best, mut least) = ((textbook, first.log_evidence()), f64::INFINITY);
-        let (mut centre, mut regression, mut full) = (*self.prior, *first, textbook);
+        let mut best = (textbook, first.log_evidence());
+        let mut least = f64::INFINITY;
+        let mut centre = *self.prior;
+        let mut regression = *first;
+        let mut full = textbook;
         let mut left = iterations.max();
         loop {
             let settled = self.divergence(&full, &centre) <= iterations.tolerance();
@@ -91,7 +94,7 @@ where
         }
     }
 
-    /// What is expected about a centre, and how the observation differs from it.
+    /// Returns the image about a centre, and the observation's difference from its mean.
     #[inline(never)]
     fn moments(&self, centre: &Gaussian<N>) -> (Image<N, M>, SVector<f64, M>) {
         let map = AtReceiver(self.measurement, self.observation.receiver());

@@ -7,8 +7,8 @@ use crate::{Gaussian, triangle};
 /// prior, as the Gaussian of its two moments, and the mixture's log-evidence (Bar-Shalom & Tse
 /// 1975, for one measurement).
 ///
-/// The logarithms are those of the evidence of an observation that is none, and that is one, each
-/// with its share. The covariance is a sum of squares: the two factors, each times the root of its
+/// The logarithms are of the evidence of a sound observation and of an outlier, each with its
+/// share. The covariance is a sum of squares: the two factors, each times the root of its
 /// probability, and the difference of the means.
 pub(super) fn mix<const N: usize>(
     prior: &Gaussian<N>,
@@ -41,7 +41,8 @@ mod tests {
         };
         let prior = gaussian(Vector2::zeros(), Matrix2::new(4.0, 0.0, 0.0, 1.0));
         let posterior = gaussian(Vector2::new(3.0, 1.0), Matrix2::new(1.0, 0.5, 0.5, 1.0));
-        let (share, axes) = (0.4, [Axis::Linear; 2]);
+        let share = 0.4;
+        let axes = [Axis::Linear; 2];
         let logs = [libm::log(share * 0.1), libm::log((1.0 - share) * 0.1)];
         let (belief, log_evidence) = mix(&prior, &posterior, logs, &axes).expect("definite");
         assert!((log_evidence - libm::log(0.1)).abs() < 1e-15);

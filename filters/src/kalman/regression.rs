@@ -47,7 +47,8 @@ impl<const N: usize, const M: usize> Regression<N, M> {
         };
         let white = triangle::solve_lower(&unexplained, residual);
         let slope = triangle::solve_lower(&unexplained, whitened_cross.transpose());
-        let (known, dof) = (Conditioned::on(slope, white), observation.len());
+        let known = Conditioned::on(slope, white);
+        let dof = observation.len();
         Self { whitened_cross, unexplained, expected, residual, known, dof }
     }
 
@@ -105,7 +106,7 @@ impl<const N: usize, const M: usize> Regression<N, M> {
     }
 }
 
-/// Why there is no innovation, unless its square is but too large a number.
+/// Returns the reason that there is no innovation, `Ok` if only its square is too large.
 #[cold]
 #[inline(never)]
 fn refuse(not_finite: bool, least_root: f64) -> Result<(), EstimatorError> {

@@ -60,7 +60,7 @@ use super::{
 #[derive(Clone, Debug)]
 pub struct Bank<E, const N: usize, const M: usize> {
     components: Vec<Component<E>>,
-    /// Where a step is prepared, to be taken as a whole or not at all.
+    /// Buffer where a step is prepared, to be taken as a whole or not at all.
     spare: Vec<Component<E>>,
     belief: Estimate<N>,
     axes: [Axis; N],
@@ -74,16 +74,18 @@ impl<E: Estimator<N, M> + Clone, const N: usize, const M: usize> Bank<E, N, M> {
     ///
     /// # Errors
     ///
-    /// [`EstimatorError::Parameter`] when there is none, a weight is negative or not finite, or
-    /// none is positive; [`EstimatorError::NotFinite`] when a component's estimate is not.
+    /// [`EstimatorError::Parameter`] when no component is given, a weight is negative or not
+    /// finite, or all are zero; [`EstimatorError::NotFinite`] when a component's estimate is not.
     pub fn new(components: impl IntoIterator<Item = (f64, E)>) -> Result<Self, EstimatorError> {
-        let (components, axes) = (component::weighted(components)?, [Axis::Linear; N]);
+        let components = component::weighted(components)?;
+        let axes = [Axis::Linear; N];
         let belief = belief_of(&components, &axes, Role::Prior)?;
-        let (log_least, innovation) = (libm::log(1e-6), None);
+        let log_least = libm::log(1e-6);
+        let innovation = None;
         Ok(Self { components, spare: Vec::new(), belief, axes, log_least, innovation })
     }
 
-    /// The same bank over a state some of whose components are angles.
+    /// Sets the state's axes, where some components are angles.
     ///
     /// # Errors
     ///
@@ -100,8 +102,8 @@ impl<E: Estimator<N, M> + Clone, const N: usize, const M: usize> Bank<E, N, M> {
         Self { innovation: Some(innovation), ..self }
     }
 
-    /// The same bank, dropping after each update what is lighter than this share of the heaviest
-    /// component: 0 drops only what is impossible.
+    /// Sets the share of the heaviest component below which components are dropped after each
+    /// update: 0 drops only what is impossible.
     ///
     /// # Errors
     ///
@@ -116,13 +118,13 @@ impl<E: Estimator<N, M> + Clone, const N: usize, const M: usize> Bank<E, N, M> {
         self.components.iter().map(|c| (c.weight(), &c.estimator))
     }
 
-    /// How many components there are.
+    /// Returns the number of components.
     #[must_use]
     pub fn len(&self) -> usize {
         self.components.len()
     }
 
-    /// Whether there is no component: never.
+    /// Returns true if there is no component: never.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.components.is_empty()

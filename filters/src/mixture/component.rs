@@ -8,7 +8,7 @@ use foxhunt_core::{
 use super::moments;
 use crate::{Innovation, count::number};
 
-/// How the innovation of an estimator is computed, such as
+/// Function that computes the innovation of an estimator, such as
 /// [`Kalman::innovation`](crate::Kalman::innovation).
 pub type InnovationOf<E, const M: usize> =
     fn(&E, &Observation<M>) -> Result<Innovation<M>, EstimatorError>;
@@ -31,7 +31,7 @@ impl<E> Component<E> {
 ///
 /// # Errors
 ///
-/// When there is none, a weight is negative or not finite, or none is positive.
+/// When no component is given, a weight is negative or not finite, or all are zero.
 pub(super) fn weighted<E>(
     parts: impl IntoIterator<Item = (f64, E)>,
 ) -> Result<Vec<Component<E>>, EstimatorError> {
@@ -83,7 +83,7 @@ pub(super) fn nis<E, const M: usize>(
     moments::nis(innovations?.into_iter(), observation)
 }
 
-/// What became of an observation in all components together.
+/// Outcome of an observation in all components together.
 pub(super) enum Outcome {
     /// ln Σ wᵢ p(z | component i).
     Fused(f64),
@@ -105,7 +105,8 @@ pub(super) fn correct<E: Estimator<N, M>, const N: usize, const M: usize>(
     observation: &Observation<M>,
 ) -> Result<Outcome, EstimatorError> {
     let mut failure = EstimatorError::NotFinite { role: Role::Expected };
-    let (mut normaliser, mut fused) = (f64::INFINITY, false);
+    let mut normaliser = f64::INFINITY;
+    let mut fused = false;
     let mut rejected: Vec<(usize, f64)> = Vec::new();
     let mut heaviest: Option<(f64, f64, f64)> = None;
     for (index, component) in components.iter_mut().enumerate() {

@@ -11,7 +11,7 @@ use crate::{Kalman, Transform, count::number};
 /// The least range of a bank, as a share of the largest.
 const LEAST_SHARE: f64 = 0.01;
 
-/// How far the largest range goes beyond the prior's mean, in standard deviations of the prior.
+/// Reach of the largest range beyond the prior's mean, in standard deviations of the prior.
 const BEYOND: f64 = 3.0;
 
 /// A range-parameterised bank that begins with its first bearing (Peach 1995).
@@ -24,7 +24,7 @@ const BEYOND: f64 = 3.0;
 pub struct FirstBearing<T, F, H, const N: usize, const M: usize> {
     filter: Kalman<T, F, H, N, M>,
     bank: Option<GaussianSum<T, F, H, N, M>>,
-    /// Which component of the measurement is the bearing.
+    /// Index of the bearing in the measurement.
     bearing: usize,
     parts: usize,
 }
@@ -43,7 +43,8 @@ where
     /// number of parts is not in 1..=1000.
     pub fn new(filter: Kalman<T, F, H, N, M>, parts: usize) -> Result<Self, EstimatorError> {
         let angle = filter.measurement().axes().iter().position(|axis| *axis == Axis::Angle);
-        let (name, requirement) = ("bearings among the components", "at least one");
+        let name = "bearings among the components";
+        let requirement = "at least one";
         let bearing = angle.ok_or(ParameterError { name, value: 0.0, requirement })?;
         require((1..=1000).contains(&parts), "parts", number(parts), "in 1..=1000")?;
         Ok(Self { filter, bank: None, bearing, parts })
@@ -75,7 +76,8 @@ where
     }
 }
 
-/// What a Gaussian has between two ranges along a ray, per radian: ∫ p r dr by Simpson's rule.
+/// Returns a Gaussian's mass between two ranges along a ray, per radian: ∫ p r dr by Simpson's
+/// rule.
 fn mass(place: &Estimate<2>, from: &Vector2<f64>, angle: f64, near: f64, far: f64) -> f64 {
     let Some(factor) = place.covariance.cholesky() else { return 0.0 };
     let (sin, cos) = libm::sincos(angle);

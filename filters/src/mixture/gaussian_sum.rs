@@ -87,8 +87,8 @@ where
     ///
     /// # Errors
     ///
-    /// [`EstimatorError::Parameter`] when there is none, a weight is negative or not finite, or
-    /// none is positive; when an estimate does not make a filter.
+    /// [`EstimatorError::Parameter`] when no Gaussian is given, a weight is negative or not finite,
+    /// or all are zero; when an estimate does not make a filter.
     pub fn new(
         filter: &Kalman<T, F, H, N, M>,
         parts: impl IntoIterator<Item = (f64, Estimate<N>)>,
@@ -105,7 +105,7 @@ where
         Ok(Self { most: bank.len(), bank, cheap: 1e-3, resplitting: None, outliers: None })
     }
 
-    /// The same sum with at most so many components after an update.
+    /// Sets the largest number of components after an update.
     ///
     /// # Errors
     ///
@@ -115,7 +115,7 @@ where
         Ok(Self { most, ..self })
     }
 
-    /// The same sum, merging every pair that costs less than this, in nats.
+    /// Sets the cost, in nats, below which every pair is merged.
     ///
     /// # Errors
     ///
@@ -124,7 +124,7 @@ where
         Ok(Self { cheap: not_negative("merging cost", cost)?, ..self })
     }
 
-    /// The same sum with another share of the heaviest component below which one is dropped, see
+    /// Sets the share of the heaviest component below which one is dropped, see
     /// [`Bank::with_pruning`].
     ///
     /// # Errors
@@ -134,11 +134,10 @@ where
         Ok(Self { bank: self.bank.with_pruning(least)?, ..self })
     }
 
-    /// The same sum, which before an update splits a component in `parts` where
-    /// [`Kalman::nonlinearity`] is above `above`, the first where
-    /// weight and nonlinearity are largest, again as long as
-    /// that is so, up to `parts` times the most components; along that principal axis of its
-    /// position that leaves the parts the more linear.
+    /// Splits a component in `parts` before an update where [`Kalman::nonlinearity`] is above
+    /// `above`, the first where weight and nonlinearity are largest, again as long as that is so,
+    /// up to `parts` times the most components; along that principal axis of its position that
+    /// leaves the parts the more linear.
     ///
     /// # Errors
     ///
@@ -284,7 +283,8 @@ where
 {
     let mut best: Option<(f64, Vec<(f64, Kalman<T, F, H, N, M>)>)> = None;
     for axis in split::principal_axes(&filter.estimate())? {
-        let (mut split, mut left) = (Vec::with_capacity(parts), 0.0);
+        let mut split = Vec::with_capacity(parts);
+        let mut left = 0.0;
         for (share, estimate) in split::split_along(&filter.estimate(), &axis, parts)? {
             let mut part = filter.clone();
             part.reinitialise(&estimate)?;

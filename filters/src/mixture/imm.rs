@@ -22,9 +22,9 @@ use crate::count::number;
 /// multiplied by their evidence.
 ///
 /// All estimators hold the same state; a still target is a state with velocity under a
-/// [`RandomWalk`](foxhunt_core::RandomWalk). A model that fails gets no probability until the
-/// chain comes back to it, which begins it anew; only where all fail does this one, and is as it
-/// was. What a model's own gate does is described at [`Bank`](crate::Bank).
+/// [`RandomWalk`](foxhunt_core::RandomWalk). A model that fails gets no probability until the chain
+/// comes back to it, which begins it again; only where all fail does this one, and is as it was.
+/// What a model's own gate does is described at [`Bank`](crate::Bank).
 ///
 /// ```
 /// use foxhunt_core::{ConstantVelocity, Estimate, Estimator, MeasurementModel, MotionModel,
@@ -66,7 +66,7 @@ use crate::count::number;
 #[derive(Clone, Debug)]
 pub struct Imm<E, const N: usize, const M: usize> {
     models: Vec<Component<E>>,
-    /// Where a step is prepared, to be taken as a whole or not at all.
+    /// Buffer where a step is prepared, to be taken as a whole or not at all.
     spare: Vec<Component<E>>,
     chain: Transition,
     belief: Estimate<N>,
@@ -82,14 +82,15 @@ where
     ///
     /// # Errors
     ///
-    /// [`EstimatorError::Parameter`] when there is none, a probability is negative or not finite,
-    /// none is positive, or the chain has another number of modes;
+    /// [`EstimatorError::Parameter`] when no model is given, a probability is negative or not
+    /// finite, all are zero, or the chain has another number of modes;
     /// [`EstimatorError::NotFinite`] when an estimate is not.
     pub fn new(
         models: impl IntoIterator<Item = (f64, E)>,
         chain: Transition,
     ) -> Result<Self, EstimatorError> {
-        let (models, axes) = (component::weighted(models)?, [Axis::Linear; N]);
+        let models = component::weighted(models)?;
+        let axes = [Axis::Linear; N];
         let alike = models.len() == chain.modes();
         let modes = number(chain.modes());
         require(alike, "modes of the chain", modes, "as many as there are models")?;
@@ -97,7 +98,7 @@ where
         Ok(Self { models, spare: Vec::new(), chain, belief, axes, innovation: None })
     }
 
-    /// The same over a state some of whose components are angles.
+    /// Sets the state's axes, where some components are angles.
     ///
     /// # Errors
     ///
@@ -107,8 +108,8 @@ where
         Ok(Self { axes, belief, ..self })
     }
 
-    /// The same with the NIS of the mixture: the innovation's mean and covariance over all
-    /// models, deviations taken about the observation.
+    /// Adds the NIS of the mixture: the innovation's mean and covariance over all models,
+    /// deviations taken about the observation.
     #[must_use]
     pub fn with_innovation(self, innovation: InnovationOf<E, M>) -> Self {
         Self { innovation: Some(innovation), ..self }
@@ -126,7 +127,8 @@ where
 
     /// Makes `spare` the models as they go on after the chain has changed between them.
     fn prepare_mixed(&mut self, dt: f64) -> Result<(), EstimatorError> {
-        let (modes, over) = (self.models.len(), self.chain.over(dt));
+        let modes = self.models.len();
+        let over = self.chain.over(dt);
         let now: Vec<(f64, Estimate<N>)> =
             self.models.iter().map(|m| (m.weight(), m.estimator.estimate())).collect();
         self.spare.clone_from(&self.models);

@@ -118,7 +118,8 @@ mod tests {
         assert_eq!(reduced.len(), 2);
         assert_eq!((reduced[0].origin, reduced[0].merged), (2, true));
         assert_eq!((reduced[1].origin, reduced[1].merged), (1, false));
-        let (before, after) = (moments_of(&whole), moments_of(&reduced));
+        let before = moments_of(&whole);
+        let after = moments_of(&reduced);
         assert!((before.mean - after.mean).norm() < 1e-14);
         assert!((before.covariance - after.covariance).norm() < 1e-13);
         // A light far one costs less than a heavy near one: weights matter.

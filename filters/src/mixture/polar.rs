@@ -14,7 +14,8 @@ pub fn polar_moments(
 ) -> Estimate<2> {
     let variance = sigma_direction * sigma_direction;
     let square = length * length + sigma_length * sigma_length;
-    let (shrunk, twice) = (libm::exp(-0.5 * variance), libm::exp(-2.0 * variance));
+    let shrunk = libm::exp(-0.5 * variance);
+    let twice = libm::exp(-2.0 * variance);
     // Along the mean direction and across it. The difference of the first is that of a thin
     // fan's length, spelled out so that nothing cancels: E[r²] (1 + e^(−2σ²)) / 2 − r² e^(−σ²).
     let fan = libm::expm1(-variance);
@@ -37,7 +38,9 @@ mod tests {
     fn the_moments_are_those_of_an_integral() {
         for (sigma, direction, spread) in [(0.3, 0.7, 0.9), (2.0, -2.0, 0.05), (1.0, 3.0, 2.0)] {
             let made = polar_moments((5.0, sigma), (direction, spread));
-            let (mut mass, mut mean, mut second) = (0.0, Vector2::zeros(), Matrix2::zeros());
+            let mut mass = 0.0;
+            let mut mean = Vector2::zeros();
+            let mut second = Matrix2::zeros();
             for i in -200..=200 {
                 let at = f64::from(i) * 0.04;
                 let weight = libm::exp(-0.5 * at * at);

@@ -69,8 +69,8 @@ impl RangeParameterised {
         Ok(Self { receiver, bearing, ends, weights })
     }
 
-    /// The same with weights from a prior of the range: `mass(a, b)` is in proportion to its
-    /// probability between `a` and `b` metres.
+    /// Sets the weights from a prior of the range: `mass(a, b)` is in proportion to its probability
+    /// between `a` and `b` metres.
     ///
     /// # Errors
     ///
@@ -89,7 +89,8 @@ impl RangeParameterised {
     #[must_use]
     pub fn places(&self) -> Vec<(f64, Estimate<2>)> {
         let place = |(end, weight): (&[f64], &f64)| {
-            let (middle, width) = (0.5 * (end[0] + end[1]), end[1] - end[0]);
+            let middle = 0.5 * (end[0] + end[1]);
+            let width = end[1] - end[0];
             let mut place = polar_moments((middle, width / libm::sqrt(12.0)), self.bearing);
             place.mean += self.receiver;
             (*weight, place)
@@ -97,8 +98,8 @@ impl RangeParameterised {
         self.ends.windows(2).zip(&self.weights).map(place).collect()
     }
 
-    /// The components of a state whose first two components are the place: the others, such as a
-    /// velocity, are those of `rest`, independent of it.
+    /// Returns the components of a state whose first two components are the place: the others, such
+    /// as a velocity, come from `rest`, independent of it.
     #[must_use]
     pub fn states<const N: usize>(&self, rest: &Estimate<N>) -> Vec<(f64, Estimate<N>)> {
         let state = |(weight, place): (f64, Estimate<2>)| {

@@ -100,7 +100,8 @@ fn unit_parts(parts: usize) -> (f64, Vec<(f64, f64)>) {
     let variance =
         |weights: &[f64]| -> f64 { weights.iter().zip(&nodes).map(|(w, m)| w * m * m).sum() };
     // The variance grows with the scale, from 0 or less than is wanted to more.
-    let (mut low, mut high) = (1e-3, 1e3);
+    let mut low = 1e-3;
+    let mut high = 1e3;
     for _ in 0..100 {
         let middle = libm::sqrt(low * high);
         if variance(&weigh(middle)) < wanted {

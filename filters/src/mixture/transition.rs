@@ -4,7 +4,7 @@ use foxhunt_core::{EstimatorError, parameter::require};
 
 use crate::count::number;
 
-/// How a target changes from one mode of motion to another: a Markov chain.
+/// Markov chain of a target's modes of motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Transition {
     modes: usize,
@@ -64,7 +64,7 @@ impl Transition {
         Ok(Self { modes, matrix, per: Per::Second })
     }
 
-    /// How many modes there are.
+    /// Returns the number of modes.
     #[must_use]
     pub fn modes(&self) -> usize {
         self.modes
@@ -90,14 +90,17 @@ impl Transition {
             return identity;
         }
         // After 60 doublings of the shortest sojourn nothing is left of the beginning.
-        let (mut jumps, mut doublings) = (libm::fmin(fastest * dt, 1e18), 0);
+        let mut jumps = libm::fmin(fastest * dt, 1e18);
+        let mut doublings = 0;
         while jumps > 1.0 {
             jumps *= 0.5;
             doublings += 1;
         }
         let uniform: Vec<f64> =
             identity.iter().zip(&self.matrix).map(|(one, g)| one + g / fastest).collect();
-        let (mut term, mut sum, mut weight) = (identity, vec![0.0; n * n], libm::exp(-jumps));
+        let mut term = identity;
+        let mut sum = vec![0.0; n * n];
+        let mut weight = libm::exp(-jumps);
         // 1 / 20! is below the last place.
         for k in 0..20 {
             sum.iter_mut().zip(&term).for_each(|(s, t)| *s += t * weight);
@@ -136,7 +139,8 @@ mod tests {
         let chain = Transition::sojourn(&[10.0, 40.0]).expect("positive");
         for dt in [1e-6, 0.5, 8.0, 300.0, 1e300] {
             let over = chain.over(dt);
-            let (at_rest, left) = (0.2, libm::exp(-0.125 * dt));
+            let at_rest = 0.2;
+            let left = libm::exp(-0.125 * dt);
             let expected =
                 [at_rest + 0.8 * left, 0.8 - 0.8 * left, 0.2 - 0.2 * left, 0.8 + 0.2 * left];
             for (p, e) in over.iter().zip(expected) {
@@ -148,7 +152,8 @@ mod tests {
     #[test]
     fn two_steps_are_one_of_their_length() {
         let chain = Transition::sojourn(&[3.0, 20.0, f64::INFINITY]).expect("positive");
-        let (two, one) = (product(&chain.over(1.3), &chain.over(2.2), 3), chain.over(3.5));
+        let two = product(&chain.over(1.3), &chain.over(2.2), 3);
+        let one = chain.over(3.5);
         assert!(two.iter().zip(&one).all(|(a, b)| (a - b).abs() < 1e-14), "{two:?} {one:?}");
         assert_eq!(&one[6..], [0.0, 0.0, 1.0], "what lasts for ever");
     }

@@ -58,8 +58,7 @@ pub(super) struct Weights {
     pub(super) log: Vec<f64>,
     /// 1 / Σ w².
     effective_sample_size: f64,
-    /// While they are made: the largest logarithm of each chunk. There is room for those of whole
-    /// blocks.
+    /// Largest logarithm of each chunk, while weights are made. There is room for whole blocks.
     peaks: Vec<f64>,
 }
 
@@ -72,7 +71,9 @@ impl Weights {
     }
 
     fn none() -> Self {
-        let (linear, log, peaks) = (Vec::new(), Vec::new(), Vec::new());
+        let linear = Vec::new();
+        let log = Vec::new();
+        let peaks = Vec::new();
         Self { linear, log, effective_sample_size: 0.0, peaks }
     }
 
@@ -84,12 +85,13 @@ impl Weights {
 
     pub(super) fn fill_even(&mut self, threads: Threads) {
         let share = 1.0 / number(self.linear.len());
-        let (linear, log) = (&mut self.linear[..], &mut self.log[..]);
+        let linear = &mut self.linear[..];
+        let log = &mut self.log[..];
         threads.run(Fill { linear, log, share, log_share: libm::log(share) });
         self.effective_sample_size = number(self.linear.len());
     }
 
-    /// Its columns, for other use until it is made anew, and two numbers or more for each block.
+    /// Lends the columns until the weights are made again, and two numbers or more for each block.
     pub(super) fn scratch(&mut self) -> [&mut [f64]; 3] {
         [&mut self.linear, &mut self.log, &mut self.peaks]
     }
@@ -113,7 +115,7 @@ impl Weights {
         self.condition_on(prior, &Given, |work| threads.run(work), threads)
     }
 
-    /// The same of `likelihoods`, on threads.
+    /// Makes the posterior weights of `likelihoods`, on threads.
     pub(super) fn condition_on<L: Likelihoods>(
         &mut self,
         prior: &Self,
@@ -122,7 +124,9 @@ impl Weights {
         threads: Threads,
     ) -> Result<f64, EstimatorError> {
         let Self { linear, log, peaks, .. } = &mut *self;
-        let (linear, log, peaks) = (&mut linear[..], &mut log[..], &mut peaks[..]);
+        let linear = &mut linear[..];
+        let log = &mut log[..];
+        let peaks = &mut peaks[..];
         let Evidence { best, total } =
             multiply(Multiply { likelihoods, first: 0, prior: &prior.log, linear, log, peaks });
         if total.is_nan() {
@@ -133,7 +137,9 @@ impl Weights {
         }
         let evidence = best + libm::log(total);
         let Self { linear, log, peaks, .. } = &mut *self;
-        let (linear, log, peaks) = (&mut linear[..], &mut log[..], &peaks[..]);
+        let linear = &mut linear[..];
+        let log = &mut log[..];
+        let peaks = &peaks[..];
         let squares = threads.run(Normalise { best, total, evidence, linear, log, peaks });
         self.effective_sample_size = 1.0 / squares;
         Ok(evidence)
@@ -174,7 +180,7 @@ impl Divided for Fill<'_> {
 
 /// Log-likelihoods of particles.
 pub(super) trait Likelihoods {
-    /// Sets those of the particles from `first` on; `#[inline(always)]`.
+    /// Sets the log-likelihoods of the particles from `first` on; `#[inline(always)]`.
     fn set(&self, first: usize, out: &mut [f64]);
 }
 
@@ -186,7 +192,7 @@ impl Likelihoods for Given {
     fn set(&self, _first: usize, _out: &mut [f64]) {}
 }
 
-/// Those of a model for the states in columns.
+/// Log-likelihoods of a model for the states in columns.
 pub(super) struct Modelled<'a, H, const N: usize, const M: usize> {
     pub(super) model: &'a H,
     pub(super) columns: &'a [Vec<f64>; N],

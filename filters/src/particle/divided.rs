@@ -1,7 +1,7 @@
 use super::white::CHUNK;
 use crate::vectorised::{self, Kernel};
 
-/// Work on a cloud is halved down to so many particles.
+/// Number of particles down to which work on a cloud is halved.
 pub(super) const BLOCK: usize = 8 * CHUNK;
 
 /// Fewer particles are not worth waking a thread for.
@@ -10,10 +10,10 @@ const LEAST: usize = 8 * BLOCK;
 
 /// Work on the particles of a cloud that can be done in parts, in any order.
 pub(super) trait Divided: Kernel {
-    /// How many particles it is on.
+    /// Returns the number of particles.
     fn particles(&self) -> usize;
 
-    /// That on the first so many particles, a multiple of [`BLOCK`], and that on the others.
+    /// Splits off the work on the first `particles` particles, a multiple of [`BLOCK`].
     fn split_at(self, particles: usize) -> (Self, Self)
     where
         Self: Sized;
@@ -55,7 +55,7 @@ fn middle(work: &impl Divided) -> Option<usize> {
     (blocks > 1).then_some(blocks / 2 * BLOCK)
 }
 
-/// Where work is done that needs no models.
+/// Threads for work that needs no models.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Threads {
     /// Here.

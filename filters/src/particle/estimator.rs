@@ -44,10 +44,12 @@ where
             .map(|innovation| innovation.nis);
         let count = self.cloud.len();
         self.spare.resize(count);
-        let (model, columns) = (&self.measurement, &self.cloud.columns);
+        let model = &self.measurement;
+        let columns = &self.cloud.columns;
         let likelihoods = Modelled { model, columns, observation };
         let Workers { multiply, threads, .. } = self.workers;
-        let (prior, weights) = (&self.cloud.weights, &mut self.spare.weights);
+        let prior = &self.cloud.weights;
+        let weights = &mut self.spare.weights;
         let log_evidence = weights.condition_on(prior, &likelihoods, multiply, threads)?;
         let size = self.spare.weights.effective_sample_size();
         let log_evidence = if size < self.progressive * number(count) {
@@ -116,7 +118,8 @@ mod tests {
             (places, filter.ancestors.as_ptr())
         };
         let before = places(&filter);
-        let (z, noise) = (Vector1::new(1.5), Matrix1::new(0.05));
+        let z = Vector1::new(1.5);
+        let noise = Matrix1::new(0.05);
         let observation = Observation::new(0.0, Pose::default(), z, noise).expect("proper");
         let mut resampled = false;
         for _ in 0..10 {

@@ -54,7 +54,7 @@ pub struct ParticleFilter<F, H, R, const N: usize, const M: usize> {
     pub(super) cloud: Cloud<N>,
     /// The cloud's moments.
     pub(super) belief: Gaussian<N>,
-    /// Where a step is prepared, to be taken as a whole or not at all.
+    /// Buffer where a step is prepared, to be taken as a whole or not at all.
     pub(super) spare: Cloud<N>,
     pub(super) ancestors: Vec<u32>,
     pub(super) resampling: Resampling,
@@ -112,7 +112,8 @@ where
         let columns = core::array::from_fn(|row| samples.iter().map(|x| x[row]).collect());
         let cloud = Cloud { columns, weights: Weights::even(count) };
         let workers = Workers::one();
-        let (axes, weights) = (motion.axes(), &cloud.weights.linear);
+        let axes = motion.axes();
+        let weights = &cloud.weights.linear;
         let belief = moments(&cloud.columns, weights, &axes, workers.threads);
         Ok(Self {
             motion,
@@ -131,14 +132,14 @@ where
         })
     }
 
-    /// The same filter with another way to draw ancestors.
+    /// Sets the scheme for drawing ancestors.
     #[must_use]
     pub fn with_resampling(self, resampling: Resampling) -> Self {
         Self { resampling, ..self }
     }
 
-    /// The same filter, resampling where the effective sample size is below this share of the
-    /// particles: 0 never does, 1 does after every update that distinguishes particles.
+    /// Sets the share of the particles below which the effective sample size leads to resampling: 0
+    /// never does, 1 does after every update that distinguishes particles.
     ///
     /// # Errors
     ///
@@ -148,8 +149,8 @@ where
         Ok(Self { threshold, ..self })
     }
 
-    /// The same filter with another kernel bandwidth, in standard deviations of the cloud: 0 for
-    /// plain copies, less than Silverman's for a belief in several places.
+    /// Sets the kernel bandwidth, in standard deviations of the cloud: 0 for plain copies, less
+    /// than Silverman's for a belief in several places.
     ///
     /// # Errors
     ///
@@ -160,17 +161,17 @@ where
         Ok(Self { bandwidth: Some(bandwidth), ..self })
     }
 
-    /// The same filter with as many particles as it needs: counted anew at every resampling, and
-    /// resampled too where there are more than twice or less than half as many. Ancestors are then
-    /// drawn independently, whatever the scheme. The bandwidth follows their
-    /// number unless it was given. It starts with the particles that it was made with.
+    /// Adapts the number of particles: counts them again at every resampling, and resamples too
+    /// where there are more than twice or less than half as many as needed. Ancestors are then
+    /// drawn independently, whatever the scheme. The bandwidth follows their number unless it was
+    /// given. The filter starts with the particles that it was made with.
     #[must_use]
     pub fn with_adaptive_size(self, size: KldSampling<N>) -> Self {
         Self { size: Some(size), ..self }
     }
 
-    /// The same filter with progressive correction below another share of the particles, 0.1
-    /// unless given; 0 never does it.
+    /// Sets the share of the particles below which correction is progressive, 0.1 unless given; 0
+    /// never does it.
     ///
     /// # Errors
     ///
@@ -179,10 +180,10 @@ where
         Ok(Self { progressive: check_progressive(share)?, ..self })
     }
 
-    /// The same filter, working on large clouds, of 32 768 particles or more, on all threads of the
-    /// rayon pool that it is stepped in. Its numbers are the same to the bit, whatever their number
-    /// and without them. Adaptive sizes, stratified and residual draws, and likelihoods applied in
-    /// stages stay on one thread.
+    /// Works on large clouds, of 32 768 particles or more, on all threads of the rayon pool that
+    /// the filter is stepped in. Its numbers are the same to the bit on any number of threads.
+    /// Adaptive sizes, stratified and residual draws, and likelihoods applied in stages stay on one
+    /// thread.
     #[cfg(feature = "parallel")]
     #[must_use]
     pub fn with_threads(self) -> Self
@@ -193,7 +194,7 @@ where
         Self { workers: Workers::pool(), ..self }
     }
 
-    /// How many particles there are.
+    /// Returns the number of particles.
     #[must_use]
     pub fn particles(&self) -> usize {
         self.cloud.len()
@@ -232,12 +233,14 @@ where
     }
 
     /// Visits all particles of a small cloud or one whose weights are uneven, and else every k-th,
-    /// 256 or more, shifted and stretched so that their moments are those of the cloud.
+    /// 256 or more, shifted and stretched to the moments of the cloud.
     pub(super) fn visit_some(&self, visit: &mut dyn FnMut(&State<N>, f64)) {
-        let (weights, count) = (&self.cloud.weights.linear, self.cloud.len());
+        let weights = &self.cloud.weights.linear;
+        let count = self.cloud.len();
         let sound = self.effective_sample_size() >= 0.25 * number(count);
         let stride = if sound { (count / 256).max(1) } else { 1 };
-        let (axes, centre) = (self.motion.axes(), self.belief.mean());
+        let axes = self.motion.axes();
+        let centre = self.belief.mean();
         let some = || weights.iter().enumerate().step_by(stride);
         let total: f64 = some().map(|(_, weight)| weight).sum();
         let deviation = |i| Axis::difference(&axes, &self.cloud.state(i), centre);
@@ -278,7 +281,8 @@ where
         self.spare.resize(count);
         if due {
             self.ancestors.resize(count, 0);
-            let (weights, scratch) = (&self.cloud.weights.linear, self.spare.weights.scratch());
+            let weights = &self.cloud.weights.linear;
+            let scratch = self.spare.weights.scratch();
             let threads = self.workers.threads;
             self.resampling.draw(weights, rng, scratch, &mut self.ancestors, threads);
             self.spare.weights.fill_even(threads);
@@ -298,10 +302,11 @@ where
         (due, moments.map(|moments| moments.estimate()))
     }
 
-    /// Whether there are more than twice or less than half the particles that are needed. Those
-    /// that ten resamplings would not take once occupy no bin.
+    /// Returns true if there are more than twice or less than half the particles that are needed.
+    /// Particles that ten resamplings would not take once occupy no bin.
     fn is_off(&self, size: &KldSampling<N>) -> bool {
-        let (mut bins, count) = (size.bins(), self.cloud.len());
+        let mut bins = size.bins();
+        let count = self.cloud.len();
         for (i, weight) in self.cloud.weights.linear.iter().enumerate() {
             if weight * number(count) >= 0.1 {
                 bins.add(&self.cloud.state(i));
@@ -311,7 +316,8 @@ where
         wanted > 2 * count || count > 2 * wanted
     }
 
-    /// The same, drawn one by one until there are enough (Fox 2003, table 3).
+    /// Prepares a resampled and moved cloud, drawn one by one until there are enough (Fox 2003,
+    /// table 3).
     fn prepare_as_many_as(&mut self, size: &KldSampling<N>, dt: f64, rng: &mut R) {
         let kernel = self.kernel();
         let mut reach = 0.0;
@@ -343,7 +349,8 @@ where
     }
 
     fn kernel(&self) -> Option<Kernel<N>> {
-        let (mean, factor) = (self.belief.mean(), self.belief.factor());
+        let mean = self.belief.mean();
+        let factor = self.belief.factor();
         Kernel::new(mean, factor, self.bandwidth_of(self.cloud.len()), self.motion.axes())
     }
 
@@ -362,7 +369,7 @@ where
     }
 }
 
-/// Whether a share of the particles may be that below which an update is made in stages.
+/// Checks the share of the particles below which an update is made in stages.
 pub(super) fn check_progressive(share: f64) -> Result<f64, ParameterError> {
     in_range("progressive correction", share, 0.0..=0.5, "in [0, 0.5]")
 }

@@ -36,11 +36,12 @@ impl<const N: usize> Kernel<N> {
         self.mean + deviation * self.shrinkage + self.spread * white(rng)
     }
 
-    /// The same for columns of particles, given the draws from N(0, I).
+    /// Draws from about columns of particles, given the draws from N(0, I).
     #[inline(always)]
     pub(super) fn spread_columns(&self, columns: &mut [&mut [f64]; N], white: &[[f64; CHUNK]; N]) {
         for (row, column) in columns.iter_mut().enumerate() {
-            let (mean, axis) = (self.mean[row], self.axes[row]);
+            let mean = self.mean[row];
+            let axis = self.axes[row];
             for x in column.iter_mut() {
                 let deviation = match axis {
                     Axis::Linear => *x - mean,
@@ -57,6 +58,7 @@ impl<const N: usize> Kernel<N> {
 
 /// The bandwidth that is best for a Gaussian (Silverman 1986, §4.3.2), below 1.
 pub(super) fn silverman(dimension: usize, count: usize) -> f64 {
-    let (n, count) = (number(dimension), number(count));
+    let n = number(dimension);
+    let count = number(count);
     libm::pow(4.0 / ((n + 2.0) * count), 1.0 / (n + 4.0)).min(0.99)
 }

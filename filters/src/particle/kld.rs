@@ -8,7 +8,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::count::number;
 
-/// How many particles a cloud needs: KLD-sampling (Fox 2003).
+/// Number of particles that a cloud needs: KLD-sampling (Fox 2003).
 ///
 /// Space is divided into bins, and particles are drawn until there are so many that, with the
 /// stated probability, the Kullback-Leibler divergence between the cloud's histogram and the true
@@ -43,7 +43,7 @@ impl<const N: usize> KldSampling<N> {
         Ok(Self { bins, least, most, error: 0.05, quantile: 2.326_347_874_040_841 })
     }
 
-    /// The same with another error ε, met with another probability.
+    /// Sets the error ε, and the probability with which it is met.
     ///
     /// # Errors
     ///
@@ -56,7 +56,7 @@ impl<const N: usize> KldSampling<N> {
         Ok(Self { error, quantile: Normal::standard().inverse_cdf(probability), ..self })
     }
 
-    /// How many particles an occupied number of bins needs.
+    /// Returns the number of particles for a number of occupied bins.
     #[must_use]
     pub fn particles(&self, occupied: usize) -> usize {
         let degrees = number(occupied.saturating_sub(1));

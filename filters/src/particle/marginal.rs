@@ -12,16 +12,16 @@ pub(super) struct Particle<const N: usize, const K: usize> {
     pub(super) spread: Covariance<K>,
 }
 
-/// What an observation is to one particle, the nuisance integrated out.
+/// An observation linearised about one particle, the nuisance integrated out.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Linearised<const M: usize, const K: usize> {
     /// ∂h over the last K components; missing rows are zero.
     slope: SMatrix<f64, M, K>,
     residual: SVector<f64, M>,
-    /// What the nuisance adds to the noise.
+    /// Addition of the nuisance to the noise.
     spread: Covariance<M>,
     dof: usize,
-    /// What directions that compete for the bearing change of its log-likelihood.
+    /// Change of the log-likelihood by directions that compete for the bearing.
     competing: f64,
 }
 
@@ -62,7 +62,8 @@ impl<const M: usize> Tempered<M> {
                 .map(|factor| factor.unpack())
                 .ok_or(EstimatorError::NotPositiveDefinite { role })
         };
-        let (none, dof) = (SVector::zeros(), observation.len());
+        let none = SVector::zeros();
+        let dof = observation.len();
         let whole = noise::gaussian(&none, &factor(whole)?, dof);
         let log_constant = exponent * whole - noise::gaussian(&none, &factor(noise)?, dof);
         Ok(Self { noise, exponent, log_constant })
@@ -73,7 +74,7 @@ impl<const N: usize, const K: usize> Particle<N, K> {
     /// The first of the components that are integrated out.
     const FIRST: usize = N - K;
 
-    /// What an observation is to this particle; `bearing` is its
+    /// Linearises an observation about this particle; `bearing` is its
     /// [`competing_bearing`](Observation::competing_bearing).
     pub(super) fn linearised<const M: usize>(
         &self,

@@ -97,18 +97,18 @@ impl<const N: usize> Moments<N> {
         self.add(&part);
     }
 
-    /// What they are if all weights have been added.
+    /// Returns the estimate, if all weights have been added.
     pub(super) fn estimate(&self) -> Estimate<N> {
         Estimate { mean: self.mean, covariance: self.scatter }
     }
 
-    /// Those of these and of other particles.
+    /// Merges the moments of two disjoint sets of particles.
     pub(super) fn and(mut self, other: &Self) -> Self {
         self.add(other);
         self
     }
 
-    /// Adds those of other particles (Chan, Golub & LeVeque 1979).
+    /// Adds the moments of other particles (Chan, Golub & LeVeque 1979).
     fn add(&mut self, other: &Self) {
         let weight = self.weight + other.weight;
         if weight > 0.0 {
@@ -134,7 +134,8 @@ impl<const N: usize> Kernel for Sum<'_, N> {
 
     #[inline(always)]
     fn run(self) -> Moments<N> {
-        let (mut all, mut space) = (Moments::default(), [[0.0; CHUNK]; N]);
+        let mut all = Moments::default();
+        let mut space = [[0.0; CHUNK]; N];
         for (chunk, weights) in self.weights.chunks(CHUNK).enumerate() {
             let first = self.first + chunk * CHUNK;
             let part = self.columns.each_ref().map(|column| &column[first..first + weights.len()]);

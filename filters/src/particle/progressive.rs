@@ -18,10 +18,10 @@ pub(super) const KEPT: f64 = 0.5;
 /// Bisections of an exponent's logarithm: to a thousandth of it.
 const HALVINGS: u32 = 14;
 
-/// The least share of what is left of a likelihood that a stage applies.
+/// Least share of the remaining likelihood that a stage applies.
 const LEAST_EXPONENT: f64 = 1e-9;
 
-/// After this many stages what is left of the likelihood is applied at once. Each narrows a cloud
+/// Number of stages after which the remaining likelihood is applied at once. Each narrows a cloud
 /// to about half its width: an observation that needs more is one that nothing led to.
 pub(super) const MOST_STAGES: u32 = 40;
 
@@ -64,7 +64,9 @@ where
         ancestors: &mut [u32],
         rng: &mut R,
     ) -> Result<(Gaussian<N>, f64), EstimatorError> {
-        let (mut belief, mut left, mut log_evidence) = (self.belief, 1.0, 0.0);
+        let mut belief = self.belief;
+        let mut left = 1.0;
+        let mut log_evidence = 0.0;
         for stage in 1..=MOST_STAGES {
             // At the first stage alone the cloud may be uneven.
             if cloud.weights.effective_sample_size() < KEPT * number(cloud.len()) {
@@ -130,7 +132,8 @@ where
 fn exponent(prior: &Weights, logs: &[f64], left: f64) -> f64 {
     let best = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let size = |exponent: f64| {
-        let (mut sum, mut squares) = (0.0, 0.0);
+        let mut sum = 0.0;
+        let mut squares = 0.0;
         for (weight, log) in prior.linear.iter().zip(logs) {
             if *log > f64::NEG_INFINITY {
                 let weight = weight * libm::exp(exponent * (log - best));
@@ -151,7 +154,8 @@ pub(super) fn largest_exponent(left: f64, wanted: f64, mut size: impl FnMut(f64)
         return left;
     }
     // By its logarithm: a cloud a thousand times too wide needs a millionth.
-    let (mut low, mut high) = (left * LEAST_EXPONENT, left);
+    let mut low = left * LEAST_EXPONENT;
+    let mut high = left;
     for _ in 0..HALVINGS {
         let middle = libm::sqrt(low * high);
         if size(middle) < wanted { high = middle } else { low = middle }

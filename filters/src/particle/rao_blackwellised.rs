@@ -30,9 +30,9 @@ use crate::{Gaussian, count::number};
 /// with what is not, nor share its noise; a motion that does is refused.
 ///
 /// Integrating them out leaves fewer dimensions to sample, and nothing of them to freeze: a power
-/// that does not drift stays a Gaussian for ever. Resampling, its kernel and progressive
-/// correction are those of [`ParticleFilter`](crate::ParticleFilter); the kernel moves the
-/// conditional means along with the particles, as the two go together in the cloud.
+/// that does not drift stays a Gaussian for ever. Resampling, its kernel and progressive correction
+/// are as in [`ParticleFilter`](crate::ParticleFilter); the kernel moves the conditional means
+/// along with the particles, as the two go together in the cloud.
 #[derive(Clone, Debug)]
 pub struct RaoBlackwellised<F, H, R, const N: usize, const M: usize, const K: usize> {
     pub(super) motion: F,
@@ -105,22 +105,24 @@ where
             means.set(i, &(prior.mean() + prior.factor() * drawn));
         }
         let cloud = Conditional { means, spreads: vec![spread; particles] };
-        let (belief, resampling) = (*prior.estimate(), Resampling::default());
-        let (threshold, progressive) = (0.5, 0.1);
+        let belief = *prior.estimate();
+        let resampling = Resampling::default();
+        let threshold = 0.5;
+        let progressive = 0.1;
         let made =
             Self { motion, measurement, rng, cloud, belief, resampling, threshold, progressive };
         let belief = made.belief_of(&made.cloud)?;
         Ok(Self { belief, ..made })
     }
 
-    /// The same filter with another way to draw ancestors.
+    /// Sets the scheme for drawing ancestors.
     #[must_use]
     pub fn with_resampling(self, resampling: Resampling) -> Self {
         Self { resampling, ..self }
     }
 
-    /// The same filter with progressive correction below another share of the particles, 0.1
-    /// unless given; 0 never does it.
+    /// Sets the share of the particles below which correction is progressive, 0.1 unless given; 0
+    /// never does it.
     ///
     /// # Errors
     ///
@@ -173,7 +175,8 @@ where
     /// The cloud resampled, its copies set apart.
     fn regularised(&self, from: &Conditional<N, K>, rng: &mut R) -> Conditional<N, K> {
         let axes = self.motion.axes();
-        let (mut ancestors, mut scratch) = (vec![0; from.len()], Weights::even(from.len()));
+        let mut ancestors = vec![0; from.len()];
+        let mut scratch = Weights::even(from.len());
         let weights = &from.means.weights.linear;
         self.resampling.draw(weights, rng, scratch.scratch(), &mut ancestors, Threads::One);
         let between = moments(&from.means.columns, &from.means.weights.linear, &axes, Threads::One);
@@ -205,7 +208,8 @@ where
         }
         cloud = self.cloud.clone();
         let mut weights = cloud.means.weights.clone();
-        let (mut left, mut log_evidence) = (1.0, 0.0);
+        let mut left = 1.0;
+        let mut log_evidence = 0.0;
         for stage in 1..=MOST_STAGES {
             if cloud.means.weights.effective_sample_size() < KEPT * number(cloud.len()) {
                 cloud = self.regularised(&cloud, rng);
@@ -252,7 +256,8 @@ where
         linear: &[Linearised<M, K>],
         noise: &Tempered<M>,
     ) -> Result<(Conditional<N, K>, f64), EstimatorError> {
-        let (mut next, axes) = (from.clone(), self.motion.axes());
+        let mut next = from.clone();
+        let axes = self.motion.axes();
         log_densities(linear, noise, &mut next.means.weights);
         let log_evidence = next.means.weights.condition(&from.means.weights, Threads::One)?;
         for (i, linear) in linear.iter().enumerate() {
@@ -278,7 +283,8 @@ fn log_densities<const M: usize, const K: usize>(
 /// The lower triangular L with L Lᵀ = P, for a P that may be singular: conditional means that
 /// are one function of the particles' places make it so.
 fn semidefinite_factor<const N: usize>(covariance: &Covariance<N>) -> SMatrix<f64, N, N> {
-    let (mut rest, mut factor) = (*covariance, SMatrix::<f64, N, N>::zeros());
+    let mut rest = *covariance;
+    let mut factor = SMatrix::<f64, N, N>::zeros();
     for k in 0..N {
         // What is left of a variance by rounding alone has no direction.
         if rest[(k, k)] <= 1e-12 * covariance[(k, k)] {

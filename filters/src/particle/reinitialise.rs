@@ -4,7 +4,7 @@ use rand::Rng;
 use super::{filter::ParticleFilter, white::white};
 use crate::{Gaussian, Reinitialise};
 
-/// Draws the cloud anew: what was not Gaussian in it is lost.
+/// Draws the cloud again: what was not Gaussian in it is lost.
 impl<F, H, R, const N: usize, const M: usize> Reinitialise<N> for ParticleFilter<F, H, R, N, M>
 where
     F: MotionModel<N>,

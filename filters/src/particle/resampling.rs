@@ -11,8 +11,8 @@ use crate::{
     vectorised::{Kernel, sum},
 };
 
-/// How a particle filter draws the ancestors of its next generation. Each scheme draws a particle
-/// of weight w n w times on average.
+/// Scheme by which a particle filter draws the ancestors of its next generation. Each scheme draws
+/// a particle of weight w n w times on average.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Resampling {
@@ -25,13 +25,13 @@ pub enum Resampling {
     /// One draw in each of n strides (Kitagawa 1996): less noise than independent draws, and
     /// without what equal strides may have in common with the weights.
     Stratified,
-    /// ⌊n w⌋ copies of each, and independent draws for what is left (Liu & Chen 1998).
+    /// ⌊n w⌋ copies of each, and independent draws for the remainder (Liu & Chen 1998).
     Residual,
 }
 
 impl Resampling {
-    /// Fills `ancestors` with indices into `weights`, which sum to 1; those of weight 0 are never
-    /// drawn. There is room in `scratch` for as many numbers, twice, and for two for each block.
+    /// Fills `ancestors` with indices into `weights`, which sum to 1; weights of 0 are never drawn.
+    /// There is room in `scratch` for as many numbers, twice, and for two for each block.
     pub(super) fn draw(
         self,
         weights: &[f64],
@@ -42,7 +42,8 @@ impl Resampling {
     ) {
         match self {
             Self::Systematic => {
-                let (start, strides) = (rng.random::<f64>(), number(ancestors.len()));
+                let start = rng.random::<f64>();
+                let strides = number(ancestors.len());
                 let [_, _, reaches] = scratch;
                 copies(weights, reaches, ancestors, threads, move |reach: f64| {
                     let before = (reach * strides - start).max(0.0);
@@ -65,12 +66,14 @@ fn multinomial(
     threads: Threads,
 ) {
     let count = ancestors.len();
-    let (marks, begins) = (&mut marks[..count], &mut begins[..count]);
+    let marks = &mut marks[..count];
+    let begins = &mut begins[..count];
     let (before, reaches) = sums.split_at_mut(count.div_ceil(BLOCK));
     let total = ascending(rng.next_u64(), marks, before, threads);
     let bins = number(count) / total;
     threads.run(Bins { bins, marks, before, first: 0, begins, begin: 0 });
-    let (marks, begins) = (&*marks, &*begins);
+    let marks = &*marks;
+    let begins = &*begins;
     copies(weights, reaches, ancestors, threads, move |reach: f64| {
         let reach = reach * total;
         let mut first = index_of(begins[nearest(reach * bins).min(count - 1)]);
@@ -97,7 +100,7 @@ struct Bins<'a> {
     marks: &'a mut [f64],
     /// The last mark before each block.
     before: &'a [f64],
-    /// How many marks there are before these.
+    /// Number of marks before these.
     first: usize,
     begins: &'a mut [f64],
     /// The first of `begins` among all.
@@ -114,7 +117,8 @@ impl Kernel for Bins<'_> {
         if let Some(begin) = begins.first_mut() {
             *begin = f64::from_bits(first as u64);
         }
-        let (mut marks_before, after) = (first as u64, 1_usize.wrapping_sub(self.begin));
+        let mut marks_before = first as u64;
+        let after = 1_usize.wrapping_sub(self.begin);
         for (marks, before) in self.marks.chunks_mut(BLOCK).zip(self.before) {
             for mark in marks {
                 *mark += before;
@@ -258,7 +262,8 @@ impl<B: Fn(f64) -> usize + Copy> Divided for Copies<'_, B> {
         let (reaches, later) = self.reaches.split_at(particles / BLOCK);
         let end = ((self.begin)(later[0]) - self.offset).min(self.ancestors.len());
         let ancestors = take_first(&mut self.ancestors, end);
-        let (first, offset) = (self.first + particles, self.offset + end);
+        let first = self.first + particles;
+        let offset = self.offset + end;
         (
             Self { weights: before, reaches, ancestors, ..self },
             Self { weights, first, reaches: later, offset, ..self },
@@ -299,10 +304,10 @@ fn ascending(key: u64, marks: &mut [f64], before: &mut [f64], threads: Threads) 
 /// The sums of exponential numbers within each block.
 struct Exponentials<'a> {
     key: u64,
-    /// How many marks there are before these.
+    /// Number of marks before these.
     first: usize,
     marks: &'a mut [f64],
-    /// That of each whole block.
+    /// Sum of each whole block.
     sums: &'a mut [f64],
 }
 
@@ -354,7 +359,8 @@ fn residual(
     // A share that rounding left just below a whole copy is one.
     let copies = |weight: f64| libm::floor(weight * all * (1.0 + 4.0 * f64::EPSILON));
     let rest = |weight: f64| (weight * all - copies(weight)).max(0.0);
-    let (mut whole, mut broken) = (0, 0.0);
+    let mut whole = 0;
+    let mut broken = 0.0;
     for weight in weights {
         whole += floor(copies(*weight));
         broken += rest(*weight);
@@ -371,7 +377,8 @@ fn residual(
     for (ancestor, mark) in ancestors[whole..].iter_mut().zip(marks) {
         *ancestor = walk.to(*mark);
     }
-    let (mut write, mut read) = (0, whole);
+    let mut write = 0;
+    let mut read = whole;
     for (i, weight) in weights.iter().enumerate() {
         for _ in 0..floor(copies(*weight)) {
             if write < read {
@@ -459,8 +466,8 @@ mod tests {
         scheme.draw(weights, rng, scratch.scratch(), ancestors, Threads::One);
     }
 
-    /// How often each particle is drawn, on average over 20 000 draws from seed 1; `each` sees
-    /// the counts of one.
+    /// Returns the mean count of each particle over 20 000 draws from seed 1; `each` sees the
+    /// counts of one.
     fn mean_counts(scheme: Resampling, mut each: impl FnMut(&[u32; 6])) -> [f64; 6] {
         const DRAWS: u32 = 20_000;
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(1);
@@ -506,7 +513,8 @@ mod tests {
         let total: f64 = weights.iter().sum();
         weights.iter_mut().for_each(|weight| *weight /= total);
         for scheme in [Resampling::Systematic, Resampling::Multinomial, Resampling::Residual] {
-            let (mut ancestors, mut counts) = (vec![u32::MAX; COUNT], vec![0.0; COUNT]);
+            let mut ancestors = vec![u32::MAX; COUNT];
+            let mut counts = vec![0.0; COUNT];
             draw(scheme, &weights, &mut rng, &mut ancestors);
             assert!(ancestors.is_sorted(), "{scheme:?}");
             ancestors.iter().for_each(|ancestor| counts[*ancestor as usize] += 1.0);

@@ -18,14 +18,14 @@ pub(super) struct Step<'a, F, const N: usize> {
     pub(super) to: [&'a mut [f64]; N],
     /// The first particle in `to`, at the beginning of a chunk.
     pub(super) first: usize,
-    /// Whose copies the particles are; their own where there are none.
+    /// Indices of the particles to copy; `None` keeps each one.
     pub(super) ancestors: Option<&'a [u32]>,
     /// Sets them apart first.
     pub(super) kernel: Option<&'a kernel::Kernel<N>>,
     /// Moves them then, for so long.
     pub(super) motion: Option<(&'a F, f64)>,
     pub(super) axes: [Axis; N],
-    /// Those of the particles that come of it.
+    /// Weights of the resulting particles.
     pub(super) weights: Option<&'a [f64]>,
 }
 
@@ -35,7 +35,8 @@ impl<F: MotionModel<N>, const N: usize> Kernel for Step<'_, F, N> {
     #[inline(always)]
     fn run(mut self) -> Option<Moments<N>> {
         let count = self.to[0].len();
-        let (mut draws, mut white) = (Draws::new(self.key), [[0.0; CHUNK]; N]);
+        let mut draws = Draws::new(self.key);
+        let mut white = [[0.0; CHUNK]; N];
         let weights = self.weights.filter(|_| !self.axes.contains(&Axis::Angle));
         let mut moments = Moments::default();
         for begin in (0..count).step_by(CHUNK) {

@@ -132,13 +132,15 @@ mod tests {
         // 400 000 pairs from seed 3; each moment within five standard errors: a false alarm of
         // the 14 comes once in 100 000 seeds.
         let mut rng = Draws::new(3);
-        let (mut sums, mut inside) = ([0.0; 12], [0_u32; 2]);
+        let mut sums = [0.0; 12];
+        let mut inside = [0_u32; 2];
         for chunk in 0..1600 {
             let mut draws = [[0.0; CHUNK]];
             rng.fill_white(chunk, &mut draws, 500);
             let (first, second) = draws[0][..500].split_at(250);
             for (x, y) in first.iter().zip(second) {
-                let (xx, yy) = (x * x, y * y);
+                let xx = x * x;
+                let yy = y * y;
                 let moments = [
                     *x,
                     *y,
@@ -176,7 +178,9 @@ mod tests {
     fn exponential_numbers_have_their_moments() {
         // 512 000 draws from seed 4; five standard errors.
         let mut rng = Draws::new(4);
-        let (mut draws, mut sum, mut squares) = ([0.0; CHUNK], 0.0, 0.0);
+        let mut draws = [0.0; CHUNK];
+        let mut sum = 0.0;
+        let mut squares = 0.0;
         for chunk in 0..1000 {
             rng.fill_exponential(chunk, &mut draws);
             assert!(draws.iter().all(|draw| *draw >= 0.0 && *draw < 36.1));

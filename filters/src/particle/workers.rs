@@ -9,8 +9,8 @@ use super::{
     step::Step,
 };
 
-/// Where a cloud is worked on. Functions, as models may be used on other threads only where they
-/// are `Sync`, which is no bound of the filter.
+/// Functions and threads that work on a cloud. Functions, as models may be used on other threads
+/// only where they are `Sync`, which is no bound of the filter.
 #[derive(Clone, Debug)]
 pub(super) struct Workers<F, H, const N: usize, const M: usize> {
     pub(super) step: fn(Step<'_, F, N>) -> Option<Moments<N>>,

@@ -4,7 +4,7 @@ use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
 use crate::batch::{BatchError, at_least, finite_entry, positive_entry};
 
-/// How much farther a target is from a receiver than from a reference receiver.
+/// Difference of a target's distances from a receiver and from a reference receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SlantRangeDifference {
     /// The receiver's East, North and Up in metres.
@@ -16,7 +16,7 @@ pub struct SlantRangeDifference {
     pub sigma: f64,
 }
 
-/// Where a target at the height `target_up` in metres is, from range differences to one reference
+/// Locates a target at the height `target_up` in metres from range differences to one reference
 /// receiver, in closed form: spherical intersection (Schau & Robinson 1987).
 ///
 /// Given the distance r₀ from the reference, the squares of the ranges are linear in the place, so
@@ -51,7 +51,8 @@ pub fn spherical_intersection(
     }
     let up = target_up - reference.z;
     // Σ w q qᵀ and Σ w q k with q = (p, d): each difference is an equation q · (x, r₀) = k.
-    let (mut whole, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    let mut whole = Matrix3::zeros();
+    let mut right = Vector3::zeros();
     for d in differences {
         let place = d.receiver.xy() - reference.xy();
         let weight = 1.0 / (d.sigma * d.sigma);
@@ -62,7 +63,8 @@ pub fn spherical_intersection(
         right += known * (0.5 * (square - d.difference * d.difference) * weight);
     }
     let matrix: Matrix2<f64> = whole.fixed_view::<2, 2>(0, 0).into_owned();
-    let (apart, toward) = (right.xy(), -whole.column(2).xy());
+    let apart = right.xy();
+    let toward = -whole.column(2).xy();
     let size = matrix.trace();
     let rcond = matrix.determinant() / (size * size);
     let flat = BatchError::Flat { rcond };
@@ -70,7 +72,8 @@ pub fn spherical_intersection(
         return Err(flat);
     }
     let factor = matrix.cholesky().ok_or(flat)?;
-    let (a, b) = (factor.solve(&apart), factor.solve(&toward));
+    let a = factor.solve(&apart);
+    let b = factor.solve(&toward);
     let square = a.norm_squared() + up * up;
     let roots = roots(b.norm_squared() - 1.0, a.dot(&b), square);
     // No range is less than the height; where noise makes it so, the target is at the reference.

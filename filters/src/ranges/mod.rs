@@ -1,4 +1,4 @@
-//! Where ranges, or differences of ranges, meet.
+//! Localisation by ranges, or by differences of ranges.
 
 mod differences;
 mod multilateration;

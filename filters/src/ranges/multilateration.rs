@@ -9,7 +9,7 @@ use nalgebra::{Matrix1, Matrix2, RowVector2, Vector1, Vector2, Vector3};
 
 use crate::batch::{BatchError, BatchFix, BatchSolver, at_least, finite_entry, positive_entry};
 
-/// How far a target is from a receiver.
+/// Distance of a target from a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SlantRange {
     /// The receiver's East, North and Up in metres.
@@ -104,16 +104,20 @@ fn starts(ranges: &[SlantRange], target_up: f64) -> Result<Vec<State<2>>, BatchE
     let total: f64 = ranges.iter().map(|r| square(r).1).sum();
     let mean: Vector2<f64> =
         ranges.iter().map(|r| r.receiver.xy() * square(r).1).sum::<Vector2<f64>>() / total;
-    let (mut scatter, mut right, mut middle) = (Matrix2::zeros(), Vector2::zeros(), 0.0);
+    let mut scatter = Matrix2::zeros();
+    let mut right = Vector2::zeros();
+    let mut middle = 0.0;
     for r in ranges {
         let (square, weight) = square(r);
-        let (place, weight) = (r.receiver.xy() - mean, weight / total);
+        let place = r.receiver.xy() - mean;
+        let weight = weight / total;
         scatter += place * place.transpose() * weight;
         right += place * ((place.norm_squared() - square) * weight * 0.5);
         middle += (square - place.norm_squared()) * weight;
     }
     let axes = scatter.symmetric_eigen();
-    let (long, short) = (axes.eigenvalues.imax(), axes.eigenvalues.imin());
+    let long = axes.eigenvalues.imax();
+    let short = axes.eigenvalues.imin();
     let rcond = axes.eigenvalues[short] / axes.eigenvalues[long];
     // Receivers apart by a millionth of the range are in one place.
     let farthest = ranges.iter().map(|r| r.range).fold(0.0, f64::max);

@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 
 use super::ShadowingGridError;
 
-/// What is known of the intercept a: for a received level, the level at 1 m.
+/// Prior of the intercept a: for a received level, the level at 1 m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Intercept {
     /// Nothing: a flat prior over the real line, integrated out.
@@ -14,7 +14,7 @@ pub enum Intercept {
     Known(f64),
 }
 
-/// What is known of a coefficient: for a received level, of the path-loss exponent.
+/// Prior of a coefficient: for a received level, of the path-loss exponent.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Slope {
     /// Its value.
@@ -82,7 +82,7 @@ impl Slope {
     }
 }
 
-/// What is known of the target's place.
+/// Prior of the target's place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlacePrior {
     /// It lies within the receivers' bounding box and the margin about it, anywhere with equal
@@ -103,7 +103,8 @@ impl PlacePrior {
         high: &Vector2<f64>,
     ) -> impl Fn(&Vector2<f64>) -> f64 {
         let scale = 0.5 * (high - low).norm();
-        let (low, high) = (*low, *high);
+        let low = *low;
+        let high = *high;
         move |place| match self {
             Self::Even => 0.0,
             Self::NearReceivers => {
@@ -114,17 +115,17 @@ impl PlacePrior {
     }
 }
 
-/// How [`ShadowingGrid`](super::ShadowingGrid) models the readings and where it looks.
+/// Settings of [`ShadowingGrid`](super::ShadowingGrid): its model of the readings, and its search.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShadowingGridConfig {
-    /// What is known of the intercept.
+    /// Prior of the intercept.
     pub intercept: Intercept,
-    /// What is known of the slope, the coefficient of the first regressor.
+    /// Prior of the slope, the coefficient of the first regressor.
     pub slope: Slope,
-    /// What is known of the coefficient of the second regressor: for a received level, how many
-    /// vertical dipoles are on the way.
+    /// Prior of the coefficient of the second regressor: for a received level, the number of
+    /// vertical dipoles on the way.
     pub gain: Slope,
-    /// What is known of the target's place.
+    /// Prior of the target's place.
     pub place: PlacePrior,
     /// The distances, in metres, over which the correlation of two readings falls to 1/e;
     /// equally likely before.
@@ -132,8 +133,8 @@ pub struct ShadowingGridConfig {
     /// The shares of the variance that may be every reading's own, in [0, 1]; equally likely
     /// before.
     pub nuggets: Vec<f64>,
-    /// How far the search goes beyond the receivers' bounding box, in metres; farther where the
-    /// prior of the place has more there.
+    /// Reach of the search beyond the receivers' bounding box, in metres; farther where the prior
+    /// of the place has more there.
     pub margin_m: f64,
     /// The side of a cell in metres; larger where the area would take more than `max_cells`.
     pub cell_m: f64,
@@ -157,7 +158,7 @@ pub struct ShadowingGridConfig {
     pub sigma_prior: (f64, f64),
 }
 
-/// Extent of the receivers from which on lengths are those of the outdoors, in metres.
+/// Extent of the receivers from which on the lengths are outdoor ones, in metres.
 const FULL_SCALE_M: f64 = 200.0;
 
 /// For a received level over −10 log₁₀ of the distance and 20 log₁₀ of the elevation's cosine: flat
@@ -267,7 +268,8 @@ mod tests {
     #[test]
     fn beyond_the_receivers_the_density_is_students() {
         // Half the diagonal of 60 m by 80 m is 50 m.
-        let (low, high) = (Vector2::new(-10.0, 0.0), Vector2::new(50.0, 80.0));
+        let low = Vector2::new(-10.0, 0.0);
+        let high = Vector2::new(50.0, 80.0);
         let density = |east, north| {
             let prior = PlacePrior::NearReceivers.log_density(&low, &high);
             libm::exp(prior(&Vector2::new(east, north)))

@@ -1,6 +1,6 @@
 use foxhunt_core::parameter::ParameterError;
 
-/// Why readings were not turned into a place.
+/// Reason that readings were not turned into a place.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ShadowingGridError {
@@ -10,7 +10,7 @@ pub enum ShadowingGridError {
     /// A reading's value is NaN or infinite.
     #[error("reading {index} has the value {value}")]
     Value {
-        /// Which reading, from 0.
+        /// Index of the reading, from 0.
         index: usize,
         /// Its value.
         value: f64,
@@ -18,7 +18,7 @@ pub enum ShadowingGridError {
     /// A reading's receiver pose holds NaN or infinity.
     #[error("reading {index} was taken nowhere: a part of its pose is not finite")]
     Receiver {
-        /// Which reading, from 0.
+        /// Index of the reading, from 0.
         index: usize,
     },
     /// Too few places: below three, levels tell nothing of the target's.
@@ -48,7 +48,7 @@ pub enum ShadowingGridError {
     /// No cell has a finite likelihood: the regressor is finite nowhere, or a number overflowed.
     #[error("the posterior is finite on none of {cells} cells")]
     Posterior {
-        /// How many cells were tried.
+        /// Number of cells tried.
         cells: usize,
     },
 }

@@ -8,7 +8,7 @@ use super::{Marginal, PosteriorMap};
 /// The result of a [`ShadowingGrid`](super::ShadowingGrid).
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShadowingFix {
-    /// Where the target is: the posterior mean and covariance, East and North in metres. The
+    /// Place of the target: the posterior mean and covariance, East and North in metres. The
     /// posterior is often far from Gaussian; [`map`](Self::map) shows it.
     pub position: Estimate<2>,
     /// The intercept a, in the readings' unit.
@@ -27,7 +27,7 @@ pub struct ShadowingFix {
     /// even spread over 100 × 100 cells has 0.04) means that the target may be outside of the
     /// searched area, and that `position` is then of little use.
     pub border_mass: f64,
-    /// How many segments the path's readings were made into.
+    /// Number of segments that the path's readings were made into.
     pub segments: usize,
     /// The factor by which segments were made longer, so that they are not too many: 1 where they
     /// are as configured.

@@ -35,7 +35,7 @@ impl Grid {
         Self { south_west, cell_m, columns, rows }
     }
 
-    /// How many cells there are.
+    /// Returns the number of cells.
     pub(crate) fn len(&self) -> usize {
         self.columns as usize * self.rows as usize
     }
@@ -45,7 +45,7 @@ impl Grid {
         self.cell_m
     }
 
-    /// How many cells there are from west to east.
+    /// Returns the number of cells from west to east.
     #[cfg(feature = "batch")]
     pub(crate) fn columns(&self) -> usize {
         self.columns as usize
@@ -59,7 +59,8 @@ impl Grid {
 
     #[expect(clippy::cast_possible_truncation, reason = "cells are numbered by a u32")]
     fn column_and_row(&self, index: usize) -> (u32, u32) {
-        let (index, columns) = (index as u32, self.columns);
+        let index = index as u32;
+        let columns = self.columns;
         (index % columns, index / columns)
     }
 }
@@ -89,13 +90,13 @@ impl PosteriorMap {
         self.grid.cell_m
     }
 
-    /// How many cells there are from west to east.
+    /// Returns the number of cells from west to east.
     #[must_use]
     pub fn columns(&self) -> usize {
         self.grid.columns as usize
     }
 
-    /// How many cells there are from south to north.
+    /// Returns the number of cells from south to north.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.grid.rows as usize
@@ -116,7 +117,8 @@ impl PosteriorMap {
     /// The probability of the outermost ring of cells.
     #[must_use]
     pub fn border_mass(&self) -> f64 {
-        let (columns, rows) = (self.grid.columns, self.grid.rows);
+        let columns = self.grid.columns;
+        let rows = self.grid.rows;
         let on_border = |&(i, _): &(usize, &f64)| {
             let (column, row) = self.grid.column_and_row(i);
             column == 0 || row == 0 || column + 1 == columns || row + 1 == rows
@@ -168,7 +170,8 @@ impl PosteriorMap {
         // A cell is a square, not a point: half of it keeps the weights finite.
         let nearest = 0.5 * self.grid.cell_m;
         for _ in 0..200 {
-            let (mut sum, mut total) = (Vector2::zeros(), 0.0);
+            let mut sum = Vector2::zeros();
+            let mut total = 0.0;
             for (place, mass) in self.cells() {
                 let weight = mass / (place - median).norm().max(nearest);
                 sum += place * weight;
@@ -252,7 +255,8 @@ impl PosteriorMap {
     /// The corners of a rectangle without the outer rows and columns that hold little, but for one
     /// on each side: as long as the lightest of the four sides fits into `share`, it is left out.
     pub(crate) fn without(&self, share: f64) -> (Vector2<f64>, Vector2<f64>) {
-        let (mut columns, mut rows) = (0..self.columns(), 0..self.rows());
+        let mut columns = 0..self.columns();
+        let mut rows = 0..self.rows();
         let row = |row: usize, columns: &Range<usize>| -> f64 {
             columns.clone().map(|column| self.mass[row * self.columns() + column]).sum()
         };
@@ -285,7 +289,8 @@ impl PosteriorMap {
             corner + Vector2::new(column as f64, row as f64) * self.grid.cell_m
         };
         // The border that is left holds next to nothing, however few cells hold the rest.
-        let (last_column, last_row) = (self.columns(), self.rows());
+        let last_column = self.columns();
+        let last_row = self.rows();
         (
             at(columns.start.saturating_sub(1), rows.start.saturating_sub(1)),
             at((columns.end + 1).min(last_column), (rows.end + 1).min(last_row)),
@@ -295,7 +300,9 @@ impl PosteriorMap {
     /// The standard deviation along the ellipse's minor axis, without the cells' own.
     fn narrowest_sd(&self) -> f64 {
         let covariance = self.estimate().covariance;
-        let (a, b, c) = (covariance[(0, 0)], covariance[(0, 1)], covariance[(1, 1)]);
+        let a = covariance[(0, 0)];
+        let b = covariance[(0, 1)];
+        let c = covariance[(1, 1)];
         let smallest = 0.5 * (a + c) - libm::hypot(0.5 * (a - c), b);
         libm::sqrt((smallest - self.grid.cell_m * self.grid.cell_m / 12.0).max(0.0))
     }
@@ -303,7 +310,8 @@ impl PosteriorMap {
     /// The corners of the rectangle around all cells that matter and their neighbours.
     pub(super) fn extent_of_mass(&self) -> (Vector2<f64>, Vector2<f64>) {
         let least = NEGLIGIBLE * self.mass.iter().copied().fold(0.0, f64::max);
-        let (mut low, mut high) = ((u32::MAX, u32::MAX), (0, 0));
+        let mut low = (u32::MAX, u32::MAX);
+        let mut high = (0, 0);
         for (i, _) in self.mass.iter().enumerate().filter(|(_, mass)| **mass > least) {
             let (column, row) = self.grid.column_and_row(i);
             low = (low.0.min(column), low.1.min(row));
@@ -333,7 +341,8 @@ mod tests {
 
     #[test]
     fn cells_grow_until_they_are_few_enough() {
-        let (low, high) = (Vector2::new(-5.0, 10.0), Vector2::new(995.0, 410.0));
+        let low = Vector2::new(-5.0, 10.0);
+        let high = Vector2::new(995.0, 410.0);
         let grid = Grid::over(low, high, 10.0, 40_000);
         assert_eq!((grid.columns, grid.rows), (100, 40));
         assert_eq!(grid.centre(0), Vector2::new(0.0, 15.0));

@@ -21,7 +21,7 @@ const NEGLIGIBLE: f64 = 40.0;
 /// left out of all cells.
 const IMPROBABLE: f64 = 12.0;
 
-/// Difference of the gain's regressor over the receivers that is none, in its unit.
+/// Difference of the gain's regressor over the receivers that counts as zero, in its unit.
 const SAME_GAIN: f64 = 1e-6;
 
 /// Number of blocks of cells by which correlations are judged.
@@ -31,8 +31,8 @@ const SAMPLED_BLOCKS: usize = 8;
 #[derive(Debug)]
 pub(super) struct Likelihood {
     receivers: Vec<Pose>,
-    /// What was taken from the values before: the known intercept, or their mean for the sake
-    /// of rounding.
+    /// Level taken from the values before: the known intercept, or their mean for the sake of
+    /// rounding.
     offset: f64,
     intercept_is_flat: bool,
     /// One per correlation length and nugget, the nuggets of a length side by side.
@@ -40,7 +40,7 @@ pub(super) struct Likelihood {
     /// The values of slope and gain with their log-weights.
     slopes: Vec<(f64, f64)>,
     gains: Vec<(f64, f64)>,
-    /// n − 1 degrees of freedom, n if the intercept is known, and those of the prior of σ.
+    /// n − 1 degrees of freedom, n if the intercept is known, plus those that the prior of σ has.
     freedom: f64,
     /// SSR before any reading, by the prior of σ.
     prior_square: f64,
@@ -79,7 +79,7 @@ impl Shares {
     }
 }
 
-/// What one cell gives: the log-mass, not normalised, and all else given the cell.
+/// Result for one cell: the log-mass, not normalised, and all else given the cell.
 #[derive(Clone, Debug)]
 struct Conditional {
     log_mass: f64,
@@ -132,7 +132,7 @@ impl Likelihood {
         })
     }
 
-    /// How many segments have a value.
+    /// Returns the number of segments with a value.
     pub(super) fn segments(&self) -> usize {
         self.receivers.len()
     }
@@ -253,7 +253,8 @@ impl Likelihood {
         let has_gain = gains.len() > 1 || gains.iter().any(|&(gain, _)| gain != 0.0);
         let mut x: Vec<Row> = vec![[0.0; LANES]; self.receivers.len()];
         let mut g = if has_gain { x.clone() } else { Vec::new() };
-        let (mut white_x, mut white_g) = (x.clone(), g.clone());
+        let mut white_x = x.clone();
+        let mut white_g = g.clone();
         let mut log_masses = Vec::new();
         let mut silent: Vec<[[f64; 2]; LANES]> = Vec::new();
         let mut best = f64::NEG_INFINITY;
@@ -361,7 +362,8 @@ impl Likelihood {
         if !peak.is_finite() {
             return given;
         }
-        let (mut total, mut log_masses) = (0.0, log_masses.iter());
+        let mut total = 0.0;
+        let mut log_masses = log_masses.iter();
         let Shares { slopes, gains: of_gains, correlations: shares } = &mut given.shares;
         for ((correlation, regression), products) in explained {
             let Some(share) = shares.get_mut(correlation) else { break };

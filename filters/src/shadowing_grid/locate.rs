@@ -102,9 +102,9 @@ impl ShadowingGrid {
         self.locate_with(readings, regressors, &[], |_| 0.0)
     }
 
-    /// The same with what else shows the place: `log_likelihood` is its logarithm for a target at
-    /// the given East and North, `others` are where that was received. The prior of the place is
-    /// that of all receivers.
+    /// Locates the target with further evidence of its place: `log_likelihood` is the evidence's
+    /// logarithm for a target at the given East and North, `others` are where it was received. The
+    /// prior of the place is that of all receivers.
     ///
     /// # Errors
     ///

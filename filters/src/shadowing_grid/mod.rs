@@ -1,4 +1,4 @@
-//! Where a transmitter of unknown power is, from many spatially correlated readings at once.
+//! Localisation of a transmitter of unknown power, from many spatially correlated readings at once.
 //!
 //! The readings, thinned along the path, are `value_i = a + b x_i(cell) + c g_i(cell) + e_i` with
 //! e ~ N(0, σ² C): neighbours fade together (Gudmundson 1991). On every cell of a grid a and σ

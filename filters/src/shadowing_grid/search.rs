@@ -5,7 +5,7 @@ use super::{
     grid::{Grid, PosteriorMap},
 };
 
-/// Where a grid looks, and how fine it gets.
+/// Area and resolution of a grid search.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Search {
     /// The corners of the receivers' bounding box.
@@ -78,7 +78,8 @@ impl Search {
     ) -> Result<P, E> {
         let mut within = |margin_m: f64| {
             let margin = Vector2::repeat(margin_m);
-            let (low, high) = (self.low - margin, self.high + margin);
+            let low = self.low - margin;
+            let high = self.high + margin;
             posterior(Grid::over(low, high, self.cell_m, self.max_cells))
         };
         let mut margin_m = self.margin_m;

@@ -10,7 +10,7 @@ use crate::{Gaussian, Image, Map, Moments, Transform, count::number};
 /// degree 3. There is nothing to choose and no weight is negative. The image of the mean has no
 /// weight: angles are taken about it, and it serves only that.
 ///
-/// The moments are those of [`Unscented`](crate::Unscented) with α = 1, β = 0, κ = 0.
+/// The moments are the same as of [`Unscented`](crate::Unscented) with α = 1, β = 0, κ = 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Cubature;
 

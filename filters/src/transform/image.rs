@@ -33,7 +33,8 @@ pub trait Map<const A: usize, const B: usize> {
         image: &SVector<f64, B>,
         offset: &SVector<f64, A>,
     ) -> [SVector<f64, B>; 2] {
-        let (ahead, behind) = (self.change(x, image, offset), self.change(x, image, &-offset));
+        let ahead = self.change(x, image, offset);
+        let behind = self.change(x, image, &-offset);
         [(ahead - behind) * 0.5, (ahead + behind) * 0.5]
     }
 }

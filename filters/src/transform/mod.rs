@@ -13,16 +13,17 @@ pub use unscented::{Kappa, Unscented};
 
 use crate::Gaussian;
 
-/// How a Gaussian goes through a map. It is the only difference between the Kalman filters.
+/// Propagation of a Gaussian through a map. It is the only difference between the Kalman filters.
 pub trait Transform {
-    /// The moments of `map(x)`, and how they go with those of x.
+    /// Returns the moments of `map(x)`, and its covariance with x.
     fn image<const A: usize, const B: usize>(
         &self,
         source: &Gaussian<A>,
         map: &impl Map<A, B>,
     ) -> Image<A, B>;
 
-    /// The same without factors, where `source` is far from singular; `None` where it is singular.
+    /// Returns the moments without factors, where `source` is far from singular; `None` where it is
+    /// singular.
     #[inline(always)]
     fn moments<const A: usize, const B: usize>(
         &self,
@@ -33,7 +34,7 @@ pub trait Transform {
         Some(self.image(&source, map).moments(&source))
     }
 
-    /// Whether the transform's parameters suit states of `dimension` components; checked once,
+    /// Checks that the transform's parameters suit states of `dimension` components; called once,
     /// when a filter is made.
     ///
     /// # Errors

@@ -22,8 +22,7 @@ use crate::{
 /// - V = L⁻¹ Pxy has the rows dᵢᵀ,
 /// - Pyy − Vᵀ V = c² Σ (sᵢ − s̄)(sᵢ − s̄)ᵀ + k s sᵀ = Σ wᵢ wᵢᵀ, wᵢ = c (sᵢ − s̄) + √(k / n) s,
 ///
-/// with k ≥ 0 the kurtosis; in the last sum the mixed terms vanish, because those of the sᵢ − s̄
-/// do.
+/// with k ≥ 0 the kurtosis; in the last sum the mixed terms vanish, because they do for sᵢ − s̄.
 pub(super) struct Pairs {
     /// c².
     pub(super) square: f64,

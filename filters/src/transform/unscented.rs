@@ -33,7 +33,7 @@ pub struct Unscented {
 /// The secondary scaling κ of the [`Unscented`] transform.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kappa {
-    /// The same for every dimension.
+    /// One κ for every dimension.
     Fixed(f64),
     /// κ = 3 − n: keeps the kurtosis of a Gaussian (Julier & Uhlmann 1997).
     ThreeMinusN,
@@ -85,7 +85,8 @@ impl Unscented {
     /// Its rule for states of `dimension` components.
     #[inline(always)]
     fn pairs(&self, dimension: usize) -> Pairs {
-        let (n, kappa) = (number(dimension), self.kappa.value(dimension));
+        let n = number(dimension);
+        let kappa = self.kappa.value(dimension);
         let square = self.alpha * self.alpha;
         Pairs { square: square * (n + kappa), kurtosis: self.beta + square * kappa / n }
     }
@@ -118,7 +119,8 @@ impl Transform for Unscented {
     }
 
     fn check(&self, dimension: usize) -> Result<(), EstimatorError> {
-        let (n, kappa) = (number(dimension), self.kappa.value(dimension));
+        let n = number(dimension);
+        let kappa = self.kappa.value(dimension);
         require(n + kappa > 0.0, "kappa", kappa, "above −n for states of n components")?;
         require(
             self.beta + self.alpha * self.alpha * kappa / n >= 0.0,

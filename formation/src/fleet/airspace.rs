@@ -16,20 +16,20 @@ use super::{
     ground::{EXACT, SLACK, line, point, ring_about},
 };
 
-/// How many corners a disc has where a polygon is made of it.
+/// Number of corners of a disc where a polygon is made of it.
 const DISC_CORNERS: u32 = 64;
 
-/// Where drones may fly: inside the fence, outside the keep-outs, by a margin, within a band of
-/// altitudes. Built once; all questions are about places in the local East-North-Up frame.
+/// Space where drones may fly: inside the fence, outside the keep-outs, by a margin, within a band
+/// of altitudes. Built once; all questions are about places in the local East-North-Up frame.
 #[derive(Clone, Debug)]
 pub struct Airspace {
     fence: Option<Polygon<f64>>,
     zones: Vec<Zone>,
     band: Option<[f64; 2]>,
     margin: f64,
-    /// What is permitted, a little less at round edges; unlimited where absent.
+    /// The permitted area, a little less at round edges; unlimited where absent.
     free: Option<MultiPolygon<f64>>,
-    /// Where the shortest ways bend.
+    /// Places where the shortest ways bend.
     corners: Vec<Vector2<f64>>,
 }
 
@@ -133,7 +133,7 @@ impl Airspace {
         Ok(airspace)
     }
 
-    /// Whether a drone may be at a place.
+    /// Returns true if a drone may be at a place.
     #[must_use]
     pub fn permits(&self, place: &Vector3<f64>) -> bool {
         self.holds(&place.xy()) && self.in_band(place.z)
@@ -148,8 +148,8 @@ impl Airspace {
         altitude.is_finite().then(|| Vector3::new(ground.x, ground.y, altitude))
     }
 
-    /// Whether the straight way between two places is permitted throughout. A way that touches an
-    /// edge is not.
+    /// Returns true if the straight way between two places is permitted throughout. A way that
+    /// touches an edge is not.
     #[must_use]
     pub fn clear(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> bool {
         self.in_band(from.z)
@@ -157,8 +157,9 @@ impl Airspace {
             && self.clear_by(&from.xy(), &to.xy(), self.margin)
     }
 
-    /// How far a place is inside the fence and outside the keep-outs, in metres; negative where
-    /// it is not permitted. Infinite where there are no limits, NaN for a place that is not finite.
+    /// Returns the distance of a place inside the fence and outside the keep-outs, in metres;
+    /// negative where it is not permitted. Infinite where there are no limits, NaN for a place that
+    /// is not finite.
     #[must_use]
     pub fn clearance(&self, place: &Vector2<f64>) -> f64 {
         if !(place.x.is_finite() && place.y.is_finite()) {
@@ -191,7 +192,7 @@ impl Airspace {
         self.margin
     }
 
-    /// Whether a straight way keeps another margin than that of this airspace.
+    /// Returns true if a straight way keeps `margin`, in place of this airspace's.
     pub(super) fn clear_by(&self, from: &Vector2<f64>, to: &Vector2<f64>, margin: f64) -> bool {
         let least = (margin - EXACT).max(EXACT);
         let ends = self.clearance(from).min(self.clearance(to));
@@ -237,7 +238,8 @@ impl Airspace {
                 let bounds = all.bounding_rect()?;
                 // Far enough out that no way out of a keep-out is shorter.
                 let more = 2.0 * (bounds.width() + bounds.height());
-                let (low, high) = (bounds.min(), bounds.max());
+                let low = bounds.min();
+                let high = bounds.max();
                 let more = coord! { x: more, y: more };
                 MultiPolygon(vec![geo::Rect::new(low - more, high + more).to_polygon()])
             }

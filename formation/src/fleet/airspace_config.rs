@@ -2,7 +2,7 @@ use std::vec::Vec;
 
 use foxhunt_core::parameter::ParameterError;
 
-/// Where the drones may fly. Lengths are metres in the local East-North-Up frame.
+/// Limits of the drones' flights. Lengths are metres in the local East-North-Up frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
@@ -10,7 +10,7 @@ pub struct AirspaceConfig {
     /// The corners of the polygon that must not be left, East and North, in either sense of
     /// rotation; it need not be convex. No fence where empty.
     pub fence_m: Vec<[f64; 2]>,
-    /// What must not be flown over.
+    /// Zones that must not be flown over.
     pub keep_out: Vec<KeepOut>,
     /// The lowest and the highest Up. Drones take off and land below it.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
@@ -36,7 +36,7 @@ pub enum KeepOut {
     },
 }
 
-/// Why there is no such airspace.
+/// Reason that there is no such airspace.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AirspaceError {
@@ -46,15 +46,15 @@ pub enum AirspaceError {
     /// A polygon of fewer than three corners.
     #[error("{field} has {corners} corners and needs at least 3")]
     Corners {
-        /// Which field.
+        /// Name of the field.
         field: &'static str,
-        /// How many corners it has.
+        /// Number of its corners.
         corners: usize,
     },
     /// A polygon whose sides cross or touch one another, or which has no area.
     #[error("{field}, which begins at ({east}, {north}) m, crosses itself or has no area")]
     NotSimple {
-        /// Which field.
+        /// Name of the field.
         field: &'static str,
         /// The East of its first corner.
         east: f64,

@@ -5,7 +5,7 @@ use pathfinding::{kuhn_munkres::kuhn_munkres_min, matrix::Matrix};
 
 use super::ground::micrometres;
 
-/// Which drone goes to which place, so that all travel together as little as possible.
+/// Assigns drones to places, so that all travel together as little as possible.
 ///
 /// The result holds the place of each drone, in the order of `from`; None where there are fewer
 /// places than drones and it is left out. Lengths count in whole micrometres. The Hungarian method
@@ -19,7 +19,7 @@ pub fn assign(from: &[Vector2<f64>], to: &[Vector2<f64>]) -> Vec<Option<usize>> 
     assign_by(from.len(), to.len(), |drone, place| (from[drone] - to[place]).norm())
 }
 
-/// Which drone goes to which place by lengths of any kind, in metres.
+/// Assigns drones to places by lengths of any kind, in metres.
 pub(super) fn assign_by(
     drones: usize,
     places: usize,

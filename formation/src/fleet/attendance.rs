@@ -2,21 +2,20 @@ use core::fmt;
 
 use nalgebra::Vector3;
 
-/// When a drone counts as one that takes part no more.
+/// Limits beyond which a drone counts as one that takes part no more.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct AttendanceConfig {
-    /// It is silent after so many turns in a row of which it delivered nothing.
+    /// Number of turns in a row without a delivery after which it is silent.
     pub misses: u32,
-    /// It is lost after its place was not known for so many seconds.
+    /// It is lost after its place was not known for this many seconds.
     pub lost_after_s: f64,
-    /// It stands still after it was under way for so many seconds …
+    /// It stands still after it was under way for this many seconds …
     pub still_after_s: f64,
     /// … and came no farther than this, in metres.
     pub still_m: f64,
-    /// After so many seconds it gets another chance to move; after twice as many the next time, and
-    /// so on.
+    /// Seconds after which it gets another chance to move; twice as many the next time, and so on.
     pub tried_again_after_s: f64,
 }
 
@@ -77,16 +76,16 @@ impl fmt::Display for Duty {
 pub struct Attendance {
     config: AttendanceConfig,
     misses: u32,
-    /// When its place was known last.
+    /// Time when its place was known last.
     located: f64,
     lost: bool,
     away: bool,
-    /// From where and since when it has not moved on.
+    /// Place and time since when it has not moved on.
     mark: (Vector3<f64>, f64),
     still: bool,
-    /// How long it has to wait for another chance.
+    /// Time to wait for another chance.
     patience_s: f64,
-    /// What it was ordered to do instead of hunting.
+    /// Duty that it was ordered to do instead of hunting.
     dismissed: Option<Duty>,
 }
 
@@ -107,7 +106,7 @@ impl Attendance {
         }
     }
 
-    /// What it does now.
+    /// Returns the present duty.
     #[must_use]
     pub fn duty(&self) -> Duty {
         match self.dismissed {
@@ -120,13 +119,13 @@ impl Attendance {
         }
     }
 
-    /// Whether it cannot be counted on to fly where it is sent.
+    /// Returns true if it cannot be counted on to fly where it is sent.
     #[must_use]
     pub fn is_astray(&self) -> bool {
         self.lost || self.still || self.away
     }
 
-    /// Whether it takes no orders, so that nothing may be expected of it.
+    /// Returns true if it takes no orders, so that nothing may be expected of it.
     #[must_use]
     pub fn is_away(&self) -> bool {
         self.away

@@ -8,11 +8,10 @@ use super::{
     ground::{SLACK, line, point, ring_about},
 };
 
-/// How far aside a drone flies to let others pass, at most: this often the distance that lines
-/// keep.
+/// Largest distance that a drone flies aside to let others pass, in distances that lines keep.
 pub(super) const ASIDE: u32 = 6;
 
-/// What is tried when drones wait and none flies.
+/// Attempts to end a wait in which no drone flies.
 impl Traffic {
     /// Has two drones of the formation exchange their goals, if one of them can then set off.
     /// Every pair exchanges once per formation, so this ends.

@@ -11,18 +11,18 @@ use super::{
     way::{Surroundings, length_over_ground, with_altitudes},
 };
 
-/// What the batteries allow, and how fast the drones fly.
+/// Limits by the batteries, and the speeds of the drones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct EnduranceConfig {
-    /// How long a drone can stay in the air, in seconds.
+    /// Longest time of a drone in the air, in seconds.
     pub endurance_s: f64,
-    /// How much of it is left when it lands, in seconds.
+    /// Reserve of that time when it lands, in seconds.
     pub reserve_s: f64,
     /// Its speed over ground, in metres per second; the least that it keeps against the wind.
     pub speed_mps: f64,
-    /// How fast it climbs and sinks, in metres per second.
+    /// Speed of climbing and sinking, in metres per second.
     pub climb_mps: f64,
 }
 
@@ -33,7 +33,7 @@ impl Default for EnduranceConfig {
     }
 }
 
-/// How long flights take at most, and whether there is time for them.
+/// Upper bounds of flight times, and checks that there is time for them.
 ///
 /// Drones whose ways keep apart fly at the same time; those whose ways come nearer than lines may
 /// are taken to fly one after the other, around one another, each flying aside once. A
@@ -65,15 +65,15 @@ impl Endurance {
         &self.config
     }
 
-    /// How long a drone may still fly that has been in the air for `flown_s` seconds; negative
-    /// where it eats up its reserve.
+    /// Returns the seconds that a drone may still fly that has been in the air for `flown_s`
+    /// seconds; negative where it eats up its reserve.
     #[must_use]
     pub fn left_s(&self, flown_s: f64) -> f64 {
         self.config.endurance_s - self.config.reserve_s - flown_s
     }
 
-    /// How long it takes at most until each of `flights`, from one place to another, is over;
-    /// None where there is no permitted way.
+    /// Returns an upper bound of the time until each of `flights`, from one place to another, is
+    /// over; `None` where there is no permitted way.
     ///
     /// Targets need not be kept away from. Drones of the traffic that are not among those that
     /// fly are flown around.
@@ -86,8 +86,8 @@ impl Endurance {
         self.longest_s(traffic, flights, None)
     }
 
-    /// How long flights take where targets are kept away from. A flight that they leave no way for
-    /// takes at most what it takes without them: its drone stays.
+    /// Returns an upper bound of flights' time where targets are kept away from. A flight that they
+    /// leave no way for takes at most what it takes without them: its drone stays.
     fn longest_s(
         &self,
         traffic: &Traffic,
@@ -108,7 +108,8 @@ impl Endurance {
             let length = length_over_ground(&from.xy(), &way);
             let places = with_altitudes(&traffic.airspace, from, to.z, &way);
             let mut region = Region::along(&[*from]);
-            let (mut climb, mut here) = (0.0, *from);
+            let mut climb = 0.0;
+            let mut here = *from;
             for place in places {
                 region.add(&here.xy(), &place.xy());
                 climb += (place.z - here.z).abs();
@@ -140,8 +141,9 @@ impl Endurance {
         Some(groups.iter().map(seconds).fold(0.0, f64::max))
     }
 
-    /// How long it takes at most until the drones named are home from where they are taken to be;
-    /// `homes` holds the home of every drone of the traffic. None where there is no permitted way.
+    /// Returns an upper bound of the time until the drones named are home from where they are taken
+    /// to be; `homes` holds the home of every drone of the traffic. `None` where there is no
+    /// permitted way.
     #[must_use]
     pub fn return_s(
         &self,
@@ -153,9 +155,10 @@ impl Endurance {
         self.flights_s(traffic, &drones.iter().map(flight).collect::<Option<Vec<_>>>()?)
     }
 
-    /// How long it takes at most to fly to a formation, to listen there for `turn_s` seconds, and
-    /// to return home from there: what must be left before the formation departs. On the way out
-    /// targets are kept away from as [`Traffic::depart`] does, on the way home they are not.
+    /// Returns an upper bound of the time to fly to a formation, to listen there for `turn_s`
+    /// seconds, and to return home from there: the time needed before the formation departs. On the
+    /// way out targets are kept away from as [`Traffic::depart`] does, on the way home they are
+    /// not.
     #[must_use]
     pub fn round_s(
         &self,

@@ -7,15 +7,15 @@ use super::ground::Region;
 /// An order to a drone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Order {
-    /// Which one.
+    /// Index of the drone.
     pub drone: usize,
-    /// Where it shall fly, straight from where it is; East, North and Up in metres.
+    /// Place to fly to, straight from where it is; East, North and Up in metres.
     pub to: Vector3<f64>,
-    /// Why.
+    /// The reason.
     pub reason: OrderReason,
 }
 
-/// Why a drone is to fly somewhere.
+/// Reason that a drone is to fly somewhere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
@@ -34,14 +34,14 @@ pub enum OrderReason {
     Return,
     /// It took the goal of another drone of its formation, to which its way is free.
     Exchanged {
-        /// Which one, that goes to its former goal instead.
+        /// Index of the drone that goes to its former goal instead.
         with: usize,
     },
     /// It flies aside to let others pass, and to its goal afterwards.
     Aside,
 }
 
-/// How far a drone has come.
+/// Progress of a drone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
@@ -56,27 +56,27 @@ pub enum Travel {
     Blocked,
 }
 
-/// Where a drone is sent, and under which rules.
+/// Goal of a drone, and the rules for it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Task {
     pub(super) goal: Vector3<f64>,
-    /// Whether targets need not be kept away from, and the goal may lie below the band.
+    /// True if targets need not be kept away from, and the goal may lie below the band.
     pub(super) home: bool,
-    /// Whether it may exchange its goal with others of the formation.
+    /// True if it may exchange its goal with others of the formation.
     pub(super) formation: bool,
-    /// Whether it has flown aside for others already.
+    /// True if it has flown aside for others already.
     pub(super) aside: bool,
 }
 
 /// One drone: where it is, and what is reserved for it.
 #[derive(Clone, Debug)]
 pub(super) struct Flight {
-    /// What is left of its way, at least one place: the first is where it is taken to be, within
-    /// the tolerance; the second is where it is ordered to fly next.
+    /// Rest of its way, at least one place: the first is where it is taken to be, within the
+    /// tolerance; the second is where it is ordered to fly next.
     way: Vec<Vector3<f64>>,
-    /// Where the last order that it accepted led it, and the one before.
+    /// Places where the last accepted order led it, and the one before.
     ordered: [Vector3<f64>; 2],
-    /// What it may be flying along instead, until it is located again.
+    /// Leg that it may be flying along instead, until it is located again.
     former: Option<[Vector2<f64>; 2]>,
     /// Its last order was not accepted.
     unsent: bool,
@@ -91,7 +91,7 @@ pub(super) struct Flight {
     given_up: bool,
 }
 
-/// Where a drone is on its line.
+/// Position of a drone on its line.
 pub(super) enum Located {
     /// It is where it should be, and that many metres of its line are released.
     OnLine(f64),
@@ -117,18 +117,18 @@ impl Flight {
         }
     }
 
-    /// Where it is taken to be.
+    /// Returns the place where it is taken to be.
     pub(super) fn place(&self) -> Vector3<f64> {
         self.way[0]
     }
 
-    /// Where its reserved way ends.
+    /// Returns the end of its reserved way.
     pub(super) fn end(&self) -> Vector3<f64> {
         self.way[self.way.len() - 1]
     }
 
-    /// Whether it flies, or may be flying because it has not been located since it was to stop. One
-    /// that was given up does not count.
+    /// Returns true if it flies, or may be flying because it has not been located since it was to
+    /// stop. One that was given up does not count.
     pub(super) fn flies(&self) -> bool {
         !self.given_up && (self.way.len() > 1 || self.former.is_some())
     }
@@ -160,8 +160,8 @@ impl Flight {
         }
     }
 
-    /// Whether a way may be added to the end of its line. Not where it was to stop at once and has
-    /// not been located since: it would fly there from wherever it is.
+    /// Returns true if a way may be added to the end of its line. Not where it was to stop at once
+    /// and has not been located since: it would fly there from wherever it is.
     pub(super) fn may_extend(&self) -> bool {
         self.way.len() > 1 || self.former.is_none()
     }
@@ -178,7 +178,7 @@ impl Flight {
         region
     }
 
-    /// Whether it has somewhere to go and is not on its way there.
+    /// Returns true if it has somewhere to go and is not on its way there.
     pub(super) fn waits(&self) -> bool {
         self.task.is_some_and(|task| (task.goal - self.end()).norm() > 1e-9)
     }
@@ -215,7 +215,7 @@ impl Flight {
         straight.then_some((distance - 0.5 * tolerance) / speed)
     }
 
-    /// Whether the leg that it was ordered to leave is released when it is next located.
+    /// Returns true if the leg that it was ordered to leave is released when it is next located.
     pub(super) fn turns(&self) -> bool {
         self.former.is_some() && self.due.is_none()
     }

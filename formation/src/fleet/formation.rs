@@ -9,7 +9,7 @@ use super::{
     way::{Surroundings, length_over_ground},
 };
 
-/// Which drone flies to which place of a formation.
+/// Assignment of drones to the places of a formation.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Formation {
     /// The drones that take part.
@@ -32,15 +32,15 @@ impl Formation {
 pub struct Moved {
     /// The drone that goes there.
     pub drone: usize,
-    /// Where it was wanted.
+    /// The wanted place.
     pub wanted: Vector3<f64>,
-    /// Where it goes instead.
+    /// The place that it goes to instead.
     pub goal: Vector3<f64>,
-    /// Why.
+    /// The reason.
     pub reason: MovedReason,
 }
 
-/// Why a place of a formation was moved: the first of these that it was against.
+/// Reason that a place of a formation was moved: the first of these that it was against.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
@@ -65,7 +65,7 @@ pub enum MovedReason {
 struct Found {
     wanted: Vector3<f64>,
     goal: Vector3<f64>,
-    /// Why it is not where it was wanted, if it is not.
+    /// Reason that it is not where it was wanted, if it is not.
     moved: Option<MovedReason>,
 }
 
@@ -120,8 +120,8 @@ pub(super) fn homes(airspace: &Airspace, keep: f64, starts: &[Vector3<f64>]) -> 
     starts.iter().map(home).collect()
 }
 
-/// Why a drone may not rest where it is wanted; `resting` of the others are drones, the rest places
-/// of the formation.
+/// Returns the reason that a drone may not rest where it is wanted; `resting` of the others are
+/// drones, the rest places of the formation.
 fn reason(
     surroundings: &Surroundings<'_>,
     resting: usize,

@@ -9,7 +9,7 @@ use nalgebra::{Vector2, Vector3};
 /// Distances that differ by less than this, in metres, are the same.
 pub(super) const EXACT: f64 = 1e-9;
 
-/// How much farther than needed places are laid out, in metres, so that the ways between them
+/// Distance, in metres, that places are laid out farther than needed, so that the ways between them
 /// stand up to exact tests; more than the grid of the polygon operations.
 pub(super) const SLACK: f64 = 2e-3;
 

@@ -18,11 +18,11 @@ const DETOUR: f64 = 1.2;
 
 /// The traffic of a fleet: who flies where, and which lines are reserved.
 ///
-/// Safe by construction, whatever the timing: a drone's *region* is what is left of its reserved
+/// Safe by construction, whatever the timing: a drone's *region* is the remainder of its reserved
 /// line, a point where it rests. It sets off only if its whole new line keeps the separation and
 /// twice the tolerance from the regions of all others. So no two drones come nearer than the
-/// separation, however slow they are, wherever they get stuck, and whether or not their places
-/// are known; all that a drone has to do is to stay within the tolerance of its line.
+/// separation, however slow they are, wherever they get stuck, and whether or not their places are
+/// known; all that a drone has to do is to stay within the tolerance of its line.
 #[derive(Clone, Debug)]
 pub struct Traffic {
     /// With the tolerance as its margin.
@@ -81,7 +81,7 @@ impl Traffic {
         })
     }
 
-    /// How many drones there are.
+    /// Returns the number of drones.
     #[must_use]
     pub fn drones(&self) -> usize {
         self.flights.len()
@@ -99,8 +99,8 @@ impl Traffic {
         &self.config
     }
 
-    /// Where the targets may be, for the void constraint. It holds for ways that are looked for
-    /// from now on; without it there is none.
+    /// Sets the targets' beliefs for the void constraint. It holds for ways that are looked for
+    /// from now on; without beliefs there is no constraint.
     pub fn believe<'a>(&mut self, targets: impl IntoIterator<Item = &'a dyn Belief>) {
         let constrained = targets.into_iter().filter(|_| self.config.void.is_some());
         self.clouds = constrained.map(Cloud::of).collect();
@@ -176,9 +176,10 @@ impl Traffic {
         Ok(formation::form(surroundings, drones, &starts, places))
     }
 
-    /// Where drones can land that begin at `starts`: the nearest places to these, in their order,
-    /// that are permitted and far enough apart for all drones to rest there, at the altitudes of
-    /// `starts`. Where there is no room, the start itself, though its drone may find it blocked.
+    /// Returns the places to land for drones that begin at `starts`: the nearest places to these,
+    /// in their order, that are permitted and far enough apart for all drones to rest there, at the
+    /// altitudes of `starts`. Where there is no room, the start itself, though its drone may find
+    /// it blocked.
     #[must_use]
     pub fn homes(&self, starts: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
         formation::homes(&self.airspace, self.config.keep_m(), starts)
@@ -264,7 +265,7 @@ impl Traffic {
         Ok(())
     }
 
-    /// Which drones are to fly where now. Cheap as long as nothing has changed.
+    /// Returns the orders that are due now. Cheap as long as nothing has changed.
     pub fn step(&mut self) -> Vec<Order> {
         if self.changed || self.released > self.release_m() - EXACT {
             let thorough = core::mem::take(&mut self.changed);
@@ -284,7 +285,8 @@ impl Traffic {
         if self.changed || drones.len() != self.flights.len() {
             return None;
         }
-        let (mut least, mut speeds) = (f64::INFINITY, 0.0);
+        let mut least = f64::INFINITY;
+        let mut speeds = 0.0;
         for (flight, (place, velocity)) in self.flights.iter().zip(drones) {
             least = least.min(flight.undisturbed_s(place, velocity, self.config.tolerance_m)?);
             speeds += velocity.norm();
@@ -301,25 +303,25 @@ impl Traffic {
         0.25 * self.config.keep_m()
     }
 
-    /// How far a drone has come. One that does not exist is there.
+    /// Returns a drone's progress. One that does not exist is there.
     #[must_use]
     pub fn status(&self, drone: usize) -> Travel {
         self.flights.get(drone).map_or(Travel::There, Flight::travel)
     }
 
-    /// Where a drone is sent; None where it has no goal.
+    /// Returns the goal of a drone; `None` where it has no goal.
     #[must_use]
     pub fn goal(&self, drone: usize) -> Option<Vector3<f64>> {
         Some(self.flights.get(drone)?.task?.goal)
     }
 
-    /// Where a drone is taken to be, within the tolerance.
+    /// Returns the place where a drone is taken to be, within the tolerance.
     #[must_use]
     pub fn place(&self, drone: usize) -> Option<Vector3<f64>> {
         self.flights.get(drone).map(Flight::place)
     }
 
-    /// What is reserved for a drone: where it is taken to be, and what is left of its way.
+    /// Returns the reservation of a drone: its supposed place, and the rest of its way.
     #[must_use]
     pub fn reserved(&self, drone: usize) -> &[Vector3<f64>] {
         self.flights.get(drone).map_or(&[], Flight::way)
@@ -342,7 +344,7 @@ impl Traffic {
         Ok(())
     }
 
-    /// What a drone has to keep away from; without the drones named.
+    /// Returns the surroundings that a drone has to keep away from; without the drones named.
     pub(super) fn surroundings(&self, drone: usize, without: &[usize]) -> Surroundings<'_> {
         let others = self.flights.iter().enumerate();
         let others = others.filter(|(other, _)| *other != drone && !without.contains(other));
@@ -390,7 +392,8 @@ impl Traffic {
         if !home && !self.airspace.permits(&goal) {
             return;
         }
-        let (from, to) = (self.flights[drone].end().xy(), goal.xy());
+        let from = self.flights[drone].end().xy();
+        let to = goal.xy();
         let surroundings = self.surroundings(drone, &[]);
         let (way, reason) = if surroundings.first_leg(&from, &to) {
             (vec![to], OrderReason::Straight)

@@ -2,21 +2,21 @@ use foxhunt_core::parameter::{ParameterError, not_negative, positive, require};
 
 use super::{AirspaceError, Void};
 
-/// How far drones keep from one another. Lengths are metres over ground.
+/// Distances that drones keep from one another. Lengths are metres over ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct TrafficConfig {
     /// No two drones come nearer to each other than this, whatever their altitudes.
     pub separation_m: f64,
-    /// How far a drone may be from its line: half of it for where it arrives, since it is at a
+    /// Largest distance of a drone from its line: half of it for where it arrives, since it is at a
     /// place when it is within half of this, and half for how it strays from its straight flight,
     /// its GNSS's error included. Lines keep `separation_m + 2 tolerance_m` from one another, and
     /// `tolerance_m` from the fence and the keep-outs.
     pub tolerance_m: f64,
-    /// How far a drone flies on along its line after it is ordered to stop or to turn.
+    /// Distance that a drone flies on along its line after it is ordered to stop or to turn.
     pub stopping_m: f64,
-    /// How far drones keep from targets; not at all where absent.
+    /// Distance that drones keep from targets; not kept where absent.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub void: Option<Void>,
 }
@@ -41,15 +41,15 @@ impl TrafficConfig {
         Ok(())
     }
 
-    /// How far the lines of two drones keep from each other, and so their goals: the separation and
-    /// twice the tolerance, in metres.
+    /// Returns the distance that the lines of two drones keep from each other, and so their goals:
+    /// the separation and twice the tolerance, in metres.
     #[must_use]
     pub fn keep_m(&self) -> f64 {
         self.separation_m + 2.0 * self.tolerance_m
     }
 }
 
-/// Why the traffic refuses something.
+/// Reason that the traffic refuses something.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TrafficError {
@@ -69,15 +69,15 @@ pub enum TrafficError {
         first: usize,
         /// The other.
         second: usize,
-        /// How far they are apart over ground, in metres.
+        /// Distance between them over ground, in metres.
         distance_m: f64,
-        /// How far they have to be.
+        /// Distance required, in metres.
         separation_m: f64,
     },
     /// A drone begins where it must not be.
     #[error("drone {drone} begins at ({east}, {north}, {up}) m, outside the airspace")]
     Outside {
-        /// Which one.
+        /// Index of the drone.
         drone: usize,
         /// Its East in metres.
         east: f64,
@@ -89,7 +89,7 @@ pub enum TrafficError {
     /// A place that is not finite.
     #[error("drone {drone}'s place ({east}, {north}, {up}) m is not finite")]
     NotFinite {
-        /// For which drone.
+        /// Index of the drone.
         drone: usize,
         /// Its East.
         east: f64,
@@ -101,17 +101,17 @@ pub enum TrafficError {
     /// There is no such drone, or it was named twice.
     #[error("there is no drone {drone}, or it is named twice; there are {drones}, counted from 0")]
     Drone {
-        /// Which one was named.
+        /// The index that was named.
         drone: usize,
-        /// How many there are.
+        /// Number of drones.
         drones: usize,
     },
     /// Not as many places as drones.
     #[error("there are {places} places for {drones} drones")]
     Places {
-        /// How many places.
+        /// Number of places.
         places: usize,
-        /// How many drones.
+        /// Number of drones.
         drones: usize,
     },
 }

@@ -11,10 +11,10 @@ use crate::spiral::spiral;
 /// Gaussian of these moments replaces it.
 const FEWEST_PLACES: usize = 16;
 
-/// How many places a Gaussian is replaced by.
+/// Number of places that replace a Gaussian.
 const GAUSSIAN_PLACES: u32 = 200;
 
-/// How far drones keep from a target whose place is only believed: the probability that it is
+/// Distance that drones keep from a target whose place is only believed: the probability that it is
 /// within `radius_m` of a drone's place or way over ground is at most `probability` (the void
 /// constraint of Beard, Vo, Vo & Arulampalam 2017, on weighted samples of the belief; where it
 /// shows fewer than 16, on 200 of the Gaussian that has its moments).
@@ -28,7 +28,7 @@ pub struct Void {
     pub probability: f64,
 }
 
-/// Where a target may be.
+/// Places where a target may be.
 #[derive(Clone, Debug)]
 pub(super) struct Cloud {
     places: Vec<(Point<f64>, f64)>,
@@ -77,7 +77,8 @@ impl Cloud {
         for (place, weight) in &self.places {
             let off = Vector2::new(place.x(), place.y()) - from;
             let half = libm::sqrt(radius * radius - along.perp(&off).powi(2));
-            let (enter, leave) = (along.dot(&off) - half, along.dot(&off) + half);
+            let enter = along.dot(&off) - half;
+            let leave = along.dot(&off) + half;
             // Where the way misses the place these are no numbers.
             if enter < length && leave > 0.0 {
                 if enter < 0.0 {
@@ -90,7 +91,8 @@ impl Cloud {
         }
         // What is left goes before what is come to: within is nearer than the radius.
         changes.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        let (mut near, mut most) = (first, first);
+        let mut near = first;
+        let mut most = first;
         for (_, change) in changes {
             near += change;
             most = most.max(near);
@@ -105,7 +107,8 @@ impl Void {
         clouds.iter().all(|cloud| cloud.near(&way, self.radius_m) <= self.probability)
     }
 
-    /// Whether a way leads out: no place on it is nearer to the target than its beginning is.
+    /// Returns true if a way leads out: no place on it is nearer to the target than its beginning
+    /// is.
     pub(super) fn leaves(&self, clouds: &[Cloud], from: &Vector2<f64>, to: &Vector2<f64>) -> bool {
         if !self.permits(clouds, to, to) {
             return false;
@@ -125,7 +128,8 @@ impl Void {
             for out in ring_about(&cloud.centre, far, 16) {
                 bends.push(out);
                 // The permitted place nearest to the centre on this ray.
-                let (mut inside, mut outside) = (0.0, 1.0);
+                let mut inside = 0.0;
+                let mut outside = 1.0;
                 for _ in 0..12 {
                     let middle = 0.5 * (inside + outside);
                     let place = cloud.centre.lerp(&out, middle);

@@ -9,7 +9,7 @@ use super::{
     void::Cloud,
 };
 
-/// What a drone has to keep away from on its way.
+/// Surroundings that a drone has to keep away from on its way.
 pub(super) struct Surroundings<'a> {
     /// With the margin that is kept.
     pub(super) airspace: &'a Airspace,
@@ -17,19 +17,19 @@ pub(super) struct Surroundings<'a> {
     pub(super) others: Vec<Region>,
     /// … and how far it keeps from them.
     pub(super) keep: f64,
-    /// How far it keeps from targets.
+    /// Constraint on the distance from targets.
     pub(super) void: Option<(Void, &'a [Cloud])>,
 }
 
 impl Surroundings<'_> {
-    /// Whether a drone may rest at a place.
+    /// Returns true if a drone may rest at a place.
     pub(super) fn permit(&self, place: &Vector2<f64>) -> bool {
         self.airspace.holds(place)
             && self.others.iter().all(|other| other.distance_to(place) >= self.keep - EXACT)
             && self.void.is_none_or(|(void, clouds)| void.permits(clouds, place, place))
     }
 
-    /// Whether a drone may fly straight from one place to another.
+    /// Returns true if a drone may fly straight from one place to another.
     fn leg(&self, from: &Vector2<f64>, to: &Vector2<f64>) -> bool {
         let way = line(from, to);
         self.others.iter().all(|other| other.distance(&way) >= self.keep - EXACT)
@@ -37,8 +37,9 @@ impl Surroundings<'_> {
             && self.void.is_none_or(|(void, clouds)| void.permits(clouds, from, to))
     }
 
-    /// Whether a drone may fly its first leg straight. Where the drone is nearer to something than
-    /// it should be it may fly away from it, to a place where it may rest, but no nearer.
+    /// Returns true if a drone may fly its first leg straight. Where the drone is nearer to
+    /// something than it should be it may fly away from it, to a place where it may rest, but no
+    /// nearer.
     pub(super) fn first_leg(&self, from: &Vector2<f64>, to: &Vector2<f64>) -> bool {
         let way = line(from, to);
         let clear = self
@@ -84,9 +85,11 @@ impl Surroundings<'_> {
         let length = |a: usize, b: usize| micrometres((places[a] - places[b]).norm());
         let next = |&here: &usize| {
             let there = (1..places.len()).filter(move |&there| there != here);
-            let (places, length) = (&places, &length);
+            let places = &places;
+            let length = &length;
             there.filter_map(move |there| {
-                let (a, b) = (&places[here], &places[there]);
+                let a = &places[here];
+                let b = &places[there];
                 let clear = if here == 0 { self.first_leg(a, b) } else { self.leg(a, b) };
                 clear.then(|| (there, length(here, there)))
             })
@@ -110,7 +113,7 @@ impl Surroundings<'_> {
     }
 }
 
-/// How far it is from one place to the next, over ground.
+/// Returns the length over ground of a way from one place to the next.
 pub(super) fn length_over_ground(from: &Vector2<f64>, way: &[Vector2<f64>]) -> f64 {
     let before = core::iter::once(from).chain(way);
     before.zip(way).map(|(a, b)| (b - a).norm()).sum()
@@ -126,13 +129,15 @@ pub(super) fn with_altitudes(
     way: &[Vector2<f64>],
 ) -> Vec<Vector3<f64>> {
     let at = |ground: &Vector2<f64>, up: f64| Vector3::new(ground.x, ground.y, up);
-    let (first, last) = (airspace.altitude(from.z), airspace.altitude(goal_up));
+    let first = airspace.altitude(from.z);
+    let last = airspace.altitude(goal_up);
     let mut places = vec![];
     if (first - from.z).abs() > EXACT {
         places.push(at(&from.xy(), first));
     }
     let total = length_over_ground(&from.xy(), way);
-    let (mut here, mut flown) = (from.xy(), 0.0);
+    let mut here = from.xy();
+    let mut flown = 0.0;
     for (index, place) in way.iter().enumerate() {
         flown += (place - here).norm();
         here = *place;

@@ -2,7 +2,7 @@ use core::f64::consts::{FRAC_PI_2, FRAC_PI_6};
 
 use foxhunt_core::parameter::{ParameterError, finite, require};
 
-/// How high a drone flies at a horizontal distance from where the target is believed to be.
+/// Altitude of a drone at a horizontal distance from where the target is believed to be.
 ///
 /// Near and high spoils bearings: from the target, a drone stays below a limit of elevation, in
 /// which the antenna's horizontal pattern still holds and the level still depends on the distance.
@@ -29,7 +29,7 @@ impl Default for AltitudeRule {
 }
 
 impl AltitudeRule {
-    /// Whether the rule can be kept.
+    /// Checks that the rule can be kept.
     ///
     /// # Errors
     ///

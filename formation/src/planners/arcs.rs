@@ -22,18 +22,18 @@ use crate::shape::number;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct ArcsConfig {
-    /// Each move makes the distance to the estimate so many times itself; above 0 and below 1.
+    /// Factor of each move on the distance to the estimate; above 0 and below 1.
     pub shrink: f64,
-    /// How far each move goes round the estimate, in radians counter-clockwise; not 0.
+    /// Angle of each move round the estimate, in radians counter-clockwise; not 0.
     pub turn_rad: f64,
-    /// How far neighbours are apart along their circle about the estimate, in metres, where the
-    /// circle has room for that; else they are spread evenly around it.
+    /// Distance of neighbours along their circle about the estimate, in metres, where the circle
+    /// has room for that; else they are spread evenly around it.
     pub spacing_m: f64,
     /// The distance to the estimate over ground, in metres, that the approach ends at.
     pub standoff_m: f64,
-    /// How high they fly.
+    /// Rule for the altitude.
     pub altitude: AltitudeRule,
-    /// When they have finished.
+    /// Rule that ends the search.
     pub settling: SettlingRule,
 }
 
@@ -170,7 +170,9 @@ mod tests {
         let mut arcs = arcs();
         arcs.begin(&mut drone).expect("a drone");
         assert!((drone[0].goal.position - nalgebra::Vector3::new(0.0, 0.0, 4.0)).norm() < 1e-12);
-        let (mut distance, mut towards, mut sigma) = (100.0, core::f64::consts::PI, 50.0);
+        let mut distance = 100.0;
+        let mut towards = core::f64::consts::PI;
+        let mut sigma = 50.0;
         for _ in 0..9 {
             arrive(&mut drone);
             sigma *= 0.9;
@@ -187,7 +189,8 @@ mod tests {
         let mut drones = stations::<3>();
         let mut target = Shrinking::towards(300.0, 100.0);
         let truth = Vector2::new(300.0, 100.0);
-        let (mut nearest, mut farthest) = (f64::INFINITY, 0.0_f64);
+        let mut nearest = f64::INFINITY;
+        let mut farthest = 0.0_f64;
         let end = target.search(&mut arcs(), &mut drones, |_, drones| {
             let goal = |drone: usize| drones[drone].goal.position.xy();
             for apart in [(goal(0) - goal(1)).norm(), (goal(1) - goal(2)).norm()] {

@@ -23,9 +23,9 @@ pub struct Emulate<P> {
     planner: P,
     /// The virtual drones; empty where there are real ones enough.
     stations: Vec<Station>,
-    /// Which of them were listened from, or are being listened from.
+    /// True for each that was listened from, or is being listened from.
     visited: Vec<bool>,
-    /// Those that real drones have been sent to last.
+    /// Indices of the ones that real drones have been sent to last.
     under_way: Vec<usize>,
     wanted: usize,
     stage: Stage,
@@ -36,7 +36,7 @@ impl<P: FormationPlanner> Emulate<P> {
     ///
     /// # Errors
     ///
-    /// [`ParameterError`] when that is none, or more than 64.
+    /// [`ParameterError`] when that is zero, or more than 64.
     pub fn new(planner: P, drones: usize) -> Result<Self, ParameterError> {
         let in_range = (1..=MOST).contains(&drones);
         require(in_range, "virtual_drones", as_value(drones), "from 1 to 64")?;
@@ -83,7 +83,8 @@ impl<P: FormationPlanner> Emulate<P> {
     /// The virtual drones after the real ones have listened, and which of them have been visited.
     /// The drones may have exchanged their goals: each place goes to the nearest of them.
     fn listened(&self, stations: &[Station]) -> (Vec<Station>, Vec<bool>) {
-        let (mut places, mut visited) = (self.stations.clone(), self.visited.clone());
+        let mut places = self.stations.clone();
+        let mut visited = self.visited.clone();
         let mut under_way = self.under_way.clone();
         let mut there: Vec<usize> = (0..stations.len()).collect();
         let distance = |&(place, drone): &(usize, usize)| {
@@ -127,7 +128,7 @@ impl<P: FormationPlanner> Emulate<P> {
         }
     }
 
-    /// Goes on to the places that are left; where there are none, plans the next ones.
+    /// Goes on to the remaining places; without any, plans the next ones.
     fn next(
         &mut self,
         stations: &mut [Station],
@@ -144,7 +145,7 @@ impl<P: FormationPlanner> Emulate<P> {
         Ok(self.decided(decision))
     }
 
-    /// Starts anew.
+    /// Starts again.
     fn start(
         &mut self,
         stations: &mut [Station],
@@ -235,7 +236,8 @@ mod tests {
     #[test]
     fn one_drone_flies_the_triangle_of_three() {
         let belief = |sigma| Estimate::isotropic(Vector2::new(20.0, 10.0), sigma);
-        let (mut planner, mut alone) = (emulated(), stations::<1>());
+        let mut planner = emulated();
+        let mut alone = stations::<1>();
         planner.begin(&mut alone).expect("a drone");
         let mut three = [alone[0]; 3];
         let mut reference = follow();
@@ -265,7 +267,8 @@ mod tests {
 
     #[test]
     fn two_share_the_places_and_three_need_nothing_of_it() {
-        let (mut planner, mut pair) = (emulated(), stations::<2>());
+        let mut planner = emulated();
+        let mut pair = stations::<2>();
         planner.begin(&mut pair).expect("drones");
         let apart = |pair: &[Station; 2]| (pair[0].goal.position - pair[1].goal.position).norm();
         assert!(apart(&pair) > 10.0);
@@ -276,8 +279,10 @@ mod tests {
         assert!(pair.iter().any(|s| (s.goal.position - s.pose.position).norm() < 1e-12));
         assert!(apart(&pair) > 10.0);
 
-        let (mut all, mut expected) = (stations::<3>(), stations::<3>());
-        let (mut planner, mut reference) = (emulated(), follow());
+        let mut all = stations::<3>();
+        let mut expected = stations::<3>();
+        let mut planner = emulated();
+        let mut reference = follow();
         planner.begin(&mut all).expect("drones");
         reference.begin(&mut expected).expect("drones");
         for _ in 0..5 {
@@ -354,7 +359,8 @@ mod tests {
         assert!(planner.resume(&nowhere, &mut alone).is_err());
         assert_eq!(planner, before);
         arrive(&mut alone);
-        let (at, again) = (alone, planner.clone());
+        let at = alone;
+        let again = planner.clone();
         assert!(planner.plan(&nowhere, &mut alone).is_err());
         assert_eq!((planner.clone(), alone), (again, at));
         planner.plan(&belief, &mut alone).expect("a place");

@@ -13,7 +13,7 @@ pub(crate) struct Shrinking {
     estimate: Estimate<2>,
 }
 
-/// How a search ended.
+/// End of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct End {
     pub(crate) outcome: Outcome,

@@ -26,9 +26,9 @@ pub struct FollowConfig {
     pub settled_m: f64,
     /// … and at least this many formation positions were measured.
     pub least_positions: u32,
-    /// How many more formation positions are measured once it has settled.
+    /// Number of further formation positions measured once it has settled.
     pub finishing_positions: u32,
-    /// How far the formation turns before each of these.
+    /// Angle that the formation turns by before each of these.
     pub finishing_turn_rad: f64,
     /// The search ends with [`Outcome::MoveLimit`] after this many formation positions.
     pub most_positions: u32,
@@ -248,7 +248,8 @@ mod tests {
 
     #[test]
     fn the_reference_script() {
-        let (mut planner, mut stations) = (planner(), stations());
+        let mut planner = planner();
+        let mut stations = stations();
         planner.begin(&mut stations).expect("three drones");
         assert!((planner.centre() - Vector2::new(1.0, 1.0)).norm() < 1e-12);
         assert!((stations[0].goal.position.x - 7.0).abs() < 1e-12);
@@ -308,7 +309,8 @@ mod tests {
         let error = FollowEstimate::new(config).expect_err("no radius is negative");
         assert_eq!((error.name, error.value), ("circumradius_m", -1.0));
 
-        let (mut planner, mut stations) = (planner(), stations());
+        let mut planner = planner();
+        let mut stations = stations();
         planner.begin(&mut stations).expect("three drones");
         let before = (planner.clone(), stations);
         let error = planner.plan(&at(f64::NAN, 0.0), &mut stations);
@@ -320,7 +322,8 @@ mod tests {
     #[test]
     fn a_line_follows_as_well() {
         let line = Line::new(10.0).expect("a spacing");
-        let (mut planner, mut stations) = (planner().with_shape(line), stations());
+        let mut planner = planner().with_shape(line);
+        let mut stations = stations();
         planner.begin(&mut stations).expect("three drones");
         planner.plan(&at(20.0, 5.0), &mut stations).expect("a place");
         let goals = stations.map(|s| s.goal.position.xy());

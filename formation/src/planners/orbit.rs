@@ -21,12 +21,12 @@ use crate::shape::{Polygon, arrange_or_centre};
 pub struct OrbitConfig {
     /// From the estimate to each drone over ground, in metres.
     pub radius_m: f64,
-    /// How far the drones go round from one formation position to the next, in radians
+    /// Angle that the drones go round from one formation position to the next, in radians
     /// counter-clockwise; not 0.
     pub step_rad: f64,
-    /// How high they fly.
+    /// Rule for the altitude.
     pub altitude: AltitudeRule,
-    /// When they have finished.
+    /// Rule that ends the search.
     pub settling: SettlingRule,
 }
 

@@ -12,7 +12,7 @@ pub(crate) fn finite(place: Vector2<f64>) -> Result<Vector2<f64>, PlanError> {
     }
 }
 
-/// Where the middle of the drones is, of which there is at least one.
+/// Returns the centroid of the drones, of which there must be at least one.
 pub(crate) fn centroid(stations: &[Station]) -> Result<Vector2<f64>, PlanError> {
     if stations.is_empty() {
         return Err(PlanError::TooFew { needed: 1, have: 0 });

@@ -8,7 +8,7 @@ use nalgebra::Vector2;
 
 use crate::shape::number;
 
-/// When a search that circles its estimate is over: the estimate has settled, and the drones have
+/// Rule that ends a search that circles its estimate: the estimate has settled, and the drones have
 /// then been all around it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -19,8 +19,8 @@ pub struct SettlingRule {
     pub settled_m: f64,
     /// … and at least this many formation positions changed the belief.
     pub least_positions: u32,
-    /// How many rounds follow then; in one round the drones together pass every direction from
-    /// the estimate once.
+    /// Number of rounds that follow then; in one round the drones together pass every direction
+    /// from the estimate once.
     pub laps: u32,
     /// The search ends with [`Outcome::MoveLimit`] after this many formation positions.
     pub most_positions: u32,
@@ -35,7 +35,7 @@ impl Default for SettlingRule {
 }
 
 impl SettlingRule {
-    /// Whether the rule makes sense.
+    /// Checks that the rule makes sense.
     ///
     /// # Errors
     ///
@@ -50,12 +50,13 @@ impl SettlingRule {
 /// The drones are on their circle within this factor.
 const NEAR: f64 = 1.5;
 
-/// Whether drones at this mean distance to the estimate are on a circle about it, in metres.
+/// Returns true if drones at this mean distance to the estimate are on a circle about it, in
+/// metres.
 pub(crate) fn at_radius(mean_distance: f64, radius: f64) -> bool {
     mean_distance <= NEAR * radius
 }
 
-/// How far the drones are from a place over ground, on average, in metres.
+/// Returns the drones' mean distance from a place over ground, in metres.
 pub(crate) fn mean_distance(place: &Vector2<f64>, stations: &[Station]) -> f64 {
     let sum: f64 = stations.iter().map(|s| (s.pose.position.xy() - place).norm()).sum();
     sum / number(stations.len().max(1))
@@ -66,7 +67,7 @@ pub(crate) fn turning(name: &'static str, step_rad: f64) -> Result<f64, Paramete
     require(step_rad.is_finite() && step_rad.abs() > 0.0, name, step_rad, "finite and not 0")
 }
 
-/// How far a search is under a [`SettlingRule`].
+/// State of a search under a [`SettlingRule`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Settling {
     last: Option<Estimate<2>>,
@@ -151,7 +152,8 @@ mod tests {
 
     #[test]
     fn three_drones_pass_every_direction_in_four_steps() {
-        let (rule, mut settling) = (SettlingRule::default(), Settling::default());
+        let rule = SettlingRule::default();
+        let mut settling = Settling::default();
         let mut take = |estimate, near| settling.take(&rule, estimate, FRAC_PI_6, 3, near);
         assert_eq!(take(at(0.0, 5.0), true), Decision::Listen(Stage::Searching));
         assert_eq!(take(at(0.1, 4.0), true), Decision::Listen(Stage::Searching));
@@ -166,7 +168,8 @@ mod tests {
 
     #[test]
     fn a_round_is_done_near_the_estimate_only() {
-        let (rule, mut settling) = (SettlingRule::default(), Settling::default());
+        let rule = SettlingRule::default();
+        let mut settling = Settling::default();
         let mut take = |sigma, near| settling.take(&rule, at(0.0, sigma), FRAC_PI_6, 6, near);
         take(5.0, true);
         take(4.0, true);

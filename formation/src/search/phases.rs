@@ -36,7 +36,7 @@ impl fmt::Display for Phase {
     }
 }
 
-/// What moves a formation from one phase to the next.
+/// Event that moves a formation from one phase to the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Signal {
     /// A target is to be searched.

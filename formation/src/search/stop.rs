@@ -6,7 +6,7 @@ use foxhunt_core::{
 };
 use nalgebra::Vector2;
 
-/// When the search for a target is over, besides the rule of its planner. A rule that is absent
+/// Rules that end the search for a target, besides the rule of its planner. A rule that is absent
 /// stops nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -20,33 +20,33 @@ pub struct StopRules {
     /// A formation position moved the estimate by less than this, and `settled_positions` were
     /// measured: the rule of Pritzl 2018, §5.2.
     pub settled_m: Option<f64>,
-    /// How many positions are measured before the estimate can have settled; 3 where absent.
+    /// Number of positions measured before the estimate can have settled; 3 where absent.
     pub settled_positions: Option<u32>,
-    /// So many seconds have passed since the search began.
+    /// This many seconds have passed since the search began.
     pub time_s: Option<f64>,
-    /// All drones together have flown so far since the search began, in metres.
+    /// All drones together have flown this far since the search began, in metres.
     pub path_m: Option<f64>,
-    /// So many formation positions were measured.
+    /// This many formation positions were measured.
     pub positions: Option<u32>,
 }
 
-/// How far a search has come after a formation position.
+/// Progress of a search after a formation position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
     /// Seconds since the search began.
     pub time_s: f64,
-    /// How far all drones together have flown since then, in metres.
+    /// Distance that all drones together have flown since then, in metres.
     pub path_m: f64,
-    /// How many formation positions were measured.
+    /// Number of formation positions measured.
     pub positions: u32,
-    /// What is believed.
+    /// The present belief.
     pub estimate: Estimate<2>,
 }
 
-/// Why a search is over.
+/// Reason that a search is over.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stop {
-    /// How it ended.
+    /// Outcome of the search.
     pub outcome: Outcome,
     /// The figure that decided …
     pub value: f64,
@@ -67,11 +67,11 @@ pub struct StopWatch {
     rules: StopRules,
     /// Time, entropy and place after the position before.
     before: Option<(f64, f64, Vector2<f64>)>,
-    /// How many positions in a row taught too little.
+    /// Number of positions in a row that taught too little.
     poor: u32,
 }
 
-/// How many positions in a row have to teach too little: one may be bad luck.
+/// Number of positions in a row that have to teach too little: one may be bad luck.
 const POOR: u32 = 2;
 
 impl StopWatch {
@@ -81,7 +81,7 @@ impl StopWatch {
         Self { rules, before: None, poor: 0 }
     }
 
-    /// Why the search is over after one more formation position, if it is.
+    /// Returns the reason that the search is over after one more formation position, if it is.
     pub fn check(&mut self, progress: &Progress) -> Option<Stop> {
         let Progress { time_s, path_m, positions, estimate } = *progress;
         // The entropy but for its constant: half the logarithm of the determinant.
@@ -113,7 +113,8 @@ impl StopWatch {
         }
         let limit = rules.positions.map(f64::from);
         if let Some(limit) = limit.filter(|limit| f64::from(positions) >= *limit) {
-            let (value, rule) = (f64::from(positions), "formation positions");
+            let value = f64::from(positions);
+            let rule = "formation positions";
             return Some(Stop { outcome: Outcome::MoveLimit, value, limit, rule });
         }
         rules.budget(time_s, path_m)
@@ -121,7 +122,7 @@ impl StopWatch {
 }
 
 impl StopRules {
-    /// Why a search is over that has taken so many seconds and metres, whatever it has found.
+    /// Returns the reason that a search is over after this time and path, whatever it has found.
     #[must_use]
     pub fn budget(&self, time_s: f64, path_m: f64) -> Option<Stop> {
         let budgets = [
@@ -134,7 +135,7 @@ impl StopRules {
         })
     }
 
-    /// Whether the figure of every rule is a positive number.
+    /// Checks that the figure of every rule is a positive number.
     ///
     /// # Errors
     ///

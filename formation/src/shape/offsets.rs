@@ -3,8 +3,8 @@ use nalgebra::Vector2;
 
 use super::{Shape, number};
 
-/// How far from a single place the next copy of it is, in metres: the reference's
-/// circumradius (Pritzl 2018, §5.2).
+/// Distance from a single place to the next copy of it, in metres: the reference's circumradius
+/// (Pritzl 2018, §5.2).
 const ALONE_M: f64 = 6.0;
 
 /// Given places about the centre, in the order of the drones.
@@ -32,7 +32,8 @@ impl<C: AsRef<[Vector2<f64>]>> Offsets<C> {
         let count = number(given.len());
         require(!given.is_empty(), "offsets_m", count, "one place at least")?;
         let mut least = f64::INFINITY;
-        let (mut west, mut east) = (f64::INFINITY, f64::NEG_INFINITY);
+        let mut west = f64::INFINITY;
+        let mut east = f64::NEG_INFINITY;
         for (i, place) in given.iter().enumerate() {
             finite("offsets_m", place.x)?;
             finite("offsets_m", place.y)?;
@@ -52,7 +53,8 @@ impl<C: AsRef<[Vector2<f64>]>> Offsets<C> {
 impl<C: AsRef<[Vector2<f64>]>> Shape for Offsets<C> {
     fn offset(&self, index: usize, _count: usize) -> Vector2<f64> {
         let places = self.places.as_ref();
-        let (copy, place) = (index / places.len(), index % places.len());
+        let copy = index / places.len();
+        let place = index % places.len();
         // 0, 1 East, 1 West, 2 East, …
         let away = self.stride * number(copy.div_ceil(2));
         let east = if copy % 2 == 1 { away } else { -away };

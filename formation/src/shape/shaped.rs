@@ -1,7 +1,7 @@
 use foxhunt_core::{Station, Waypoint};
 use nalgebra::{Vector2, Vector3};
 
-/// How drones are arranged about the centre of their formation, for any number of them.
+/// Arrangement of drones about the centre of their formation, for any number of them.
 ///
 /// One method is required. A closure through [`shape_fn`] is a shape as well.
 ///
@@ -46,7 +46,8 @@ pub trait Shape {
         count: usize,
     ) -> Vector3<f64> {
         let offset = self.offset(index, count);
-        let (sin, cos) = (libm::sin(rotation), libm::cos(rotation));
+        let sin = libm::sin(rotation);
+        let cos = libm::cos(rotation);
         Vector3::new(
             centre.x + cos * offset.x - sin * offset.y,
             centre.y + sin * offset.x + cos * offset.y,

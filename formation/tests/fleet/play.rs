@@ -6,11 +6,11 @@ use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 
 use crate::world::world;
 
-/// Chaos ends after this many steps; everyone has arrived or is blocked after so many more.
+/// Steps after which chaos ends, and further steps until everyone has arrived or is blocked.
 const CHAOS: u32 = 600;
 const PATIENCE: u32 = 20_000;
 
-/// How many drones there were and how many ended blocked.
+/// Returns the number of drones, and how many ended blocked.
 fn episode(seed: u64) -> Option<(usize, usize)> {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
     let mut world = world(&mut rng)?;
@@ -36,7 +36,7 @@ fn episode(seed: u64) -> Option<(usize, usize)> {
     panic!("seed {seed}: not settled: {states:?}");
 }
 
-/// How many episodes were played, with how many drones, of which how many ended blocked.
+/// Returns the number of episodes played, of their drones, and of the drones that ended blocked.
 fn play(seeds: std::ops::Range<u64>) -> [usize; 3] {
     let (mut played, mut drones, mut blocked) = (0, 0, 0);
     for seed in seeds {

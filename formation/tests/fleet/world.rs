@@ -14,7 +14,7 @@ pub(crate) struct Drone {
     line: Vector3<f64>,
     stray: Vector2<f64>,
     goal: Vector3<f64>,
-    /// What it does after it has braked.
+    /// Next goal after it has braked, and the way to brake.
     next: Option<(Vector3<f64>, f64)>,
     pub(crate) speed: f64,
     stuck: u32,

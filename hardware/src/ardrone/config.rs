@@ -3,24 +3,24 @@ use std::io;
 use foxhunt_core::parameter::{FieldError, finite, in_range, positive, require};
 use serde::{Deserialize, Serialize};
 
-/// How an AR.Drone is flown, and where it stands at the beginning.
+/// Settings for the flight of an AR.Drone, and its place at the beginning.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ArDroneConfig {
-    /// Where it stands when the driver starts: its East in metres.
+    /// Its East in metres when the driver starts.
     pub east_m: f64,
     /// Its North in metres.
     pub north_m: f64,
-    /// Where its nose points when it is switched on, in degrees counter-clockwise from East: it
+    /// Direction of its nose when it is switched on, in degrees counter-clockwise from East: it
     /// counts its own yaw from there.
     pub heading_deg_ccw_from_east: f64,
-    /// How well that place is known, σ in metres.
+    /// Uncertainty of that place, σ in metres.
     pub start_sigma_m: f64,
-    /// How much of the way its own odometry is off, as a share of the way.
+    /// Error of its own odometry, as a share of the way.
     pub drift_share: f64,
-    /// How fast it is flown, in metres per second.
+    /// Speed of its flight, in metres per second.
     pub speed_mps: f64,
-    /// How fast it flies over ground with the most tilt that is ordered, in metres per second.
+    /// Speed over ground with the most tilt that is ordered, in metres per second.
     pub full_tilt_mps: f64,
     /// The fastest climb that is ordered, in metres per second (`control:control_vz_max`).
     pub climb_mps: f64,
@@ -34,7 +34,7 @@ pub struct ArDroneConfig {
     pub fence_radius_m: f64,
     /// Orders in a second. It hovers by itself without them.
     pub rate_hz: f64,
-    /// Without navdata for so long the link is lost, in seconds.
+    /// Time in seconds without navdata after which the link is lost.
     pub link_timeout_s: f64,
 }
 
@@ -62,7 +62,7 @@ impl Default for ArDroneConfig {
     }
 }
 
-/// Why an AR.Drone does not obey, or was sent no order.
+/// Error of an AR.Drone: why it does not obey, or was sent no order.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ArDroneError {
@@ -80,15 +80,15 @@ pub enum ArDroneError {
     /// It does not take our orders now.
     #[error("it takes no orders from us: {why}")]
     NotCommanded {
-        /// What is in the way.
+        /// Reason why it takes no orders.
         why: String,
     },
     /// A goal is out of the limits.
     #[error("{what} of {value} is not within {least} to {most}")]
     Limit {
-        /// Which number of it.
+        /// Name of the number.
         what: &'static str,
-        /// What it is.
+        /// Value of the number.
         value: f64,
         /// The limit below.
         least: f64,

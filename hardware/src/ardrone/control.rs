@@ -4,11 +4,11 @@ use nalgebra::{Vector2, Vector3};
 
 use super::ArDroneConfig;
 
-/// Where it is sent and how its nose is meant to be.
+/// Its ordered place and heading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Goal {
     pub(super) place: Vector3<f64>,
-    /// Where the nose points, in radians counter-clockwise from East; moved on while it turns.
+    /// Direction of the nose, in radians counter-clockwise from East; moved on while it turns.
     pub(super) heading: f64,
     /// Radians per second, counter-clockwise; 0 to hold the heading.
     pub(super) rate: f64,
@@ -17,7 +17,7 @@ pub(super) struct Goal {
 /// Speed wanted per metre of distance, per second.
 const PLACE_GAIN: f64 = 0.6;
 
-/// How much more tilt is ordered per metre per second of speed that is missing.
+/// Additional tilt per metre per second of speed that is missing.
 const SPEED_GAIN: f64 = 1.0;
 
 /// Climb wanted per metre of height, per second.

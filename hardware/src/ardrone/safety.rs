@@ -63,7 +63,8 @@ impl Drone {
     }
 
     fn take_orders(&mut self) -> Vec<(bool, bool)> {
-        let (mut into, mut bytes) = ([0; 4096], Vec::new());
+        let mut into = [0; 4096];
+        let mut bytes = Vec::new();
         loop {
             let count = self.ordered.receive(&mut into).expect("memory");
             let Some(more) = into.get(..count).filter(|more| !more.is_empty()) else { break };
@@ -79,7 +80,8 @@ impl Drone {
     }
 
     fn run(&mut self, seconds: f64) -> (AircraftState, Vec<(bool, bool)>) {
-        let (end, mut all) = (self.now.get() + seconds, Vec::new());
+        let end = self.now.get() + seconds;
+        let mut all = Vec::new();
         loop {
             let (state, sent) = self.tick();
             all.extend(sent);

@@ -13,19 +13,19 @@ use super::{
     vehicle::Phase,
 };
 
-/// After so long without navdata they are requested again, in seconds.
+/// Time in seconds without navdata after which they are requested again.
 const REQUEST_S: f64 = 0.5;
 
-/// How long a take-off may take besides twice the time of the climb, in seconds.
+/// Time that a take-off may take besides twice the time of the climb, in seconds.
 const TAKE_OFF_S: f64 = 10.0;
 
-/// How long after its order a take-off may begin, in seconds.
+/// Longest delay in seconds from the order of a take-off to its beginning.
 const UNDER_WAY_S: f64 = 2.0;
 
-/// How close is there, in metres.
+/// Distance in metres within which it is at its goal.
 const THERE_M: f64 = 0.4;
 
-/// What goes on by itself between one call and the next.
+/// The work that goes on by itself between one call and the next.
 impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
     /// Takes navdata and counts the way on.
     pub(super) fn receive(&mut self, now: f64) -> io::Result<()> {
@@ -46,7 +46,8 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
             if let Some(demo) = navdata.demo {
                 let dt = before.map_or(0.0, |(at, _)| (now - at).clamp(0.0, 0.5));
                 let (sin, cos) = self.heading().sin_cos();
-                let (forward, left) = (demo.forward_mps, -demo.right_mps);
+                let forward = demo.forward_mps;
+                let left = -demo.right_mps;
                 let over_ground =
                     Vector2::new(forward * cos - left * sin, forward * sin + left * cos);
                 // Of its climb it knows the height alone.
@@ -206,7 +207,7 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
         (self.phase, self.goal, self.land_until) = (Phase::Landing, None, now + UNDER_WAY_S);
     }
 
-    /// How long it may take up to there, in seconds.
+    /// Returns the longest time that a take-off to a height may take, in seconds.
     fn patience(&self, up: f64) -> f64 {
         TAKE_OFF_S + 2.0 * up / self.config.climb_mps
     }

@@ -34,18 +34,18 @@ pub struct ArDrone<A, N, C> {
     /// It is ordered to land until then, even if it does not seem to fly: its take-off may be on
     /// its way.
     pub(super) land_until: f64,
-    /// Why a take-off was given up.
+    /// Reason why a take-off was given up.
     pub(super) failure: String,
     pub(super) goal: Option<Goal>,
     pub(super) sent: f64,
     pub(super) requested: f64,
 }
 
-/// What was ordered of it, and how far that is.
+/// Stage of the last order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Phase {
     Idle,
-    /// Up to so many metres, begun at that time. An emergency from before it is ended by it; none
+    /// Climbs to `up` metres; begun at `since`. An emergency from before it is ended by it; not one
     /// that comes when it was `calm`.
     TakingOff {
         up: f64,
@@ -144,7 +144,8 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
     }
 
     pub(super) fn check_link(&self, now: f64) -> Result<(), ArDroneError> {
-        let (silent_s, limit_s) = (self.silent_s(now), self.config.link_timeout_s);
+        let silent_s = self.silent_s(now);
+        let limit_s = self.config.link_timeout_s;
         if silent_s > limit_s { Err(ArDroneError::Silent { silent_s, limit_s }) } else { Ok(()) }
     }
 

@@ -18,31 +18,31 @@ pub enum GnssKind {
     Gpsd,
 }
 
-/// How a GNSS receiver is read. Where it is reached, an endpoint, is given apart.
+/// Settings of a GNSS receiver. Its endpoint is given apart.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GnssConfig {
     /// Its protocol.
     pub kind: GnssKind,
-    /// How far its antenna is in front of the vehicle's middle, in metres.
+    /// Distance of its antenna in front of the vehicle's middle, in metres.
     pub antenna_forward_m: f64,
-    /// How far its antenna is to the left of the vehicle's middle, in metres.
+    /// Distance of its antenna to the left of the vehicle's middle, in metres.
     pub antenna_left_m: f64,
-    /// How far its antenna is above the vehicle's middle, in metres.
+    /// Height of its antenna above the vehicle's middle, in metres.
     pub antenna_up_m: f64,
     /// The most that the vehicle moves while fixes stay away, in metres per second: σ² grows by the
     /// square of this times the age of the fix.
     pub speed_mps: f64,
-    /// How old a fix may be, in seconds.
+    /// Greatest age of a fix, in seconds.
     pub stale_s: f64,
     /// After how much silence the receiver is set up again, in seconds.
     pub silent_s: f64,
     /// σ is never taken for less than this.
     pub floors: GnssFloors,
-    /// How much larger than the horizontal floor that of Up is.
+    /// Ratio of the floor of Up to the horizontal one.
     pub up_factor: f64,
-    /// Where a receiver does not report σ, it is the floor times this times the horizontal
-    /// dilution of precision.
+    /// Factor that gives σ where a receiver does not report it: the floor times this times the
+    /// horizontal dilution of precision.
     #[serde(alias = "untold_factor")]
     pub unreported_factor: f64,
     /// σ of Up in metres where a fix has no height of its own.
@@ -82,7 +82,7 @@ impl Default for GnssFloors {
 }
 
 impl GnssFloors {
-    /// That of a quality; `None` where there is no position.
+    /// Returns the floor of a quality; `None` without a position.
     #[must_use]
     pub fn of(&self, quality: FixQuality) -> Option<f64> {
         match quality {
@@ -117,11 +117,11 @@ impl Default for GnssConfig {
     }
 }
 
-/// What the dilution of precision is taken for where it is not reported.
+/// Dilution of precision that is assumed where it is not reported.
 const UNREPORTED_HDOP: f64 = 2.0;
 
 impl GnssConfig {
-    /// What reads the receiver.
+    /// Returns a decoder for the receiver's protocol.
     #[must_use]
     pub fn decoder(&self) -> Box<dyn GnssDecoder> {
         match self.kind {
@@ -131,7 +131,7 @@ impl GnssConfig {
         }
     }
 
-    /// Where the antenna is from the vehicle's middle: forward, left and up in metres.
+    /// Returns the antenna's place from the vehicle's middle: forward, left and up in metres.
     #[must_use]
     pub fn antenna(&self) -> Vector3<f64> {
         Vector3::new(self.antenna_forward_m, self.antenna_left_m, self.antenna_up_m)

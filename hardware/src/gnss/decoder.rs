@@ -66,10 +66,11 @@ use super::GnssFix;
 /// assert_eq!((fixes.len(), decoder.messages(), decoder.refused()), (1, 1, 0));
 /// ```
 pub trait GnssDecoder {
-    /// What it reads, such as `NMEA`.
+    /// Returns the name of its protocol, such as `NMEA`.
     fn name(&self) -> &'static str;
 
-    /// What the receiver is to be sent so that it sends fixes; empty where it does so by itself.
+    /// Returns the bytes to send to the receiver so that it sends fixes; empty if it does so by
+    /// itself.
     fn set_up(&self) -> Vec<u8>;
 
     /// Takes bytes; hands on each fix that they complete. A fix may be repeated when
@@ -79,10 +80,10 @@ pub trait GnssDecoder {
     /// Forgets what was begun and what came of the receiver: it may be another one now.
     fn reset(&mut self);
 
-    /// How many whole messages came until now, those included that are no fixes.
+    /// Returns the number of whole messages until now, including those without a fix.
     fn messages(&self) -> u64;
 
-    /// How many messages were refused until now: a wrong checksum, or not what they should be.
+    /// Returns the number of messages that were refused until now: a wrong checksum, or malformed.
     fn refused(&self) -> u64;
 }
 

@@ -1,6 +1,6 @@
 use std::io;
 
-/// Why there is no place of a GNSS receiver.
+/// Error of a GNSS receiver: why there is no place.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum GnssError {
@@ -10,15 +10,15 @@ pub enum GnssError {
     /// It has had no fix until now.
     #[error("the GNSS receiver has no fix yet{}", satellites.map_or(String::new(), |n| format!("; it uses {n} satellites")))]
     NoFix {
-        /// How many satellites it uses, where it reports that.
+        /// Number of satellites that it uses, where it reports that.
         satellites: Option<u32>,
     },
     /// The last fix is too old.
     #[error("the last GNSS fix is {age_s:.1} s old; at most {limit_s} s are allowed")]
     Stale {
-        /// How old it is, in seconds.
+        /// Age of the last fix, in seconds.
         age_s: f64,
-        /// How old it may be, in seconds.
+        /// Greatest age that is allowed, in seconds.
         limit_s: f64,
     },
 }

@@ -4,7 +4,7 @@ use foxhunt_wire::{ByteStream, FixQuality};
 use super::{GnssDecoder, GnssError, GnssKind, GnssPosition, GnssReceiver, Positioning};
 use crate::Finding;
 
-/// How long a receiver is given for a place, in seconds.
+/// Time that a receiver is given for a place, in seconds.
 const PATIENCE_S: f64 = 10.0;
 
 /// The most pauses, for a clock that stands still.
@@ -45,7 +45,8 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
 
     fn speech(&self) -> Finding {
         let name = self.decoder().name();
-        let (messages, refused) = (self.decoder().messages(), self.decoder().refused());
+        let messages = self.decoder().messages();
+        let refused = self.decoder().refused();
         let subject = "receiver";
         if messages > 0 && refused > messages / 10 {
             let text = format!("{name}, {messages} messages, {refused} more were damaged");

@@ -9,21 +9,21 @@ use nalgebra::Vector3;
 /// A receiver's solution of one moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GnssFix {
-    /// When, in seconds of UNIX time as the receiver has it; `None` while it does not know the
+    /// Time of the fix in seconds of UNIX time, by the receiver; `None` while it does not know the
     /// date.
     pub utc_s: Option<f64>,
-    /// Where its antenna is; `None` where there is no fix. The height of a [`flat`](Self::flat) fix
-    /// is that of the last one that had a height.
+    /// Place of its antenna; `None` without a fix. The height of a [`flat`](Self::flat) fix is that
+    /// of the last one that had a height.
     pub place: Option<Geodetic>,
-    /// Whether it has no height of its own: a 2D fix.
+    /// True if it has no height of its own: a 2D fix.
     pub flat: bool,
-    /// What it rests on.
+    /// Quality of the fix.
     pub quality: FixQuality,
     /// σ of East, North and Up in metres, as the receiver reports; `None` where it does not.
     pub sigma_m: Option<Vector3<f64>>,
-    /// How fast the antenna moves to East, North and Up in metres per second, where that is known.
+    /// Velocity of the antenna to East, North and Up in metres per second, where that is known.
     pub velocity_mps: Option<Vector3<f64>>,
-    /// How many satellites it uses, where it reports that.
+    /// Number of satellites that it uses, where it reports that.
     pub satellites: Option<u32>,
     /// The horizontal dilution of precision, where it reports that.
     pub hdop: Option<f64>,

@@ -12,7 +12,7 @@ use super::{
 /// The longest report that is read, in bytes; a sky of 150 satellites has 15 000.
 const LONGEST: usize = 32_768;
 
-/// How much older than its fix a GST may be, in seconds.
+/// Longest time by which a GST may precede its fix, in seconds.
 const GST_AGE_S: f64 = 2.0;
 
 /// Reads the JSON reports of gpsd (`gpsd_json(5)`): TPV, GST for σ, and SKY for satellites and
@@ -26,13 +26,13 @@ pub struct GpsdDecoder {
     reports: Reports,
 }
 
-/// What was reported until now.
+/// Values of the reports until now.
 #[derive(Clone, Copy, Debug, Default)]
 struct Reports {
     satellites: Option<u32>,
     hdop: Option<f64>,
     alt_m: Option<f64>,
-    /// When, and what σ.
+    /// Time and σ of the last GST.
     gst: Option<(f64, Vector3<f64>)>,
     messages: u64,
     refused: u64,
@@ -63,7 +63,7 @@ struct Tpv {
     alt_hae: Option<f64>,
     #[serde(rename = "altMSL")]
     alt_msl: Option<f64>,
-    /// What old versions call the height above the sea.
+    /// Height above the sea, as old versions call it.
     alt: Option<f64>,
     #[serde(rename = "geoidSep")]
     geoid_separation: Option<f64>,
@@ -73,7 +73,7 @@ struct Tpv {
     eph: Option<f64>,
     /// Over ground, in metres per second.
     speed: Option<f64>,
-    /// Where to, in degrees clockwise from true North.
+    /// Course over ground, in degrees clockwise from true North.
     track: Option<f64>,
     /// In metres per second.
     climb: Option<f64>,
@@ -191,7 +191,8 @@ impl Reports {
             (tpv.mode >= 2).then(|| Geodetic::new(tpv.lat?, tpv.lon?, self.alt_m.or(height)?).ok());
         let place = placed.flatten();
         let horizontal = tpv.eph.map(axis_of);
-        let (east, north) = (tpv.epx.or(horizontal), tpv.epy.or(horizontal));
+        let east = tpv.epx.or(horizontal);
+        let north = tpv.epy.or(horizontal);
         let up = tpv.epv.or(if flat { east } else { None });
         GnssFix {
             utc_s,
@@ -215,8 +216,8 @@ fn utc(text: Option<&str>) -> Option<f64> {
     Some(seconds(time.timestamp_millis()))
 }
 
-/// What a status means, in gpsd 3.20 and later; a position without one rests on the satellites
-/// alone.
+/// Returns the quality of a status, in gpsd 3.20 and later; a position without one rests on the
+/// satellites alone.
 fn quality(status: Option<u8>) -> FixQuality {
     match status {
         Some(2) => FixQuality::Differential,

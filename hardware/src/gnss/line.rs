@@ -3,9 +3,9 @@
 pub(super) struct Line {
     bytes: Vec<u8>,
     limit: usize,
-    /// What begins a line, and drops what came before it in the same line.
+    /// Byte that begins a line, and drops what came before it in the same line.
     begin: Option<u8>,
-    /// Whether this line has become too long: its rest means nothing.
+    /// True if this line has become too long: its rest means nothing.
     skips: bool,
 }
 

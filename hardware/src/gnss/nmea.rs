@@ -17,8 +17,8 @@ use super::{
 /// The longest sentence that is read, in bytes: what the crate takes.
 const LONGEST: usize = nmea::SENTENCE_MAX_LEN;
 
-/// How much older than its fix a GST or the velocity of an RMC may be, in seconds: the last one, at
-/// 1 Hz.
+/// Longest time by which a GST or the velocity of an RMC may precede its fix, in seconds: the last
+/// one, at 1 Hz.
 const COMPANION_AGE_S: f64 = 2.0;
 
 /// Metres per second in a knot.
@@ -39,16 +39,16 @@ pub struct NmeaDecoder {
     sentences: Sentences,
 }
 
-/// What has come until now.
+/// Values of the sentences until now.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sentences {
-    /// When the day of the last date began, in seconds of UNIX time, and the time of that day.
+    /// Beginning of the day of the last date, in seconds of UNIX time, and the time of that day.
     date: Option<(f64, f64)>,
-    /// Of which time of the day, and what σ.
+    /// Time of the day and σ of the last GST.
     gst: Option<(f64, Vector3<f64>)>,
-    /// Of which time of the day, and what velocity.
+    /// Time of the day and velocity of the last RMC.
     velocity: Option<(f64, Vector3<f64>)>,
-    /// Of which time of the day, and what fix.
+    /// Time of the day and fix of the last GGA.
     gga: Option<(f64, GnssFix)>,
     alt_m: Option<f64>,
     messages: u64,
@@ -208,14 +208,14 @@ impl Sentences {
     }
 }
 
-/// What another sentence holds, at a time of the day, unless it is too old then.
+/// Returns the value of another sentence at a time of the day, unless it is too old then.
 fn at(companion: Option<(f64, Vector3<f64>)>, time: f64) -> Option<Vector3<f64>> {
     let (of, value) = companion?;
     let age = (time - of).rem_euclid(DAY_S);
     (age <= COMPANION_AGE_S).then_some(value)
 }
 
-/// Whether it is a sentence by its checksum, whatever its content.
+/// Returns true if it is a sentence by its checksum, whatever its content.
 fn is_whole(text: &str) -> bool {
     let Some((body, sum_digits)) = text.strip_prefix('$').and_then(|rest| rest.split_once('*'))
     else {

@@ -13,12 +13,12 @@ pub struct Placed<V, G> {
     vehicle: V,
     gnss: G,
     frame: LocalFrame,
-    /// Where the antenna is from the vehicle's middle: forward, left and up.
+    /// Place of the antenna from the vehicle's middle: forward, left and up.
     antenna: Vector3<f64>,
     sigma: Option<Vector3<f64>>,
 }
 
-/// Why it is not known where a vehicle is, or why it did not obey.
+/// Error of a placed vehicle: its place is unknown, or it did not obey.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlacedError<E> {
@@ -135,7 +135,8 @@ mod tests {
 
     impl Positioning for Fixed {
         fn position(&mut self) -> Result<GnssPosition, GnssError> {
-            let (sigma_m, quality) = (Vector3::new(1.0, 2.0, 3.0), FixQuality::Autonomous);
+            let sigma_m = Vector3::new(1.0, 2.0, 3.0);
+            let quality = FixQuality::Autonomous;
             let velocity_mps = Some(Vector3::new(0.5, 0.0, 0.0));
             Ok(GnssPosition { place: self.0, sigma_m, velocity_mps, quality, age_s: 0.0 })
         }

@@ -3,19 +3,18 @@ use nalgebra::Vector3;
 
 use super::GnssError;
 
-/// Where a receiver's antenna is now, and how uncertain that is.
+/// Present place of a receiver's antenna, with its uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GnssPosition {
-    /// Where it was at the last fix.
+    /// Place at the last fix.
     pub place: Geodetic,
     /// σ of East, North and Up in metres now, with what may have happened since.
     pub sigma_m: Vector3<f64>,
-    /// How fast it moved to East, North and Up in metres per second at the last fix, where that is
-    /// known.
+    /// Velocity to East, North and Up in metres per second at the last fix, where that is known.
     pub velocity_mps: Option<Vector3<f64>>,
-    /// What the fix rests on.
+    /// Quality of the fix.
     pub quality: FixQuality,
-    /// How long ago the fix came, in seconds.
+    /// Age of the fix, in seconds.
     pub age_s: f64,
 }
 
@@ -49,8 +48,8 @@ pub struct GnssPosition {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub trait Positioning {
-    /// Where the antenna is now. Never blocks; to be called several times a second, because this is
-    /// when the receiver is listened to.
+    /// Returns the antenna's present place. Never blocks; to be called several times a second,
+    /// because this is when the receiver is listened to.
     ///
     /// # Errors
     ///

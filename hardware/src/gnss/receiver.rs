@@ -22,9 +22,9 @@ pub struct GnssReceiver<S, C, D> {
     clock: C,
     /// The last fix that had a place, and when it came.
     placed: Option<(GnssFix, f64)>,
-    /// What came last, with a place or without.
+    /// The last fix, with a place or without.
     last: Option<GnssFix>,
-    /// When a fix came last, or the receiver was set up.
+    /// Time at which a fix came last, or the receiver was set up.
     received_at: Option<f64>,
     connections: u32,
     bytes: u64,
@@ -117,22 +117,22 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
         Ok(())
     }
 
-    /// How it is read.
+    /// Returns the configuration.
     pub fn config(&self) -> &GnssConfig {
         &self.config
     }
 
-    /// What reads it.
+    /// Returns the decoder.
     pub fn decoder(&self) -> &D {
         &self.decoder
     }
 
-    /// What came last, with a place or without.
+    /// Returns the last fix, with a place or without.
     pub fn last(&self) -> Option<&GnssFix> {
         self.last.as_ref()
     }
 
-    /// How many bytes have come.
+    /// Returns the number of bytes that have come.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }

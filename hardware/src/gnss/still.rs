@@ -30,7 +30,8 @@ impl<G> StillVehicle<G> {
         Self { heading, ..self }
     }
 
-    /// Where its nose is from now on, in radians counter-clockwise from East; a compass knows.
+    /// Sets the direction of its nose from now on, in radians counter-clockwise from East; a
+    /// compass knows.
     pub fn set_heading(&mut self, heading: f64) {
         self.heading = heading;
     }

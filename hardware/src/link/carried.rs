@@ -8,10 +8,10 @@ use super::{
     envelope::Envelope,
 };
 
-/// What errors call it.
+/// Name of the link in errors.
 const OVER: &str = "messages";
 
-/// So many messages are looked at in one call, so that a flood of strangers does not hold up a
+/// Most messages that are looked at in one call, so that a flood of strangers does not hold up a
 /// node.
 const MOST_LOOKED_AT: usize = 1000;
 
@@ -87,8 +87,8 @@ pub struct CarriedFusion<C> {
 }
 
 impl<C: Carrier> CarriedFusion<C> {
-    /// The end of the one that fuses for so many drones. Without a key nothing is signed, and what
-    /// is signed is refused.
+    /// The end of the one that fuses, for a number of drones. Without a key nothing is signed, and
+    /// what is signed is refused.
     ///
     /// # Errors
     ///
@@ -118,7 +118,7 @@ struct ShownGoal {
     goal_m: [f64; 3],
 }
 
-/// How everyone is, as it is shown.
+/// Health of the drones and of the hunt, as it is shown.
 #[derive(Serialize)]
 struct ShownHealth<'a> {
     unix_s: f64,
@@ -173,7 +173,8 @@ impl<C: Carrier> FusionLink for CarriedFusion<C> {
     fn show(&mut self, view: &View) -> Result<(), LinkError> {
         let unix_s = view.at.since(super::UnixTime::default());
         for BeaconView { number, name, estimate } in &view.beacons {
-            let (mean, covariance) = (estimate.mean, estimate.covariance);
+            let mean = estimate.mean;
+            let covariance = estimate.covariance;
             let shown = ShownBeacon {
                 unix_s,
                 name,

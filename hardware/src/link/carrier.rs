@@ -2,7 +2,7 @@ use std::{cell::RefCell, collections::VecDeque, rc::Rc};
 
 use super::LinkError;
 
-/// What carries messages between a drone and the one that fuses as bytes, for [`CarriedDrone`] and
+/// A carrier of messages between a drone and the one that fuses as bytes, for [`CarriedDrone`] and
 /// [`CarriedFusion`]. Nothing waits; whatever is sent may be lost, late, doubled or a stranger's.
 ///
 /// A carrier that records what comes over another one:
@@ -45,7 +45,8 @@ pub trait Carrier {
     /// Any error of the carrier; the call may be repeated.
     fn send(&mut self, drone: usize, payload: Vec<u8>) -> Result<(), LinkError>;
 
-    /// The next bytes that have come, and on which drone's channel; `None` while there are none.
+    /// Returns the next bytes that have come, and the drone whose channel they came on, if any
+    /// have.
     ///
     /// # Errors
     ///
@@ -78,17 +79,18 @@ impl<C: Carrier + ?Sized> Carrier for Box<C> {
     }
 }
 
-/// How many messages are kept for an end that does not take them; the oldest are lost.
+/// Most messages that are kept for an end that does not take them; the oldest are lost.
 const MOST: usize = 10_000;
 
 type Queue = Rc<RefCell<VecDeque<(usize, Vec<u8>)>>>;
 
-/// One end of [`memory_carriers`]; a clone is the same end, begun anew.
+/// One end of [`memory_carriers`]; a clone shares its inbox.
 #[derive(Clone, Debug)]
 pub struct MemoryCarrier {
-    /// What comes to this end.
+    /// Messages to this end.
     inbox: Queue,
-    /// The inboxes of the other ends, each with its drone; one alone takes those of all drones.
+    /// Inboxes of the other ends, each with its drone; a single one takes the messages of all
+    /// drones.
     others: Rc<Vec<Queue>>,
 }
 

@@ -4,37 +4,37 @@ use serde::{Deserialize, Serialize};
 
 use super::UnixTime;
 
-/// How far a clock is off from that of the one that fuses.
+/// Offset of a clock from that of the one that fuses.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ClockOffset {
-    /// What is added to its times, in seconds.
+    /// Offset that is added to its times, in seconds.
     pub offset_s: f64,
     /// The true offset is no farther from that, in seconds, unless a clock drifts by more than
     /// 200 ppm.
     pub uncertainty_s: f64,
-    /// How often one of the two clocks was set since the node began.
+    /// Number of times that one of the two clocks was set since the node began.
     pub jumps: u32,
 }
 
-/// What comes back of a [`Status`](super::Status): with the times of the order that carries it, the
-/// four stamps of an exchange.
+/// Echo of a [`Status`](super::Status): with the times of the order that carries it, the four
+/// stamps of an exchange.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Echo {
-    /// When the drone sent it, by its own clock.
+    /// Time at which the drone sent it, by its own clock.
     pub sent: UnixTime,
-    /// When it was received, by the clock of the one that fuses.
+    /// Time at which it was received, by the clock of the one that fuses.
     pub received: UnixTime,
 }
 
-/// How fast a clock may drift from another: quartz is within 100 ppm in all weathers.
+/// Greatest drift of one clock from another: quartz is within 100 ppm in all weathers.
 const DRIFT: f64 = 200e-6;
 
-/// How far stamps may be rounded, in seconds.
+/// Greatest rounding of stamps, in seconds.
 const RESOLUTION_S: f64 = 0.001;
 
-/// So many of the last statuses are known again in an echo.
+/// Number of the last statuses that are known again in an echo.
 const MOST_SENT: usize = 256;
 
 /// Estimates how far the own clock is off from another one by exchanged stamps.
@@ -49,7 +49,7 @@ const MOST_SENT: usize = 256;
 /// middle of the bounds, its uncertainty half their distance.
 ///
 /// An exchange whose bounds lie outside can only come of a clock that was set: the estimate begins
-/// anew from it.
+/// again from it.
 ///
 /// ```
 /// use foxhunt_hardware::link::{ClockFilter, Echo, UnixTime};

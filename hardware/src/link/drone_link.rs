@@ -56,7 +56,7 @@ pub trait DroneLink {
     /// Any error of the link; the call may be repeated.
     fn send(&mut self, report: &Report) -> Result<(), LinkError>;
 
-    /// The next order that has come; `None` while there is none.
+    /// Returns the next order that has come, if one has.
     ///
     /// # Errors
     ///

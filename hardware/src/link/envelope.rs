@@ -8,13 +8,13 @@ const MOST_BYTES: usize = 65_536;
 /// No head of a message is longer, in bytes.
 const MOST_HEAD: usize = 256;
 
-/// So many earlier runs of the other end are known.
+/// Most earlier runs of the other end that are known.
 const MOST_RETIRED: usize = 10_000;
 
-/// What a message begins with.
+/// First word of a message.
 const HEAD: &str = "foxhunt1";
 
-/// What stands for the signature of a message that has none.
+/// Word in place of the signature of a message that has none.
 const UNSIGNED: &str = "unsigned";
 
 /// One node's end of the traffic with another one: signs what goes out, and takes of what comes in
@@ -50,7 +50,7 @@ pub(super) struct Envelope {
     refused: BTreeMap<Refusal, u64>,
 }
 
-/// Which counts came of the last 64.
+/// Record of which of the last 64 counts came.
 #[derive(Clone, Copy, Debug, Default)]
 struct Window {
     /// The largest.
@@ -106,7 +106,7 @@ impl<'a> Head<'a> {
     }
 }
 
-/// What is signed besides the body.
+/// Returns the head that is signed with the body.
 fn signed_head(channel: &str, session: u64, echo: u64, count: u64) -> String {
     format!("{HEAD} {channel} {session:016x} {echo:016x} {count}\n")
 }
@@ -143,7 +143,8 @@ impl Envelope {
 
     fn seal_for(&mut self, echo: u64, channel: &str, body: &[u8]) -> Vec<u8> {
         self.count += 1;
-        let (session, count) = (self.session, self.count);
+        let session = self.session;
+        let count = self.count;
         let signature = self.key.as_ref().map_or_else(
             || UNSIGNED.to_owned(),
             |key| key.sign(&[signed_head(channel, session, echo, count).as_bytes(), body]),
@@ -262,7 +263,8 @@ mod tests {
     fn nothing_counts_twice_or_from_before() {
         let key = key();
         let new = || Envelope::new(key.clone()).expect("randomness");
-        let (mut drone, mut fusion) = (new(), new());
+        let mut drone = new();
+        let mut fusion = new();
         meet(&mut drone, &mut fusion);
         let recorded = drone.seal(UP, b"old");
         assert_eq!(fusion.open(UP, &recorded), Ok(Some(&b"old"[..])));
@@ -317,7 +319,8 @@ mod tests {
     #[test]
     fn without_keys_two_ends_meet_when_both_have_none() {
         let new = || Envelope::new(None).expect("randomness");
-        let (mut drone, mut fusion) = (new(), new());
+        let mut drone = new();
+        let mut fusion = new();
         meet(&mut drone, &mut fusion);
     }
 
@@ -335,7 +338,8 @@ mod tests {
         #[test]
         fn a_window_takes_each_once(counts in proptest::collection::vec(1_u64..300, 1..400)) {
             let mut window = Window::default();
-            let (mut taken, mut last) = (std::collections::BTreeSet::new(), 0_u64);
+            let mut taken = std::collections::BTreeSet::new();
+            let mut last = 0_u64;
             for count in counts {
                 let expected = count + 64 > last && !taken.contains(&count);
                 prop_assert_eq!(window.take(count), expected, "{}", count);

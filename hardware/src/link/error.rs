@@ -1,6 +1,6 @@
 use super::Refusal;
 
-/// Why a link did not carry something.
+/// Error of a link that did not carry something.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LinkError {
@@ -9,7 +9,7 @@ pub enum LinkError {
     Open {
         /// By what it goes.
         over: &'static str,
-        /// What could not, such as a topic.
+        /// The part that could not be set up, such as a topic.
         what: String,
         /// The reason given.
         reason: String,
@@ -19,7 +19,7 @@ pub enum LinkError {
     Message {
         /// By what it goes.
         over: &'static str,
-        /// Which topic.
+        /// The topic.
         what: String,
         /// The reason given.
         reason: String,
@@ -27,28 +27,28 @@ pub enum LinkError {
     /// There is no such drone.
     #[error("there is no drone {drone}; there are {drones}, counted from 0")]
     Drone {
-        /// Which one was requested.
+        /// Requested drone.
         drone: usize,
-        /// How many there are.
+        /// Number of drones.
         drones: usize,
     },
-    /// Messages were refused, so many since the link was set up. It is reported for the first of
-    /// them, the tenth, the hundredth and so on.
+    /// Messages were refused. It is reported for the first of them since the link was set up, the
+    /// tenth, the hundredth and so on.
     #[error("{from}: {count} refused: {why}")]
     Refused {
         /// The channel that they came on, such as `drone_0/report`.
         from: String,
-        /// Why.
+        /// Reason.
         why: Refusal,
-        /// How many for this reason.
+        /// Number of refusals for this reason.
         count: u64,
     },
     /// A number cannot be sent this way.
     #[error("{field} is {value}, which cannot be sent")]
     Value {
-        /// Which number.
+        /// Name of the number.
         field: &'static str,
-        /// What it is.
+        /// Value of the number.
         value: String,
     },
 }

@@ -49,7 +49,7 @@ pub trait FusionLink {
     /// Any error of the link; the call may be repeated.
     fn send(&mut self, drone: usize, order: &Order) -> Result<(), LinkError>;
 
-    /// The next report that has come, and of which drone; `None` while there is none.
+    /// Returns the next report that has come, and the drone that sent it, if one has.
     ///
     /// # Errors
     ///

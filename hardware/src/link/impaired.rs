@@ -7,14 +7,15 @@ use foxhunt_core::{
 
 use super::{DroneLink, FusionLink, LinkError, Order, Report, View};
 
-/// How badly a link carries what is sent.
+/// Faults of a link.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Impairment {
-    /// How likely a message is lost, from 0 to 1.
+    /// Probability that a message is lost.
     pub loss: f64,
-    /// How likely one that is not comes twice, from 0 to 1.
+    /// Probability that one that is not lost comes twice.
     pub doubled: f64,
-    /// How late one may come, in seconds; each as late as it likes, so they overtake each other.
+    /// Greatest delay in seconds; delays are uniform below it, so that messages overtake each
+    /// other.
     pub late_s: f64,
 }
 
@@ -25,7 +26,7 @@ pub struct Impaired<L, C, D, M> {
     clock: C,
     draw: D,
     impairment: Impairment,
-    /// What is under way, and when it arrives.
+    /// Messages under way, each with the time at which it arrives.
     under_way: VecDeque<(f64, M)>,
 }
 
@@ -65,7 +66,7 @@ impl<L, C: Clock, D: FnMut() -> f64, M: Clone> Impaired<L, C, D, M> {
         }
     }
 
-    /// What has come to its end, the one sent first before the others.
+    /// Takes a message that has come to its end, the one sent first before the others.
     fn due(&mut self) -> Option<M> {
         let now = self.clock.now();
         let first = self.under_way.iter().position(|(due, _)| *due <= now)?;

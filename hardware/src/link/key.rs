@@ -8,10 +8,10 @@ use std::{
 use hmac::{Hmac, KeyInit, Mac};
 use sha2::Sha256;
 
-/// How many bytes a key has: as many as the digest, which is as strong as HMAC gets (RFC 2104).
+/// Number of bytes of a key: as many as the digest, which is as strong as HMAC gets (RFC 2104).
 const BYTES: usize = 32;
 
-/// What a key's file begins with.
+/// Beginning of a key's file.
 const HEAD: &str = "foxhunt-key-1 ";
 
 /// No file of a key is longer.
@@ -112,7 +112,8 @@ impl TeamKey {
         hexadecimal(&self.digest(parts).finalize().into_bytes())
     }
 
-    /// Whether these digits are the signature of the bytes; it takes as long whatever they are.
+    /// Returns true if these digits are the signature of the bytes; it takes as long whatever they
+    /// are.
     pub(super) fn verifies(&self, parts: &[&[u8]], signature: &str) -> bool {
         let digits = signature.as_bytes();
         let pairs = digits.chunks_exact(2);
@@ -138,7 +139,7 @@ fn hexadecimal(bytes: &[u8]) -> String {
     })
 }
 
-/// Why there is no key.
+/// Error of a key that cannot be made, read or written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum KeyError {
@@ -150,7 +151,7 @@ pub enum KeyError {
     File {
         /// The file.
         file: String,
-        /// Why not.
+        /// Error of the system.
         source: io::Error,
     },
     /// Others may read the file.

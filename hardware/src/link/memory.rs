@@ -2,14 +2,14 @@ use std::{cell::RefCell, collections::VecDeque, rc::Rc};
 
 use super::{DroneLink, FusionLink, LinkError, Order, Report};
 
-/// What is under way between the two sides.
+/// Messages under way between the two sides.
 #[derive(Debug, Default)]
 struct Wires {
     reports: VecDeque<(usize, Report)>,
     orders: Vec<VecDeque<Order>>,
 }
 
-/// How many messages are kept for a side that does not take them; the oldest are lost.
+/// Most messages that are kept for a side that does not take them; the oldest are lost.
 const MOST: usize = 10_000;
 
 /// A network within one program: a link for each drone, and the one of the side that fuses. It
@@ -22,14 +22,14 @@ pub fn memory_network(drones: usize) -> (Vec<MemoryDrone>, MemoryFusion) {
     ((0..drones).map(of).collect(), MemoryFusion { wires })
 }
 
-/// A drone's end of a [`memory_network`]; a clone is the same drone's, begun anew.
+/// A drone's end of a [`memory_network`]; a clone shares its queues.
 #[derive(Clone, Debug)]
 pub struct MemoryDrone {
     drone: usize,
     wires: Rc<RefCell<Wires>>,
 }
 
-/// The fusing end of a [`memory_network`]; a clone is the same end, begun anew.
+/// The fusing end of a [`memory_network`]; a clone shares its queues.
 #[derive(Clone, Debug)]
 pub struct MemoryFusion {
     wires: Rc<RefCell<Wires>>,

@@ -16,36 +16,36 @@ use serde::{Deserialize, Serialize};
 
 use super::{Carrier, LinkError};
 
-/// What errors call it.
+/// Name of the link in errors.
 const OVER: &str = "MQTT";
 
-/// How long a lost broker is left alone, in seconds.
+/// Pause before a lost broker is tried again, in seconds.
 const AGAIN_S: u64 = 1;
 
-/// After so many seconds without a packet the broker is taken for lost.
+/// Seconds without a packet after which the broker is taken for lost.
 const KEEP_ALIVE_S: u64 = 5;
 
-/// So many messages wait for the broker; what has no room is repeated.
+/// Most messages that wait for the broker; what has no room is repeated.
 const MOST_WAITING: usize = 100;
 
-/// So many messages of each drone wait to be taken; the oldest are lost.
+/// Most messages of each drone that wait to be taken; the oldest are lost.
 const MOST_KEPT: usize = 1000;
 
-/// No message that is larger is kept, in bytes.
+/// Most bytes of a message that are kept.
 const MOST_BYTES: usize = 70_000;
 
 /// A larger packet ends the connection, in bytes: the broker should let none through.
 const MOST_PACKET_BYTES: usize = 16 << 20;
 
-/// How a node joins an MQTT broker.
+/// Settings of a node at an MQTT broker.
 #[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MqttConfig {
-    /// Where the broker is: a name or an address.
+    /// Name or address of the broker.
     pub host: String,
     /// Its TCP port.
     pub port: u16,
-    /// What all topics begin with: teams that share a broker have different ones.
+    /// Beginning of all topics: teams that share a broker have different ones.
     pub prefix: String,
     /// The name and the password at the broker, where it wants them.
     pub login: Option<(String, String)>,
@@ -54,7 +54,8 @@ pub struct MqttConfig {
 impl Default for MqttConfig {
     /// A broker on this machine at port 1883 without a password; topics below `foxhunt`.
     fn default() -> Self {
-        let (host, prefix) = ("localhost".to_owned(), "foxhunt".to_owned());
+        let host = "localhost".to_owned();
+        let prefix = "foxhunt".to_owned();
         Self { host, port: 1883, prefix, login: None }
     }
 }
@@ -82,11 +83,11 @@ pub struct MqttCarrier {
     /// The last word of the topics that it sends on.
     out: &'static str,
     inbox: Arc<Inbox>,
-    /// Whose turn it was last.
+    /// Index of the drone whose turn was last.
     turn: usize,
 }
 
-/// What has come, for the thread that takes it.
+/// Messages that have come, for the thread that takes them.
 struct Inbox {
     /// The first of the drones whose messages come, counted from 0.
     first: usize,
@@ -98,7 +99,7 @@ struct Inbox {
 struct Kept {
     /// The messages of each drone, the oldest first.
     queues: Vec<VecDeque<Vec<u8>>>,
-    /// What has happened to the connection since the last call.
+    /// Trouble of the connection since the last call.
     trouble: Option<String>,
 }
 
@@ -128,7 +129,8 @@ impl MqttCarrier {
         Self::join(config, &format!("drone_{drone}"), ("report", "order"), drone, 1)
     }
 
-    /// Joins as the one that fuses for so many drones. A broker that is not there is waited for.
+    /// Joins as the one that fuses, for a number of drones. A broker that is not there is waited
+    /// for.
     ///
     /// # Errors
     ///
@@ -225,7 +227,7 @@ impl Carrier for MqttCarrier {
     }
 }
 
-/// What the thread of a connection works with.
+/// Data of a connection's thread.
 struct Serving {
     client: Client,
     broker: String,

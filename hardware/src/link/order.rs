@@ -8,18 +8,18 @@ use super::{Echo, UnixTime};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Order {
-    /// When it was sent.
+    /// Time at which it was sent.
     pub at: UnixTime,
-    /// Larger for every order with another content, so that one that comes late is known; 0 is
-    /// none.
+    /// Number that is larger for every order with another content, so that one that comes late is
+    /// known; 0 stands for no order.
     pub number: u64,
-    /// Where it shall be; where it is, without an order so far.
+    /// Ordered place; `None` without an order so far: the drone stays where it is.
     pub goal: Option<Waypoint>,
-    /// Whether it shall land where it is.
+    /// True if it shall land where it is.
     pub land: bool,
-    /// Whether one that stands ready shall take off.
+    /// True if one that stands ready shall take off.
     pub take_off: bool,
-    /// Whether the hunt goes on for it.
+    /// The drone's part in the rest of the hunt.
     pub leave: Leave,
     /// The turn that is ordered.
     pub turn: Turn,
@@ -29,7 +29,7 @@ pub struct Order {
     pub echo: Option<Echo>,
 }
 
-/// Whether a drone goes on with the hunt, or by which of the pilot's rules it comes down.
+/// A drone's part in the rest of the hunt: it goes on, or comes down by one of the pilot's rules.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
@@ -47,18 +47,18 @@ pub enum Leave {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Turn {
-    /// Larger for every turn, so that each is made once; 0 is none.
+    /// Number that is larger for every turn, so that each is made once; 0 stands for no turn.
     pub number: u64,
-    /// Whom to listen for, those that were delivered left out.
+    /// Beacons to listen for, without the delivered ones.
     pub beacons: Vec<BeaconId>,
 }
 
-/// Which delivery was taken in.
+/// Name of a delivery that was taken in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Taken {
-    /// Of which beacon.
+    /// Its beacon.
     pub beacon: BeaconId,
-    /// When the turn ended.
+    /// End of its turn.
     pub ended: UnixTime,
 }

@@ -1,6 +1,6 @@
 use std::fmt;
 
-/// Why a message is not taken.
+/// Reason why a message is not taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Refusal {

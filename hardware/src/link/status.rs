@@ -4,26 +4,26 @@ use serde::{Deserialize, Serialize};
 
 use super::{ClockOffset, UnixTime};
 
-/// How a drone is, several times a second.
+/// State of a drone, several times a second.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Status {
-    /// When, by the clock of the one that fuses as far as the drone knows it.
+    /// Time of the status, by the clock of the one that fuses as far as the drone knows it.
     pub at: UnixTime,
-    /// The same moment by the drone's own clock; it comes back in the order's
+    /// Time of the status by the drone's own clock; it comes back in the order's
     /// [`Echo`](super::Echo).
     pub sent: UnixTime,
-    /// How far the drone's clock is off; absent while that is not known.
+    /// Offset of the drone's clock; absent while that is not known.
     pub clock: Option<ClockOffset>,
-    /// The [`number`](super::Order::number) of the order that it follows; 0 for none.
+    /// The [`number`](super::Order::number) of the order that it follows; 0 without an order.
     pub order: u64,
-    /// What it is doing.
+    /// Stage of its flight.
     pub stage: Stage,
-    /// What keeps it from following, or broke since; empty where nothing did.
+    /// Reason why it does not follow, or fault since; empty without one.
     pub failure: String,
 }
 
-/// What a drone is doing.
+/// Stage of a drone's flight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]

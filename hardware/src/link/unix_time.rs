@@ -23,8 +23,8 @@ impl UnixTime {
         Self { sec, nanosec: 0 }
     }
 
-    /// So many seconds after this moment, to the nanosecond; `None` for a number that is not
-    /// finite, or years away.
+    /// Returns the moment `seconds` after this one, to the nanosecond; `None` for a number that is
+    /// not finite, or beyond a hundred years.
     #[must_use]
     pub fn after(self, seconds: f64) -> Option<Self> {
         // A hundred years, which leaves doubles of seconds a resolution below a microsecond.
@@ -45,7 +45,7 @@ impl UnixTime {
         Some(Self { sec, nanosec: nanosec % BILLION })
     }
 
-    /// How many seconds it is after `epoch`; the same for everyone, to the bit.
+    /// Returns the seconds since `epoch`; the same for everyone, to the bit.
     #[must_use]
     pub fn since(self, epoch: Self) -> f64 {
         let whole = self.sec.saturating_sub(epoch.sec);

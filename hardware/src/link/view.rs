@@ -3,47 +3,47 @@ use serde::Serialize;
 
 use super::UnixTime;
 
-/// What the one that fuses shows to whoever looks on.
+/// State of a hunt, as the one that fuses shows it to whoever looks on.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct View {
-    /// When.
+    /// Time of the view.
     pub at: UnixTime,
-    /// What is believed of the beacons that are or were searched for.
+    /// Beliefs about the beacons that are or were searched for.
     pub beacons: Vec<BeaconView>,
     /// The drones, in their order.
     pub drones: Vec<DroneView>,
-    /// How everyone is.
+    /// Health of the drones and of the hunt.
     pub health: Vec<Health>,
 }
 
-/// What is believed of a beacon.
+/// Belief about a beacon.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BeaconView {
     /// Its number in the hunt's list, from 0.
     pub number: u16,
     /// Its name.
     pub name: String,
-    /// Where it is believed to be, East and North in metres.
+    /// Estimate of its place, East and North in metres.
     pub estimate: Estimate<2>,
 }
 
-/// What a drone does.
+/// Goal and path of a drone.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DroneView {
-    /// Where it shall be.
+    /// Ordered place.
     pub goal: Option<Waypoint>,
-    /// Where it has been, and when.
+    /// Past poses, with their times.
     pub path: Vec<(UnixTime, Pose)>,
 }
 
-/// How a drone, or the hunt, is.
+/// Health of a drone, or of the hunt.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Health {
-    /// Who, such as `foxhunt: drone 0`.
+    /// Name of it, such as `foxhunt: drone 0`.
     pub name: String,
-    /// What is wrong; `None` if nothing is.
+    /// Fault; `None` if all is well.
     pub trouble: Option<String>,
-    /// What it does, where nothing is wrong.
+    /// Activity, where nothing is wrong.
     pub doing: String,
     /// Figures and what they are.
     pub values: Vec<(String, String)>,

@@ -64,8 +64,8 @@ const FRESH_S: f64 = 0.5;
 /// Heartbeats come at least this often on a link that works, in seconds.
 const HEARD_S: f64 = 1.5;
 
-/// A vehicle that was ordered to climb, has accepted that and holds without rising is held by its
-/// pilot after so many heartbeats more.
+/// Number of heartbeats beyond which a vehicle that was ordered to climb, has accepted that and
+/// holds without rising is held by its pilot.
 const HELD: u32 = 2;
 
 /// It rises by more than this from one heartbeat to the next, in metres.
@@ -118,8 +118,8 @@ impl Authority {
     }
 
     /// Returns true if a message may be sent, where the link counts as `heard` or as lost:
-    /// questions always; orders to what is ours and is heard; those that change mode or motors only
-    /// right after a heartbeat.
+    /// questions always; orders to what is ours and is heard; orders of mode or motors only right
+    /// after a heartbeat.
     pub(super) fn permits(&self, message: &MavMessage, now: f64, heard: bool) -> bool {
         match message {
             MavMessage::COMMAND_LONG(command) => match command.command {
@@ -415,9 +415,9 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever heartbeats, silences and orders come: orders go out only to what is ours, those
-        /// of its mode only after a heartbeat that has just been read, and it becomes ours by
-        /// nothing but a take-off, a take-over, or an order down that the pilot's hands permit.
+        /// Whatever heartbeats, silences and orders come: orders go out only to what is ours,
+        /// orders of its mode only after a heartbeat that has just been read, and it becomes ours
+        /// by nothing but a take-off, a take-over, or an order down that the pilot's hands permit.
         #[test]
         fn no_order_passes_it(
             px4 in any::<bool>(),

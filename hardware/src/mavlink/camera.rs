@@ -12,9 +12,9 @@ use super::{
 #[derive(Debug, Default)]
 pub(super) struct Camera {
     pub(super) order: Option<Order>,
-    /// How many pictures were ordered: a camera leaves out one whose number it has had.
+    /// Number of pictures that were ordered: a camera leaves out one whose number it has had.
     ordered: u16,
-    /// Why the last one was not taken, until that is reported.
+    /// Reason why the last one was not taken, until that is reported.
     failure: Option<String>,
 }
 
@@ -27,7 +27,7 @@ impl Camera {
         self.order = Some(Order::new(MavCmd::MAV_CMD_IMAGE_START_CAPTURE, parameters));
     }
 
-    /// Why the last picture was not taken, once.
+    /// Returns once why the last picture was not taken.
     pub(super) fn take_failure(&mut self) -> Option<MavlinkError> {
         self.failure.take().map(|why| MavlinkError::Picture { why })
     }

@@ -8,7 +8,7 @@ use super::FlightLimits;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MavlinkConfig {
-    /// Whose firmware it is; where absent, that of its heartbeat.
+    /// Firmware of the autopilot; where absent, that of its heartbeat.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub autopilot: Option<Autopilot>,
     /// Its system number (SYSID_THISMAV, MAV_SYS_ID); where absent, that of the first autopilot
@@ -21,46 +21,46 @@ pub struct MavlinkConfig {
     /// place where this drone first has a good position: for a drone that flies alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub origin: Option<MavlinkOrigin>,
-    /// Whether nothing is ever sent to it, no heartbeat and no question either: it is flown by
+    /// True if nothing is ever sent to it, no heartbeat and no question either: it is flown by
     /// others, and what it sends them is all that is known of it.
     pub listen_only: bool,
-    /// How fast it is ordered to fly over ground, in metres per second; as it is set up where
+    /// Speed over ground that it is ordered to fly at, in metres per second; as it is set up where
     /// absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cruise_speed_mps: Option<f64>,
-    /// Whether it has a camera of its own, which takes a picture where one is ordered.
+    /// True if it has a camera of its own, which takes a picture where one is ordered.
     pub camera: bool,
-    /// How close to the height of take-off it takes goals, in metres.
+    /// Distance from the height of take-off within which it takes goals, in metres.
     pub take_off_tolerance_m: f64,
-    /// How long a take-off may take from the order to climb on, in seconds.
+    /// Longest duration of a take-off from the order to climb on, in seconds.
     pub take_off_timeout_s: f64,
-    /// How long a good position is waited for before take-off, in seconds.
+    /// Time for which a good position is awaited before take-off, in seconds.
     pub position_timeout_s: f64,
     /// Rate of its position and attitude messages, per second.
     pub pose_rate_hz: f64,
-    /// How often everything else, per second.
+    /// Rate of all other messages, per second.
     pub status_rate_hz: f64,
-    /// How often set-points are repeated where they have to be: to PX4, and while it turns; per
+    /// Rate at which set-points are repeated where they have to be: to PX4, and while it turns; per
     /// second.
     pub setpoint_rate_hz: f64,
-    /// Without any message for so long the link is lost, in seconds; without a heartbeat for twice
+    /// Time in seconds without any message after which the link is lost; without a heartbeat twice
     /// as long.
     pub link_timeout_s: f64,
     /// An older place or attitude is an error, in seconds.
     pub pose_timeout_s: f64,
-    /// How long an answer to an order is waited for, in seconds.
+    /// Time for which an answer to an order is awaited, in seconds.
     pub ack_timeout_s: f64,
-    /// How often an order is given before it counts as refused.
+    /// Number of times that an order is given before it counts as refused.
     pub attempts: u32,
     /// The fastest turn that may be ordered, in degrees per second.
     pub spin_limit_deg_s: f64,
-    /// How fast it turns to a heading, in degrees per second.
+    /// Rate of its turns to a heading, in degrees per second.
     pub turn_rate_deg_s: f64,
-    /// How close to an ordered heading it has turned, in degrees.
+    /// Difference from an ordered heading within which it has turned, in degrees.
     pub heading_tolerance_deg: f64,
-    /// Where it may be sent.
+    /// Limits of the places where it may be sent.
     pub limits: FlightLimits,
-    /// How good its position must be for a take-off.
+    /// Requirements on its position for a take-off.
     pub position: PositionRequirements,
     /// The key of a signed link; unsigned messages are refused then.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -101,7 +101,7 @@ impl Default for MavlinkConfig {
     }
 }
 
-/// Where the common frame has its zero.
+/// Origin of the common frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MavlinkOrigin {
@@ -111,7 +111,7 @@ pub struct MavlinkOrigin {
     pub lon_deg: f64,
 }
 
-/// How good a position must be for a take-off, besides the autopilot's own estimator flags.
+/// Requirements on a position for a take-off, besides the autopilot's own estimator flags.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PositionRequirements {
@@ -136,7 +136,7 @@ impl Default for PositionRequirements {
 pub struct MavlinkSigning {
     /// 64 hexadecimal digits: the SHA-256 of the passphrase that other programs take.
     pub key: SigningKey,
-    /// Which of several links this is; each program has another one.
+    /// Number of this link among several; each program has another one.
     #[serde(default)]
     pub link_id: u8,
 }

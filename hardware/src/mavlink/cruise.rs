@@ -6,11 +6,12 @@ use super::{
     phase::Goal,
 };
 
-/// How much faster than ordered it may be: a gust, an overshoot. A share, and metres per second.
+/// Factor and margin by which it may be faster than ordered, for a gust or an overshoot; the margin
+/// in metres per second.
 const SHARE: f64 = 1.2;
 const MARGIN_MPS: f64 = 0.5;
 
-/// Faster for so many seconds is too fast, and the order is given again.
+/// Time in seconds after which too fast a flight has the order given again.
 const FAST_S: f64 = 2.0;
 
 /// The order to fly at `cruise_speed_mps`, and what became of it.
@@ -23,7 +24,7 @@ pub(super) struct Cruise {
     pub(super) order: Option<Order>,
     /// Since when it has been too fast.
     fast_since: Option<f64>,
-    /// Why it does not fly at that speed.
+    /// Reason why it does not fly at that speed.
     pub(super) failure: String,
 }
 

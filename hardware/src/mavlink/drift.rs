@@ -11,11 +11,11 @@ pub(super) struct Drift {
     away_since: Option<f64>,
 }
 
-/// Farther away than it was, by so many metres besides its braking, is away: gusts and overshoots
-/// are less.
+/// Distance in metres, besides its braking, from which it has gone away from its goal: gusts and
+/// overshoots are less.
 const AWAY_M: f64 = 4.0;
 
-/// For so long, in seconds.
+/// Time for which it has to be away, in seconds.
 const AWAY_S: f64 = 1.0;
 
 /// The least deceleration when it is sent elsewhere in flight, in m/s²: autopilots plan with 2.5.

@@ -3,7 +3,7 @@ use std::io;
 use foxhunt_core::parameter::FieldError;
 use foxhunt_wire::geodesy::GeodesyError;
 
-/// Why an autopilot does not obey, or was sent no order.
+/// Error of an autopilot: why it does not obey, or was sent no order.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MavlinkError {
@@ -21,7 +21,7 @@ pub enum MavlinkError {
     /// It does not know well enough where it is.
     #[error("no good position: {why}")]
     Position {
-        /// What is not good enough.
+        /// Reason why it is not good enough.
         why: String,
     },
     /// Its last report is too old.
@@ -29,7 +29,7 @@ pub enum MavlinkError {
     Stale {
         /// The message.
         what: &'static str,
-        /// Its age in seconds; infinite where there was none.
+        /// Its age in seconds; infinite if it never came.
         age_s: f64,
         /// The configured limit.
         limit_s: f64,
@@ -37,19 +37,19 @@ pub enum MavlinkError {
     /// It does not take our orders now.
     #[error("it takes no orders from us: {why}")]
     NotCommanded {
-        /// What is in the way.
+        /// Reason why it takes no orders.
         why: String,
     },
     /// It has not taken a picture.
     #[error("no picture was taken: {why}")]
     Picture {
-        /// What became of the order.
+        /// Outcome of the order.
         why: String,
     },
     /// The goal is too high or too low.
     #[error("an Up of {up_m} m is not within the limits of {min_up_m} to {max_up_m} m")]
     UpLimit {
-        /// Of the goal.
+        /// Up of the goal.
         up_m: f64,
         /// The configured limit below.
         min_up_m: f64,
@@ -66,7 +66,7 @@ pub enum MavlinkError {
         east_m: f64,
         /// Its North.
         north_m: f64,
-        /// How far it is.
+        /// Distance of the goal from the launch place.
         distance_m: f64,
         /// The configured limit.
         fence_radius_m: f64,
@@ -74,7 +74,7 @@ pub enum MavlinkError {
     /// The goal, or the way to it, is outside the fence.
     #[error("the {what} ({east_m}, {north_m}) m is outside the fence of {corners} corners")]
     Fence {
-        /// Whether it is the goal or the way to it.
+        /// The part outside: the goal, or the way to it.
         what: &'static str,
         /// East of the goal.
         east_m: f64,
@@ -99,10 +99,10 @@ pub enum MavlinkError {
         /// Its Up.
         up_m: f64,
     },
-    /// Too fast a turn, or none.
+    /// Too fast a turn, or a rate that is not a number.
     #[error("a turn at {rate_deg_s} °/s; the limit is {limit_deg_s} °/s")]
     SpinRate {
-        /// What was requested.
+        /// Requested rate.
         rate_deg_s: f64,
         /// The configured limit.
         limit_deg_s: f64,
@@ -110,7 +110,7 @@ pub enum MavlinkError {
     /// No direction.
     #[error("a heading of {heading} rad; it must be finite")]
     Heading {
-        /// What was requested.
+        /// Requested heading.
         heading: f64,
     },
     /// A number of the configuration is out of its range.
@@ -121,12 +121,12 @@ pub enum MavlinkError {
     Origin(#[from] GeodesyError),
 }
 
-/// For how long nothing came, where there ever was anything.
+/// Returns the length of a silence in words, or that nothing came yet.
 fn lasting(silent_s: f64) -> String {
     if silent_s.is_finite() { format!(" for {silent_s:.1} s") } else { " yet".to_owned() }
 }
 
-/// How old the last message is, where there ever was one.
+/// Returns the age of the last message in words, or that none came yet.
 fn aged(what: &str, age_s: f64) -> String {
     if age_s.is_finite() {
         format!("the {what} is {age_s:.1} s old")

@@ -4,10 +4,10 @@ use foxhunt_wire::ByteStream;
 use super::{MavlinkVehicle, quality};
 use crate::Finding;
 
-/// How long a heartbeat is waited for, in seconds.
+/// Time for which a heartbeat is awaited, in seconds.
 const HEARTBEAT_S: f64 = 5.0;
 
-/// How long an answer is waited for, in seconds.
+/// Time for which answers are awaited, in seconds.
 const ANSWERS_S: f64 = 6.0;
 
 /// Time for which a good position is waited for, in seconds.
@@ -133,7 +133,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         findings
     }
 
-    /// Serves the link until something holds, or for so long.
+    /// Serves the link until something holds, for at most `limit_s` seconds.
     pub(super) fn wait(
         &mut self,
         limit_s: f64,

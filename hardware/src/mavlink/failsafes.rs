@@ -10,14 +10,14 @@ use foxhunt_wire::{
 use super::{MavlinkError, MavlinkVehicle};
 use crate::{Finding, finding::Watch};
 
-/// How long parameters are waited for, in seconds.
+/// Time for which parameters are awaited, in seconds.
 const ANSWERS_S: f64 = 2.0;
 
-/// What the autopilot does by itself when something fails, in a parameter of it.
+/// Action of the autopilot itself when something fails, in one of its parameters.
 struct Failsafe {
     subject: &'static str,
     parameter: &'static str,
-    /// What switches it on.
+    /// The setting that switches it on.
     remedy: &'static str,
 }
 
@@ -89,7 +89,7 @@ const WITHOUT_SETPOINTS: [&str; 8] = [
     "its motors are stopped",
 ];
 
-/// ArduPilot acts after so many seconds where FS_GCS_TIMEOUT is not reported.
+/// Time in seconds after which ArduPilot acts if FS_GCS_TIMEOUT is not reported.
 const USUAL_TIMEOUT_S: f64 = 5.0;
 
 /// Share by which it may be set up to fly faster than it is ordered.

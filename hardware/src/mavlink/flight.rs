@@ -17,13 +17,13 @@ use super::{
 };
 use crate::Hands;
 
-/// Complaints of the autopilot are shown for so long, in seconds.
+/// Time for which complaints of the autopilot are shown, in seconds.
 const COMPLAINT_S: f64 = 15.0;
 
-/// A heartbeat is left undecided for so long, in seconds; meanwhile nothing is ordered.
+/// Longest time for which a heartbeat is left undecided, in seconds; meanwhile nothing is ordered.
 const UNDECIDED_S: f64 = 6.0;
 
-/// So many heartbeats after an accepted order that show another mode show somebody's choice. The
+/// Number of heartbeats with another mode after an accepted order that show somebody's choice. The
 /// first of them may be older than the order.
 const IGNORED: u32 = 2;
 
@@ -31,7 +31,7 @@ const IGNORED: u32 = 2;
 /// some room).
 const CLIMBED_SHORT_M: f64 = 1.0;
 
-/// What goes on by itself between one call and the next.
+/// The work that goes on by itself between one call and the next.
 impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     pub(super) fn enter(&mut self, phase: Phase) {
         self.phase = phase;
@@ -361,7 +361,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         self.advance(now)
     }
 
-    /// Whether it is in the air, not ours, and in the mode in which it may be taken over.
+    /// Returns true if it is in the air, not ours, and in the mode in which it may be taken over.
     pub(super) fn is_offered(&self, now: f64) -> bool {
         let Some(mode) = self.telemetry.mode() else { return false };
         let commanded = mode.autopilot.commanded();

@@ -12,10 +12,10 @@ use super::{
     setpoint,
 };
 
-/// How fast it moves towards a goal that it must have taken, in metres per second.
+/// Speed towards a goal above which it must have taken it, in metres per second.
 const MOVING_MPS: f64 = 0.3;
 
-/// The autopilot's target is another one when it has been that for so long, in seconds.
+/// Time in seconds after which another target of the autopilot has replaced the goal.
 const REPLACED_S: f64 = 0.9;
 
 impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {

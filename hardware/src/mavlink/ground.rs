@@ -9,23 +9,23 @@ use foxhunt_wire::mavlink::{
 use super::timed::Timed;
 use crate::ReportedHeight;
 
-/// How often heights above the ground are requested, in seconds.
+/// Requested period of heights above the ground, in seconds.
 pub(super) const GROUND_PERIOD_S: f64 = 1.0;
 
-/// What is older than this is not shown, in seconds: three messages may be lost.
+/// Age in seconds beyond which a report is not shown: three messages may be lost.
 const STALE_S: f64 = 3.5;
 
-/// From this altitude downwards ALTITUDE has none above the terrain, in metres.
+/// Altitude in metres from which downwards ALTITUDE has no height above the terrain.
 const UNKNOWN_M: f32 = -1000.0;
 
 /// The signal quality of DISTANCE_SENSOR that makes a reading invalid.
 const INVALID: u8 = 1;
 
-/// What the autopilot reports of the ground below it: the newest of each message.
+/// The autopilot's reports of the ground below it: the newest of each message.
 #[derive(Debug, Default)]
 pub(super) struct GroundReports {
     /// DISTANCE_SENSOR of a sensor that looks down: its number, and the distance along its beam in
-    /// metres; none beyond its range.
+    /// metres; `None` beyond its range.
     sensor: Option<Timed<(u8, Option<f64>)>>,
     /// ArduPilot's RANGEFINDER, along its beam in metres. It does not hold the sensor's range.
     rangefinder: Option<Timed<f64>>,
@@ -67,7 +67,7 @@ impl GroundReports {
         }
     }
 
-    /// How high it is above the ground by what is best of it: the rangefinder, or else its terrain.
+    /// Returns the best known height above the ground: by the rangefinder, or else by its terrain.
     pub(super) fn height(
         &self,
         now: f64,
@@ -83,7 +83,7 @@ impl GroundReports {
             .or_else(|| Some(height(self.terrain(now)?, HeightSource::Terrain)))
     }
 
-    /// All that is known, in words; none where nothing has come.
+    /// Returns all that is known, in words; `None` if nothing has come.
     pub(super) fn summary(
         &self,
         now: f64,
@@ -155,7 +155,8 @@ mod tests {
     const DOWN: MavSensorOrientation = MavSensorOrientation::MAV_SENSOR_ROTATION_PITCH_270;
 
     fn sensor(id: u8, current_distance: u16) -> DISTANCE_SENSOR_DATA {
-        let (min_distance, max_distance) = (20, 4000);
+        let min_distance = 20;
+        let max_distance = 4000;
         let orientation = DOWN;
         DISTANCE_SENSOR_DATA {
             id,

@@ -10,15 +10,15 @@ use super::{
     quality,
 };
 
-/// An autopilot that reports its target, and has kept the old one for so long, does not take the
-/// new one, in seconds.
+/// Time in seconds after which an autopilot that reports its target, and has kept the old one, does
+/// not take the new one.
 const UNTAKEN_S: f64 = 2.5;
 
-/// Warnings are shown for so long in flight, in seconds.
+/// Time for which warnings are shown in flight, in seconds.
 const SHOWN_S: f64 = 15.0;
 
 impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
-    /// Why it takes no orders, or what keeps it on the ground.
+    /// Returns why it takes no orders, or stays on the ground; empty without a reason.
     pub(super) fn hindrance(&self, now: f64) -> String {
         if self.telemetry.who.is_none() {
             return "no heartbeat of an autopilot yet".into();

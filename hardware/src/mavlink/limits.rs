@@ -4,10 +4,10 @@ use serde::{Deserialize, Serialize};
 
 use super::MavlinkError;
 
-/// How far outside the fence an aircraft may be before it is brought back, in metres over ground.
+/// Distance over ground outside the fence, in metres, beyond which an aircraft is brought back.
 const STRAYED_M: f64 = 2.0;
 
-/// How far beyond the limits of height, in metres.
+/// Distance outside the limits of height beyond which it is brought back, in metres.
 const STRAYED_UP_M: f64 = 1.0;
 
 /// Depth below the least height, in metres, and rate of sinking, in metres per second, from which
@@ -15,7 +15,7 @@ const STRAYED_UP_M: f64 = 1.0;
 const SUNK_M: f64 = 0.5;
 const SINKS_MPS: f64 = 0.3;
 
-/// Where an aircraft may be sent, whatever its own fence.
+/// Limits of the places where an aircraft may be sent, whatever its own fence.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FlightLimits {
@@ -26,7 +26,7 @@ pub struct FlightLimits {
     /// The farthest goal over ground from its launch place, in metres.
     pub fence_radius_m: f64,
     /// Corners of an area, East and North in metres of the common frame, which neither a goal nor
-    /// the straight way to it leaves; no such area where there are none.
+    /// the straight way to it leaves; without corners there is no such area.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub fence: Vec<[f64; 2]>,
 }
@@ -124,7 +124,8 @@ impl FlightLimits {
                 .or(launch.map(|launch| launch.xy()))?;
             (inside.x, inside.y) = (nearest.x, nearest.y);
         }
-        let (over_ground, up) = ((place - inside).xy().norm(), (place.z - inside.z).abs());
+        let over_ground = (place - inside).xy().norm();
+        let up = (place.z - inside.z).abs();
         if over_ground > STRAYED_M {
             return Some((inside, format!("it is {over_ground:.1} m outside the fence")));
         }
@@ -151,7 +152,7 @@ impl FlightLimits {
         corners.clone().zip(corners.cycle().skip(1))
     }
 
-    /// Whether a ray to the East leaves an odd number of times.
+    /// Returns true if a place is in the area: a ray to the East leaves it an odd number of times.
     fn contains(&self, place: Vector2<f64>) -> bool {
         let crossed = self.edges().filter(|(a, b)| {
             let spans = (a.y > place.y) != (b.y > place.y);
@@ -168,7 +169,7 @@ fn nearest_on((a, b): (Vector2<f64>, Vector2<f64>), place: Vector2<f64>) -> Vect
     a + edge * share.clamp(0.0, 1.0)
 }
 
-/// Whether the way from `a` to `b` crosses an edge.
+/// Returns true if the way from `a` to `b` crosses an edge.
 fn crosses(a: Vector2<f64>, b: Vector2<f64>, edge: (Vector2<f64>, Vector2<f64>)) -> bool {
     let side = |p: Vector2<f64>, q: Vector2<f64>, r: Vector2<f64>| (q - p).perp(&(r - p)) > 0.0;
     let (c, d) = edge;

@@ -19,15 +19,15 @@ pub(super) struct Link<S> {
     /// Last time at which the pinned peer sent something of the autopilot, if anybody may send to
     /// the port.
     heard: Option<f64>,
-    /// Without a message for so long it may come from elsewhere, in seconds.
+    /// Time in seconds without a message after which it may come from elsewhere.
     timeout_s: f64,
     /// True if a sender is known by its signature.
     signed: bool,
     /// The last change of the other end.
     change: Option<Timed<String>>,
-    /// Whether nothing is sent.
+    /// True if nothing is sent.
     listen_only: bool,
-    /// When the last heartbeat of ours went out.
+    /// Time of our last heartbeat.
     beaten: f64,
     /// UNIX time when the clock was 0.
     pub(super) clock_origin_unix_s: f64,
@@ -36,8 +36,8 @@ pub(super) struct Link<S> {
 /// Our component: MAV_COMP_ID_MISSIONPLANNER, a ground station.
 const COMPONENT: u8 = 190;
 
-/// An unsigned peer that has been silent for so long is gone, in seconds: by then the autopilot's
-/// own failsafes have acted.
+/// Silence in seconds after which an unsigned peer is gone: by then the autopilot's own failsafes
+/// have acted.
 const GONE_S: f64 = 30.0;
 
 /// Between our heartbeats, in seconds.
@@ -69,8 +69,8 @@ impl<S: ByteStream> Link<S> {
     /// Hands on what has come; `take` returns whether a frame is of the autopilot. Where anybody
     /// may send, only the sender of such a frame is received and answered, until it has been silent
     /// for as long as a link may be. Then it is answered still, and others are heard at once where
-    /// they sign or nothing `flies`, and otherwise when it may be taken for gone. Whether the
-    /// stream was opened anew since the last time.
+    /// they sign or nothing `flies`, and otherwise when it may be taken for gone. Returns true if
+    /// the stream was opened again since the last time.
     pub(super) fn receive(
         &mut self,
         now: f64,

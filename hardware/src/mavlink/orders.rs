@@ -12,7 +12,7 @@ pub(super) struct Order {
     answer: Option<MavResult>,
 }
 
-/// What is to be done about an order.
+/// Next action on an order.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Step {
     Wait,
@@ -21,7 +21,7 @@ pub(super) enum Step {
     Failed(String),
 }
 
-/// How many time-outs the effect of an accepted order may take.
+/// Number of time-outs that the effect of an accepted order may take.
 const SETTLING: f64 = 3.0;
 
 impl Order {
@@ -67,7 +67,7 @@ impl Order {
         self.answer.is_some() && !self.accepted()
     }
 
-    /// What to do while it has no effect.
+    /// Returns the next action while it has no effect.
     pub(super) fn advance(&mut self, now: f64, timeout: f64, attempts: u32) -> Step {
         if self.answer == Some(MavResult::MAV_RESULT_UNSUPPORTED) {
             return Step::Failed("the autopilot does not know this order".into());

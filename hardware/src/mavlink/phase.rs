@@ -2,12 +2,12 @@ use nalgebra::Vector3;
 
 use super::drift::Drift;
 
-/// What was ordered of an aircraft, and how far that is.
+/// Stage of the order that an aircraft was given.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Phase {
     /// Nothing yet, or it is down again.
     Idle,
-    /// On its way up to so many metres; at this stage since then.
+    /// On its way up to `up` metres; at this stage since then.
     TakingOff { up: f64, stage: Stage, since: f64 },
     /// In the mode of our orders, going where it is sent.
     Flying,
@@ -45,18 +45,18 @@ pub(super) enum Stage {
     Command,
 }
 
-/// Where it is sent and how its nose is meant to be.
+/// Its ordered place and heading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Goal {
     /// In metres of the common frame.
     pub(super) place: Vector3<f64>,
     pub(super) nose: Nose,
-    /// Whether the autopilot has shown that it knows.
+    /// True if the autopilot has shown that it knows the goal.
     pub(super) confirmed: bool,
     /// Times at which it was sent first, and last.
     pub(super) first: f64,
     pub(super) sent: f64,
-    /// How often it was sent.
+    /// Number of times that it was sent.
     pub(super) times: u32,
     /// The autopilot's own target before it was sent.
     pub(super) before: Option<Vector3<f64>>,
@@ -66,12 +66,12 @@ pub(super) struct Goal {
     pub(super) drift: Drift,
 }
 
-/// What the nose does.
+/// Order to the nose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Nose {
     /// Points there, in radians counter-clockwise from East.
     Holds(f64),
-    /// Turns at so many radians per second, counter-clockwise.
+    /// Turns at this rate in radians per second, counter-clockwise.
     Turns(f64),
 }
 
@@ -90,7 +90,7 @@ impl Goal {
         }
     }
 
-    /// Whether it was never sent in this form.
+    /// Returns true if it was never sent in this form.
     pub(super) fn is_new(&self) -> bool {
         self.times == 0
     }

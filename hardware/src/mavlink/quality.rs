@@ -59,7 +59,7 @@ pub(super) fn estimator(telemetry: &Telemetry, now: f64) -> Result<(), String> {
     Err(format!("the estimator {why} (flags {flags:#06x})"))
 }
 
-/// Whether the position is good enough for a take-off; else what is not.
+/// Checks that the position is good enough for a take-off; the error names what is not.
 pub(super) fn for_take_off(
     telemetry: &Telemetry,
     wanted: &PositionRequirements,
@@ -95,7 +95,7 @@ pub(super) fn for_take_off(
     Ok(())
 }
 
-/// What a fix is called.
+/// Returns the name of a fix.
 pub(super) fn fix_name(fix: GpsFixType) -> &'static str {
     match fix {
         GpsFixType::GPS_FIX_TYPE_NO_GPS => "no GPS",
@@ -119,7 +119,7 @@ fn accuracy_m(mm: u32) -> Option<f64> {
 /// single frequency receivers have in the open (Kaplan & Hegarty 2017, §10).
 const RANGE_SIGMA_M: f64 = 2.5;
 
-/// How fast a place is forgotten that nothing was received of, in metres per second.
+/// Growth of σ of a place while nothing is received of it, in metres per second.
 const DRIFT_MPS: f64 = 2.0;
 
 /// σ of East, North and Up in metres, as the GPS has them; `None` where it sends nothing.
@@ -129,7 +129,8 @@ const DRIFT_MPS: f64 = 2.0;
 /// worse. What is older than `old_s` counts for less the older it is.
 pub(super) fn position_sigma(telemetry: &Telemetry, now: f64, old_s: f64) -> Option<Vector3<f64>> {
     let message = telemetry.gps.as_ref()?;
-    let (gps, age) = (&message.value, now - message.at);
+    let gps = &message.value;
+    let age = now - message.at;
     let drift = if age > old_s { DRIFT_MPS * age } else { 0.0 };
     let (range, poor) = match gps.fix_type {
         GpsFixType::GPS_FIX_TYPE_RTK_FIXED => (0.02, 1.0),

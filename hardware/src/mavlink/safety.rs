@@ -49,7 +49,7 @@ struct Copter {
     /// The orders that came, with their first parameter.
     orders: Vec<(MavCmd, u32)>,
     goals: usize,
-    /// Where it goes, as it reports: that of the last set-point, and so many metres further north.
+    /// Its reported target: the last set-point, `moved_m` metres further north.
     target: Option<POSITION_TARGET_GLOBAL_INT_DATA>,
     moved_m: f64,
 }
@@ -162,7 +162,9 @@ impl Copter {
                 MavMessage::COMMAND_LONG(order) => order,
                 MavMessage::SET_POSITION_TARGET_GLOBAL_INT(goal) => {
                     self.goals += 1;
-                    let (lat_int, lon_int, alt) = (goal.lat_int, goal.lon_int, goal.alt);
+                    let lat_int = goal.lat_int;
+                    let lon_int = goal.lon_int;
+                    let alt = goal.alt;
                     self.target = Some(POSITION_TARGET_GLOBAL_INT_DATA {
                         lat_int,
                         lon_int,

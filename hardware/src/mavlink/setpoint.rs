@@ -35,7 +35,8 @@ const PAIRED_S: f64 = 0.5;
 ///
 /// ArduPilot takes heights above its launch place. PX4 converts that frame with a wrong sign, by
 /// `home.alt - target.alt - ref_alt`, from 2021 to 2026: the vehicle flies twice the height of the
-/// reference above home too high. It is sent heights above sea level, in the terms of the altitudes that it reports itself.
+/// reference above home too high. It is sent heights above sea level, in the terms of the altitudes
+/// that it reports itself.
 pub(super) fn message(
     frame: &CommonFrame,
     goal: &Goal,
@@ -128,10 +129,10 @@ pub(super) fn velocity(telemetry: &Telemetry) -> Vector3<f64> {
     ned_of_enu(&Vector3::new(north, east, down))
 }
 
-/// Where it is and how it is turned at the time `now`: carried forward from its report, over half
-/// a second at most.
+/// Returns its pose at the time `now`: carried forward from its report, over half a second at most.
 pub(super) fn pose(frame: &CommonFrame, telemetry: &Telemetry, now: f64) -> Option<Pose> {
-    let (position, attitude) = (telemetry.position.as_ref()?, telemetry.attitude.as_ref()?);
+    let position = telemetry.position.as_ref()?;
+    let attitude = telemetry.attitude.as_ref()?;
     let since = |at: f64| (now - at).clamp(0.0, MOST_FORWARD_S);
     let place = frame.to_local(
         degrees_of_e7(position.value.lat),
@@ -139,8 +140,10 @@ pub(super) fn pose(frame: &CommonFrame, telemetry: &Telemetry, now: f64) -> Opti
         f64::from(position.value.relative_alt) * 1e-3,
     );
     let Timed { at, value: attitude } = attitude;
-    let (roll, pitch) = (f64::from(attitude.roll), f64::from(attitude.pitch));
-    let (pitching, turning) = (f64::from(attitude.pitchspeed), f64::from(attitude.yawspeed));
+    let roll = f64::from(attitude.roll);
+    let pitch = f64::from(attitude.pitch);
+    let pitching = f64::from(attitude.pitchspeed);
+    let turning = f64::from(attitude.yawspeed);
     // Body rates as the rate of the yaw angle; near the vertical there is none.
     let yaw_rate = (roll.sin() * pitching + roll.cos() * turning) / pitch.cos().max(0.1);
     let yaw = f64::from(attitude.yaw) + yaw_rate * since(*at);

@@ -23,19 +23,20 @@ struct Wanted {
     period_s: f64,
     received: f64,
     requested: f64,
-    /// How often in vain.
+    /// Number of requests in vain.
     vain: u32,
 }
 
 /// Home moves seldom.
 const HOME_PERIOD_S: f64 = 2.0;
 
-/// What does not come after so many questions is requested less often.
+/// Number of requests after which a message that does not come is requested less often.
 const PATIENCE: u32 = 5;
 
 impl Streams {
     pub(super) fn new(config: &MavlinkConfig, autopilot: Autopilot) -> Self {
-        let (pose, status) = (1.0 / config.pose_rate_hz, 1.0 / config.status_rate_hz);
+        let pose = 1.0 / config.pose_rate_hz;
+        let status = 1.0 / config.status_rate_hz;
         // PX4 has its target in OFFBOARD in the local frame alone.
         let own: &[u32] = match autopilot {
             Autopilot::ArduPilot => {

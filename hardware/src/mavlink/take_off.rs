@@ -13,11 +13,11 @@ use super::{
     quality, setpoint,
 };
 
-/// Set-points go to PX4 for so long before OFFBOARD is requested, in seconds.
+/// Time for which set-points go to PX4 before OFFBOARD is requested, in seconds.
 const BEFORE_OFFBOARD_S: f64 = 1.0;
 
-/// Its checks in the mode in which it is armed are known so long after that began, in seconds, and
-/// are waited for so long.
+/// Time in seconds after which its checks in the mode in which it is armed are known, and time for
+/// which they are awaited.
 const BEFORE_ARMING_S: f64 = 1.0;
 const CHECKS_S: f64 = 5.0;
 
@@ -104,7 +104,8 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                         Autopilot::Px4 => up + setpoint::launch_alt(&self.telemetry).unwrap_or(0.0),
                     };
                     let height = single(height);
-                    let (none, nan) = (0.0, f32::NAN);
+                    let none = 0.0;
+                    let nan = f32::NAN;
                     let climb = || match autopilot {
                         Autopilot::ArduPilot => Order::new(
                             MavCmd::MAV_CMD_NAV_TAKEOFF,
@@ -136,12 +137,13 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         }
     }
 
-    /// Where it is to be after the climb: above where it stands. Left as it is while no fresh pose
-    /// arrives.
+    /// Sets the goal after the climb: above where it stands. It is left as it is while no fresh
+    /// pose arrives.
     fn first_goal(&mut self, now: f64, up: f64) -> Result<(), MavlinkError> {
         let Ok(pose) = self.fresh_pose(now) else { return Ok(()) };
         let [east, north] = pose.position.xy().into();
-        let (launch, place) = (Vector3::new(east, north, 0.0), Vector3::new(east, north, up));
+        let launch = Vector3::new(east, north, 0.0);
+        let place = Vector3::new(east, north, up);
         self.config.limits.check_goal(&place, None, Some(&launch))?;
         self.launch = Some(launch);
         self.goal = Some(Goal::new(place, Nose::Holds(pose.heading)));
@@ -155,7 +157,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         self.end_take_off(now, Phase::Landing);
     }
 
-    /// Whether it is in the air, or may climb by our order before it reports that.
+    /// Returns true if it is in the air, or may climb by our order before it reports that.
     pub(super) fn may_climb(&self, now: f64) -> bool {
         self.telemetry.airborne(now) || (self.ordered == Ordered::Climb && self.telemetry.armed())
     }

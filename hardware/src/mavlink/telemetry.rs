@@ -21,11 +21,11 @@ use crate::ReportedHeight;
 /// A SiK telemetry radio's report of its link (RADIO_STATUS).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RadioStatus {
-    /// When it came, in seconds of the driver's clock.
+    /// Time at which it came, in seconds of the driver's clock.
     pub time: f64,
-    /// How strong the other radio is here, in the radio's own units; 255 is none.
+    /// Signal strength of the other radio here, in the radio's own units; 255 is invalid.
     pub rssi: u8,
-    /// How strong this radio is there.
+    /// Signal strength of this radio there.
     pub remote_rssi: u8,
     /// The noise here.
     pub noise: u8,
@@ -36,9 +36,9 @@ pub struct RadioStatus {
 /// The newest of each message of the autopilot.
 #[derive(Debug, Default)]
 pub(super) struct Telemetry {
-    /// Which system and component it is, and whose firmware.
+    /// Its system, its component and its firmware.
     pub(super) who: Option<(u8, u8, Autopilot)>,
-    /// When anything of it came last.
+    /// Time of its last message.
     pub(super) last: Option<f64>,
     pub(super) heartbeat: Option<Timed<HEARTBEAT_DATA>>,
     /// The number of its frame.
@@ -64,7 +64,7 @@ pub(super) struct Telemetry {
     /// The parameters that it has sent, by their names.
     pub(super) parameters: BTreeMap<String, f64>,
     pub(super) radio: Option<RadioStatus>,
-    /// Where these reports are passed on to.
+    /// Receiver of the SiK radio's reports.
     #[cfg(feature = "receivers")]
     pub(super) feed: Option<crate::SikFeed>,
     /// The last texts, the newest last.
@@ -73,29 +73,32 @@ pub(super) struct Telemetry {
     pub(super) acks: VecDeque<(u32, MavResult)>,
 }
 
-/// How old its landed state may be, in seconds.
+/// Greatest age of its landed state, in seconds.
 const LANDED_S: f64 = 3.0;
 
 /// Heartbeats overtake each other by less than that, in seconds.
 const REORDERED_S: f64 = 2.0;
 
-/// So many parameters are kept at most: no autopilot has more.
+/// Most parameters that are kept: no autopilot has more.
 const PARAMETERS: usize = 4096;
 
 /// Number of answers that are kept.
 const KEPT: usize = 16;
 
 impl Telemetry {
-    /// Takes a message of the autopilot, or one about the link to it; those of others are not ours.
-    /// Whether it is the autopilot's.
+    /// Takes a message of the autopilot, or one about the link to it; messages of others are not
+    /// ours. Returns true if it is the autopilot's.
     pub(super) fn take(&mut self, now: f64, config: &MavlinkConfig, frame: &Frame) -> bool {
         if let MavMessage::RADIO_STATUS(radio) = &frame.message {
-            let (rssi, remote_rssi) = (radio.rssi, radio.remrssi);
-            let (noise, remote_noise) = (radio.noise, radio.remnoise);
+            let rssi = radio.rssi;
+            let remote_rssi = radio.remrssi;
+            let noise = radio.noise;
+            let remote_noise = radio.remnoise;
             self.radio = Some(RadioStatus { time: now, rssi, remote_rssi, noise, remote_noise });
             #[cfg(feature = "receivers")]
             if let Some(feed) = &self.feed {
-                let (remrssi, remnoise) = (remote_rssi, remote_noise);
+                let remrssi = remote_rssi;
+                let remnoise = remote_noise;
                 feed.push(SikStatus { rssi, remrssi, noise, remnoise });
             }
             return false;
@@ -232,7 +235,7 @@ impl Telemetry {
         any.max(0.5 * self.without_heartbeat(now))
     }
 
-    /// Whether it is in the air, by its last reports.
+    /// Returns true if it is in the air, by its last reports.
     pub(super) fn airborne(&self, now: f64) -> bool {
         let landed = self.landed.filter(|landed| now - landed.at <= LANDED_S);
         match landed.map(|landed| landed.value) {
@@ -249,12 +252,12 @@ impl Telemetry {
         Some(f64::from(self.position.as_ref()?.value.relative_alt) * 1e-3)
     }
 
-    /// How high it is above the ground by its own devices.
+    /// Returns its height above the ground by its own devices.
     pub(super) fn above_ground(&self, now: f64) -> Option<ReportedHeight> {
         self.ground.height(now, self.attitude.as_ref())
     }
 
-    /// What is left in the battery, from 0 to 1.
+    /// Returns the charge of the battery, from 0 to 1.
     pub(super) fn battery(&self) -> Option<f64> {
         let percent = self.status.as_ref()?.value.battery_remaining;
         (0..=100).contains(&percent).then(|| f64::from(percent) / 100.0)

@@ -21,7 +21,7 @@ struct Text {
 /// Number of texts that are kept.
 const KEPT: usize = 16;
 
-/// Chunks of one text come within so many seconds.
+/// Longest time in seconds between two chunks of one text.
 const JOINED_S: f64 = 5.0;
 
 impl Texts {
@@ -77,8 +77,8 @@ impl Texts {
         })
     }
 
-    /// Returns why it refused an order, in the words that it wrote since `since`: the newest ones,
-    /// but those of PX4's checks, which come before "Arming denied", where there are any.
+    /// Returns why it refused an order, in the words that it wrote since `since`: PX4's checks,
+    /// which come before "Arming denied", if there are any, or else the newest complaint.
     pub(super) fn reason(&self, since: f64) -> Option<String> {
         let mut checks: Vec<&str> = Vec::new();
         for words in self.complaints(since).filter(|words| words.starts_with(PX4_CHECK)) {

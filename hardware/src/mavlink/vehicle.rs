@@ -45,7 +45,7 @@ pub struct MavlinkVehicle<S, C> {
     pub(super) telemetry: Telemetry,
     pub(super) streams: Option<Streams>,
     pub(super) frame: Option<CommonFrame>,
-    /// Where it stood at take-off, where it does not send its home.
+    /// Its place at take-off, for an autopilot that does not send its home.
     pub(super) launch: Option<Vector3<f64>>,
     pub(super) phase: Phase,
     pub(super) ordered: Ordered,
@@ -61,7 +61,7 @@ pub struct MavlinkVehicle<S, C> {
     pub(super) leaving: bool,
     /// True if it lands because it has refused to return.
     pub(super) settles: bool,
-    /// How it is outside the limits while it is.
+    /// Description of its place outside the limits, while it is there.
     pub(super) strayed: Option<String>,
     pub(super) goal: Option<Goal>,
     /// The order that the phase waits for.
@@ -70,7 +70,7 @@ pub struct MavlinkVehicle<S, C> {
     pub(super) turning: Option<Order>,
     pub(super) cruise: Cruise,
     pub(super) camera: Camera,
-    /// Why a take-off or an order was given up.
+    /// Reason why a take-off or an order was given up.
     pub(super) failure: String,
     pub(super) version_requested: f64,
     pub(super) fence_query: FenceQuery,
@@ -195,8 +195,8 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         self.advance(now)
     }
 
-    /// Whether the nose is where it was ordered to, within the configured tolerance; `false` while
-    /// it turns at a rate.
+    /// Returns true if the nose is where it was ordered to, within the configured tolerance;
+    /// `false` while it turns at a rate.
     ///
     /// # Errors
     ///
@@ -226,12 +226,12 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         self.telemetry.radio
     }
 
-    /// What the autopilot wrote last, the newest first.
+    /// Returns the autopilot's last texts, the newest first.
     pub fn texts(&self) -> impl Iterator<Item = &str> {
         self.telemetry.texts.all()
     }
 
-    /// What came over the link, and what was lost of it.
+    /// Returns the counts of messages that came over the link, and of lost ones.
     #[must_use]
     pub fn link_counts(&self) -> FrameCounts {
         self.link.counts()
@@ -296,7 +296,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         if silent_s > limit_s { Err(MavlinkError::Silent { silent_s, limit_s }) } else { Ok(()) }
     }
 
-    /// Where it is, unless that is old or bad.
+    /// Returns its pose, unless that is old or bad.
     pub(super) fn fresh_pose(&self, now: f64) -> Result<Pose, MavlinkError> {
         self.check_link(now)?;
         let limit_s = self.config.pose_timeout_s;

@@ -3,27 +3,28 @@ use serde::{Deserialize, Serialize};
 
 use super::RtlTcpTuning;
 
-/// How the power of beacons is measured with an RTL-SDR behind rtl_tcp.
+/// Settings for the power of beacons from an RTL-SDR behind rtl_tcp.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RtlTcpConfig {
-    /// What the beacons send at, in Hz, in the order of the hunt's beacons.
+    /// The beacons' frequencies in Hz, in the order of the hunt's beacons.
     pub frequencies_hz: Vec<u32>,
     /// Samples per second.
     pub sample_rate_hz: u32,
     /// The tuner's gain in dB. It is never left to the tuner, which would hide the power.
     pub gain_db: f64,
-    /// How far off the oscillator is, in parts per million.
+    /// Error of the oscillator, in parts per million.
     pub correction_ppm: i32,
-    /// How far below a beacon it is tuned, in Hz: away from the receiver's own spike in the middle.
+    /// Distance in Hz by which it is tuned below a beacon: away from the receiver's own spike in
+    /// the middle.
     pub beside_hz: u32,
     /// The width of the band in which power is measured, in Hz: the beacon's, and what the
     /// oscillators drift.
     pub bandwidth_hz: f64,
-    /// What comes in this long after a question is left out, in seconds: it was on the way, or the
-    /// tuner was not there yet. A server hands on 131072 samples at a time.
+    /// Time in seconds after a question during which samples are left out: they were on the way, or
+    /// the tuner was not there yet. A server hands on 131072 samples at a time.
     pub settling_s: f64,
-    /// How long power is gathered, in seconds: at least a period of a pulsed beacon.
+    /// Time for which power is gathered, in seconds: at least a period of a pulsed beacon.
     pub window_s: f64,
     /// The share of the window's powers that lie below the level: the pulses of a pulsed beacon,
     /// not the pauses. 1 is the peak.
@@ -33,7 +34,7 @@ pub struct RtlTcpConfig {
     /// A power below this, in dBm, is noise, and dropped; absent, every power counts.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub floor_dbm: Option<f64>,
-    /// A server that sends nothing for this long, in seconds, has failed, and is connected to anew.
+    /// Silence in seconds after which a server has failed, and is connected to again.
     pub silence_s: f64,
     /// The pulses that the beacons send; then a level is that of a pulse, and `bandwidth_hz`,
     /// `window_s` and `quantile` are not used. Absent for beacons that send all the time.
@@ -45,17 +46,17 @@ pub struct RtlTcpConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PulseConfig {
-    /// How long one is, in seconds.
+    /// Length of a pulse in seconds.
     pub width_s: f64,
     /// From one to the next, in seconds: how long a question waits. The longest one of several
     /// tags.
     pub interval_s: f64,
-    /// How far a tag may be from its frequency, in Hz, by its own oscillator and the receiver's;
-    /// 5 kHz unless given.
+    /// Greatest distance in Hz of a tag from its frequency, by its own oscillator and the
+    /// receiver's; 5 kHz unless given.
     #[serde(default = "search_hz")]
     pub search_hz: f64,
-    /// How many times an hour noise may be taken for a pulse, over all that is searched; 10 unless
-    /// given.
+    /// Number of times an hour that noise may be taken for a pulse, over all that is searched; 10
+    /// unless given.
     #[serde(default = "false_alarms_per_hour")]
     pub false_alarms_per_hour: f64,
 }
@@ -73,16 +74,17 @@ impl PulseConfig {
     /// alarms an hour.
     #[must_use]
     pub fn new(width_s: f64, interval_s: f64) -> Self {
-        let (search_hz, false_alarms_per_hour) = (search_hz(), false_alarms_per_hour());
+        let search_hz = search_hz();
+        let false_alarms_per_hour = false_alarms_per_hour();
         Self { width_s, interval_s, search_hz, false_alarms_per_hour }
     }
 
-    /// How long after a pulse it is known, at most, in seconds, but for what is on the way.
+    /// Longest time in seconds until a pulse is known, but for the delay on the way.
     pub(super) fn latency_s(&self) -> f64 {
         2.0 * SEARCH_EVERY_S + 5.0 * self.width_s
     }
 
-    /// How long a question waits after the receiver has settled, in seconds: until a pulse must
+    /// Time in seconds that a question waits after the receiver has settled: until a pulse must
     /// have come and be known.
     pub(super) fn wait_s(&self) -> f64 {
         (1.0 + LATE) * self.interval_s + self.width_s
@@ -99,10 +101,10 @@ impl PulseConfig {
     }
 }
 
-/// How much later than an interval the next pulse may come, as a share of it.
+/// Greatest delay of the next pulse after an interval, as a share of it.
 const LATE: f64 = 0.02;
 
-/// How often what has come is searched for pulses, in seconds.
+/// Interval of the search for pulses, in seconds.
 pub(super) const SEARCH_EVERY_S: f64 = 0.05;
 
 /// No frequencies, which a file has to name; 2.048 MS/s, 28 dB, 100 kHz beside, a band of 5 kHz,
@@ -128,23 +130,23 @@ impl Default for RtlTcpConfig {
     }
 }
 
-/// How bearings are taken from a `KrakenSDR`.
+/// Settings for bearings from a `KrakenSDR`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct KrakenConfig {
-    /// What the beacons send at, in Hz, in the order of the hunt's beacons.
+    /// The beacons' frequencies in Hz, in the order of the hunt's beacons.
     pub frequencies_hz: Vec<f64>,
-    /// How far a channel's frequency may be from a beacon's, in Hz.
+    /// Greatest distance of a channel's frequency from a beacon's, in Hz.
     pub tolerance_hz: f64,
     /// The name of the host, as its server wants to be called.
     pub host: String,
     /// The page.
     pub path: String,
-    /// Where the array's front looks, in radians counter-clockwise of the nose.
+    /// Direction of the array's front, in radians counter-clockwise of the nose.
     pub mount_offset_rad: f64,
     /// A line whose confidence is less is not taken.
     pub least_confidence: f64,
-    /// What is added to its powers in dB to make them dBm.
+    /// Offset in dB that makes its powers dBm.
     pub calibration_db: f64,
     /// From one question for the page to the next, in seconds.
     pub spacing_s: f64,
@@ -174,7 +176,7 @@ impl Default for KrakenConfig {
 }
 
 impl RtlTcpConfig {
-    /// Whether everything in it can be what it is.
+    /// Checks the ranges of all settings.
     ///
     /// # Errors
     ///
@@ -213,15 +215,15 @@ impl RtlTcpConfig {
         Ok(())
     }
 
-    /// How long a question takes at most, in seconds, from the request to a level or nothing.
+    /// Longest duration of a question in seconds, from the request to a level or nothing.
     #[must_use]
     pub fn longest_question_s(&self) -> f64 {
         let gathered = self.pulse.map_or(self.window_s, |p| p.wait_s() + p.latency_s());
         self.settling_s + gathered
     }
 
-    /// Where the receiver is tuned for all beacons together, in Hz: below the lowest by
-    /// `beside_hz`. `None` where they do not fit into one band.
+    /// Returns the frequency in Hz to which the receiver is tuned for all beacons together: below
+    /// the lowest by `beside_hz`. `None` if they do not fit into one band.
     pub(super) fn common_center_hz(&self) -> Option<u32> {
         let pulse = self.pulse?;
         let (lowest, highest) =
@@ -231,7 +233,7 @@ impl RtlTcpConfig {
         (reach <= RECEIVED * f64::from(self.sample_rate_hz)).then_some(center)
     }
 
-    /// How the receiver is set at first.
+    /// Returns the receiver's first settings.
     pub(super) fn tuning(&self) -> RtlTcpTuning {
         let lowest = self.frequencies_hz.iter().min().copied().unwrap_or(0);
         let center = lowest.saturating_sub(self.beside_hz);
@@ -250,7 +252,7 @@ impl RtlTcpConfig {
 const RECEIVED: f64 = 0.48;
 
 impl KrakenConfig {
-    /// Whether everything in it can be what it is.
+    /// Checks the ranges of all settings.
     ///
     /// # Errors
     ///

@@ -3,7 +3,7 @@ use std::io;
 use foxhunt_signal::detector::DetectorError;
 use foxhunt_wire::receivers::{HttpError, RtlTcpError};
 
-/// Why an RTL-SDR behind rtl_tcp measures no power. The call may be repeated.
+/// Error of an RTL-SDR behind rtl_tcp: why it measures no power. The call may be repeated.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RtlTcpRadioError {
@@ -28,14 +28,14 @@ pub enum RtlTcpRadioError {
     /// There is no such beacon.
     #[error("there is no frequency of beacon {beacon}; there are {beacons}, counted from 0")]
     Beacon {
-        /// Which one was requested.
+        /// Requested beacon.
         beacon: u16,
-        /// How many there are.
+        /// Number of beacons.
         beacons: usize,
     },
 }
 
-/// Why a `KrakenSDR` measures no bearings. It may be polled again.
+/// Error of a `KrakenSDR`: why it measures no bearings. It may be polled again.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum KrakenSourceError<V> {
@@ -57,9 +57,9 @@ pub enum KrakenSourceError<V> {
     /// There is no such beacon.
     #[error("there is no frequency of beacon {beacon}; there are {beacons}, counted from 0")]
     Beacon {
-        /// Which one was requested.
+        /// Requested beacon.
         beacon: u16,
-        /// How many there are.
+        /// Number of beacons.
         beacons: usize,
     },
 }

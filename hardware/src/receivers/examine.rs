@@ -9,7 +9,7 @@ use foxhunt_wire::{
 use super::{KrakenConfig, KrakenSource, KrakenSourceError};
 use crate::Finding;
 
-/// Waiting ends after so many pauses, whatever the clock shows.
+/// Pauses after which waiting ends, whatever the clock shows.
 const PAUSES: u32 = 1_000_000;
 
 impl<S, O, V, C> KrakenSource<S, O, V, C>

@@ -12,7 +12,7 @@ pub(super) struct Gather {
 }
 
 impl Gather {
-    /// One that is empty; `None` if the band is none.
+    /// Creates an empty one; `None` if the band is invalid.
     pub(super) fn new(config: &RtlTcpConfig) -> Option<Self> {
         let rate = f64::from(config.sample_rate_hz);
         let band = NarrowBand::new(rate, f64::from(config.beside_hz), config.bandwidth_hz)?;
@@ -26,9 +26,10 @@ impl Gather {
         Some(Self { band, powers: Vec::new(), wanted })
     }
 
-    /// Takes what has come; whether that is enough.
+    /// Takes what has come; returns true if that is enough.
     pub(super) fn push(&mut self, bytes: &[u8]) -> bool {
-        let (powers, wanted) = (&mut self.powers, self.wanted);
+        let powers = &mut self.powers;
+        let wanted = self.wanted;
         self.band.push(bytes, |power| {
             if powers.len() < wanted {
                 powers.push(power);

@@ -11,7 +11,7 @@ use super::{
     page::{Page, PageError},
 };
 
-/// How many positions a pseudo-spectrum has.
+/// Number of positions of a pseudo-spectrum.
 const POSITIONS: u16 = 360;
 
 /// A `KrakenSDR` as a source of turns that take no turning: its pseudo-spectrum is the pattern, one
@@ -30,14 +30,14 @@ pub struct KrakenSource<S, O, V, C> {
     requested_at: f64,
     begun_at: f64,
     beacons: Vec<Turn>,
-    /// How many of these were lent.
+    /// Number of these that were lent.
     lent: usize,
     /// A sweep is lent from here on.
     complete: bool,
     last_pose: Pose,
 }
 
-/// What is known of one beacon in this turn.
+/// Present turn of one beacon.
 #[derive(Clone, Debug)]
 struct Turn {
     beacon: BeaconId,

@@ -10,11 +10,11 @@ use foxhunt_wire::{
 pub(super) struct Page<S> {
     stream: S,
     response: HttpResponse,
-    /// When it was requested.
+    /// Time of the request.
     pub(super) requested_at: f64,
 }
 
-/// Why a page does not come.
+/// Error of a page that does not come.
 pub(super) enum PageError {
     Stream(io::Error),
     Http(HttpError),

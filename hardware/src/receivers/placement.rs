@@ -1,38 +1,37 @@
 use super::timeline::Timeline;
 
-/// What was lost of a stream of samples.
+/// Losses of a stream of samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct SampleLosses {
-    /// How many gaps there were.
+    /// Number of gaps.
     pub gaps: u32,
-    /// How many samples they had.
+    /// Number of samples in them.
     pub samples: u64,
-    /// How often the stream stalled and was opened again.
+    /// Number of times that the stream stalled and was opened again.
     pub stalls: u32,
 }
 
-/// What becomes of a stream that brings nothing.
+/// Silence of a stream that brings nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Silence {
-    /// How long it has brought nothing.
+    /// Its length in seconds.
     pub(super) seconds: f64,
-    /// Whether it is to be opened again now.
+    /// True if the stream is to be opened again now.
     pub(super) renews: bool,
 }
 
-/// Where the samples of a stream are in time, and what was lost of them: a count that is held
-/// against the clock.
+/// Place of a stream's samples in time, with their losses: a count that is held against the clock.
 #[derive(Clone, Debug)]
 pub(super) struct Placement {
     rate_hz: f64,
     settling_s: f64,
     silence_s: f64,
-    /// When the receiver was set up, and what has come since, until it has settled.
+    /// Time at which the receiver was set up, and the timeline since, until it has settled.
     settling: Option<(f64, Timeline)>,
     timeline: Timeline,
     received_at: Option<f64>,
-    /// When it was last opened again for its silence.
+    /// Time of the last reopening for its silence.
     renewed_at: Option<f64>,
     losses: SampleLosses,
 }
@@ -59,7 +58,8 @@ impl Placement {
         &self.timeline
     }
 
-    /// What comes is not what was next, and its place in time has to be found.
+    /// Settles again: the next samples do not follow the last, and their place in time has to be
+    /// found.
     pub(super) fn settle(&mut self, now: f64) {
         self.settling = Some((now, Timeline::new(self.rate_hz)));
     }
@@ -70,7 +70,7 @@ impl Placement {
         self.renewed_at = None;
     }
 
-    /// Something has come; whether that is the first after a silence.
+    /// Notes that something has come; returns true if that is the first after a silence.
     pub(super) fn received(&mut self, now: f64) -> bool {
         self.received_at = Some(now);
         self.renewed_at.take().is_some()
@@ -102,7 +102,7 @@ impl Placement {
         }
     }
 
-    /// So many samples are known to be lost before the next one.
+    /// Notes that `samples` samples are known to be lost before the next one.
     #[cfg(feature = "soapy")]
     pub(super) fn lost(&mut self, samples: u64) {
         if self.settling.is_none() {

@@ -6,9 +6,9 @@ use super::{
 };
 use crate::Finding;
 
-/// How often samples are taken at most: a poll ends.
+/// Most chunks that one poll takes, so that it ends.
 const CHUNKS: usize = 256;
-/// Waiting ends after so many pauses, whatever the clock shows.
+/// Pauses after which waiting ends, whatever the clock shows.
 const PAUSES: u32 = 1_000_000;
 
 /// An RTL-SDR behind rtl_tcp, as a receiver of beacons that send by themselves.
@@ -35,17 +35,17 @@ pub struct RtlTcpRadio<S, C> {
     bytes: Vec<u8>,
 }
 
-/// What was requested.
+/// A request for a beacon's level.
 #[derive(Debug)]
 struct Question {
     frequency_hz: u32,
-    /// What came before this sample is left out.
+    /// First sample that counts.
     from: u64,
     /// The power of a beacon that sends all the time.
     gather: Option<Gather>,
 }
 
-/// How many bytes are at an end of the scale.
+/// Number of bytes at an end of the scale, and of all.
 #[derive(Clone, Copy, Debug, Default)]
 struct Clipping {
     clipped: usize,
@@ -58,7 +58,7 @@ impl Clipping {
         self.taken += bytes.len();
     }
 
-    /// Whether the receiver is overdriven: more than a hundredth are.
+    /// Returns true if the receiver is overdriven: more than a hundredth of the bytes are clipped.
     fn is_overdriven(&self) -> bool {
         self.clipped.saturating_mul(100) > self.taken
     }
@@ -88,7 +88,7 @@ impl<S: ByteStream, C: Clock + Clone> RtlTcpRadio<S, C> {
 }
 
 impl<S: ByteStream, C: Clock> RtlTcpRadio<S, C> {
-    /// What was lost of its samples until now.
+    /// Returns the losses of its samples until now.
     #[must_use]
     pub fn losses(&self) -> SampleLosses {
         self.samples.losses()

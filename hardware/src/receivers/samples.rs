@@ -12,13 +12,13 @@ use super::{
     placement::{Placement, Silence},
 };
 
-/// What is read at once.
+/// Bytes in one read.
 const CHUNK: usize = 1 << 16;
 
 /// The bytes that a server hands on at a time.
 const SERVER_BYTES: f64 = 262_144.0;
 
-/// How an RTL-SDR behind rtl_tcp is set, and when its stream counts as stalled.
+/// Settings of an RTL-SDR behind rtl_tcp, and the silence after which its stream counts as stalled.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct RtlTcpTuning {
@@ -28,10 +28,10 @@ pub struct RtlTcpTuning {
     pub sample_rate_hz: u32,
     /// The tuner's gain in dB, fixed: automatic gain would hide the power.
     pub gain_db: f64,
-    /// How far off the oscillator is, in parts per million.
+    /// Error of the oscillator, in parts per million.
     pub correction_ppm: i32,
-    /// What comes in this long after the receiver was set up is left out, in seconds; in the second
-    /// half its place in time is found.
+    /// Time in seconds after the receiver was set up during which samples are left out; in the
+    /// second half their place in time is found.
     pub settling_s: f64,
     /// A stream that brings nothing for this long, in seconds, has stalled, and is opened again.
     pub silence_s: f64,
@@ -53,7 +53,7 @@ impl RtlTcpTuning {
         }
     }
 
-    /// Whether everything in it can be what it is.
+    /// Checks the ranges of all settings.
     ///
     /// # Errors
     ///
@@ -81,7 +81,7 @@ pub struct RtlTcpSamples<S, C> {
     stream: S,
     clock: C,
     connections: u32,
-    /// What has come of the header.
+    /// Bytes of the header that have come.
     begun: Vec<u8>,
     header: Option<RtlTcpHeader>,
     /// An I whose Q has not come.
@@ -115,26 +115,26 @@ impl<S: ByteStream, C: Clock> RtlTcpSamples<S, C> {
         })
     }
 
-    /// How the receiver is set.
+    /// Returns the receiver's settings.
     #[must_use]
     pub fn tuning(&self) -> &RtlTcpTuning {
         &self.tuning
     }
 
-    /// What the server has sent first, once it has.
+    /// Returns the server's header, once it has come.
     #[must_use]
     pub fn header(&self) -> Option<RtlTcpHeader> {
         self.header
     }
 
-    /// What was lost until now.
+    /// Returns the losses until now.
     #[must_use]
     pub fn losses(&self) -> SampleLosses {
         self.placement.losses()
     }
 
-    /// When the sample of an index was taken, in seconds of the clock, to what the server and the
-    /// network delay at least; `None` before the first sample.
+    /// Returns the time in seconds of the clock at which the sample of an index was taken, to what
+    /// the server and the network delay at least; `None` before the first sample.
     #[must_use]
     pub fn time_of(&self, index: f64) -> Option<f64> {
         self.placement.timeline().time_of(index)
@@ -202,7 +202,7 @@ impl<S: ByteStream, C: Clock> RtlTcpSamples<S, C> {
         self.placement.restart(now);
     }
 
-    /// Takes so many bytes of the chunk.
+    /// Takes the first `count` bytes of the chunk.
     fn take(
         &mut self,
         count: usize,

@@ -5,7 +5,7 @@ use foxhunt_wire::receivers::{SikStatus, sik_dbm};
 
 use crate::Finding;
 
-/// Where an autopilot's link puts its SiK radio's reports; copies are the same one.
+/// Reports of an autopilot's SiK radio, which its link puts here; copies share them.
 #[derive(Clone, Debug, Default)]
 pub struct SikFeed(Rc<Cell<(u64, SikStatus)>>);
 
@@ -25,7 +25,7 @@ impl SikFeed {
 #[derive(Debug)]
 pub struct SikRadio {
     feed: SikFeed,
-    /// How many reports there were at the question.
+    /// Number of reports at the question.
     requested_after: Option<u64>,
 }
 
@@ -33,7 +33,7 @@ pub struct SikRadio {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("there is no beacon {beacon}: a SiK radio receives the one at its other end, beacon 0")]
 pub struct SikError {
-    /// Which one was requested.
+    /// Requested beacon.
     pub beacon: u16,
 }
 
@@ -44,7 +44,7 @@ impl SikRadio {
         Self { feed, requested_after: None }
     }
 
-    /// What the radio has reported last.
+    /// Returns findings from the radio's last report.
     #[must_use]
     pub fn examine(&self) -> Vec<Finding> {
         let (count, status) = self.feed.0.get();

@@ -12,20 +12,20 @@ use super::{
     placement::{Placement, Silence},
 };
 
-/// What is read at once, in samples.
+/// Samples in one read.
 const CHUNK: usize = 1 << 16;
 
-/// How long a read waits for samples, in microseconds.
+/// Time for which a read waits for samples, in microseconds.
 const PATIENCE_US: i64 = 1000;
 
 /// Timestamps are rounded: less than this many samples is no gap.
 const LEAST_GAP: f64 = 2.0;
 
-/// How a receiver that `SoapySDR` has a driver for is set.
+/// Settings of a receiver that `SoapySDR` has a driver for.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct SoapyTuning {
-    /// Which one, as `SoapySDR` writes it: `driver=airspy,serial=...`.
+    /// The receiver's name, as `SoapySDR` writes it: `driver=airspy,serial=...`.
     pub device: String,
     /// Its channel.
     pub channel: usize,
@@ -35,9 +35,9 @@ pub struct SoapyTuning {
     pub sample_rate_hz: f64,
     /// The gain in dB, fixed: automatic gain would hide the power.
     pub gain_db: f64,
-    /// How far off the oscillator is, in parts per million.
+    /// Error of the oscillator, in parts per million.
     pub correction_ppm: f64,
-    /// What comes in this long after the receiver was set up is left out, in seconds.
+    /// Time in seconds after the receiver was set up during which samples are left out.
     pub settling_s: f64,
     /// A stream that brings nothing for this long, in seconds, has stalled, and is opened again.
     pub silence_s: f64,
@@ -59,7 +59,7 @@ impl SoapyTuning {
         }
     }
 
-    /// Whether everything in it can be what it is.
+    /// Checks the ranges of all settings.
     ///
     /// # Errors
     ///
@@ -75,7 +75,7 @@ impl SoapyTuning {
     }
 }
 
-/// Why a receiver of `SoapySDR` gives no samples.
+/// Error of a receiver of `SoapySDR`: why it gives no samples.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SoapyError {
@@ -85,19 +85,19 @@ pub enum SoapyError {
     /// It cannot be opened or set.
     #[error("SoapySDR: {step}: {source}")]
     Device {
-        /// What was done.
+        /// The step that failed.
         step: &'static str,
-        /// What the driver says.
+        /// The driver's error.
         source: soapysdr::Error,
     },
     /// The driver has set something else.
     #[error("SoapySDR: {field} is {value} with this receiver, not {wanted}")]
     OtherValue {
-        /// What was set.
+        /// Name of the setting.
         field: &'static str,
-        /// What it is.
+        /// Value that the driver has set.
         value: f64,
-        /// What it should be.
+        /// Configured value.
         wanted: f64,
     },
     /// It sends nothing.
@@ -200,13 +200,13 @@ impl<C: Clock> SoapySamples<C> {
         Ok(())
     }
 
-    /// How the receiver is set.
+    /// Returns the receiver's settings.
     #[must_use]
     pub fn tuning(&self) -> &SoapyTuning {
         &self.tuning
     }
 
-    /// What was lost until now.
+    /// Returns the losses until now.
     #[must_use]
     pub fn losses(&self) -> SampleLosses {
         self.placement.losses()
@@ -218,8 +218,8 @@ impl<C: Clock> SoapySamples<C> {
         self.rounding_noise
     }
 
-    /// When the sample of an index was taken, in seconds of the clock, to what driver and bus delay
-    /// at least; `None` before the first sample.
+    /// Returns the time in seconds of the clock at which the sample of an index was taken, to what
+    /// driver and bus delay at least; `None` before the first sample.
     #[must_use]
     pub fn time_of(&self, index: f64) -> Option<f64> {
         self.placement.timeline().time_of(index)
@@ -277,7 +277,8 @@ impl<C: Clock> SoapySamples<C> {
         let float = |count: i64| count as f64;
         #[expect(clippy::cast_possible_truncation, reason = "it saturates")]
         let whole = |samples: f64| samples.round() as i64;
-        let (at, rate) = (stream.time_ns(), self.tuning.sample_rate_hz);
+        let at = stream.time_ns();
+        let rate = self.tuning.sample_rate_hz;
         let late = self.due_ns.map_or(0.0, |due| float(at.saturating_sub(due)) * 1e-9 * rate);
         if late >= LEAST_GAP {
             self.placement.lost(whole(late).unsigned_abs());

@@ -1,11 +1,11 @@
-/// How far a count may lag behind the clock without anything being lost, in seconds.
+/// Greatest lag in seconds of a count behind the clock without a loss.
 const SLACK_S: f64 = 0.05;
 
-/// How long a lag must last to be a loss, in seconds: longer than a server takes to hand on a
+/// Time in seconds that a lag must last to be a loss: longer than a server takes to hand on a
 /// block, which is at most 0.6 s.
 const WATCH_S: f64 = 1.5;
 
-/// How fast the sample clock may run off the other clock, as a share.
+/// Greatest drift of the sample clock off the other clock, as a share.
 const DRIFT: f64 = 2e-4;
 
 /// The count of samples held against a clock.
@@ -15,11 +15,11 @@ const DRIFT: f64 = 2e-4;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Timeline {
     rate_hz: f64,
-    /// Of the next sample.
+    /// Index of the next sample.
     index: u64,
-    /// When sample 0 was taken, at the latest.
+    /// Latest time at which sample 0 was taken.
     origin: Option<f64>,
-    /// When the origin was last moved.
+    /// Time at which the origin was last moved.
     moved_at: f64,
     /// Since when the lag is watched, and the least one since.
     watched: Option<(f64, f64)>,
@@ -73,8 +73,8 @@ impl Timeline {
         if least > SLACK_S { self.skip(least) } else { 0 }
     }
 
-    /// What comes now follows the samples of another timeline, which are left out: how many were
-    /// lost in between.
+    /// Goes on after the samples of another timeline, which are left out; returns the number lost
+    /// in between.
     pub(super) fn join(&mut self, fresh: &Self) -> u64 {
         self.watched = None;
         let Some(next) = fresh.time_of_next() else { return 0 };
@@ -87,12 +87,12 @@ impl Timeline {
         }
     }
 
-    /// When the next sample is taken, at the latest.
+    /// Returns the latest time at which the next sample is taken.
     fn time_of_next(&self) -> Option<f64> {
         Some(self.origin? + seconds(self.index, self.rate_hz))
     }
 
-    /// So many samples never come.
+    /// Passes over `samples` samples that never come.
     pub(super) fn pass_over(&mut self, samples: u64) {
         self.index = self.index.saturating_add(samples);
         self.watched = None;
@@ -125,8 +125,8 @@ mod tests {
 
     const RATE: f64 = 1000.0;
 
-    /// Blocks of half a second that come as late as `delay` has it, and are lost where it is none;
-    /// what was lost, and the last index. The stream is looked at every 10 ms.
+    /// Counts blocks of half a second that come as late as `delay` has it, and are lost if it is
+    /// `None`; returns what was lost, and the timeline. The stream is looked at every 10 ms.
     fn run(seconds: u32, delay: impl Fn(u32) -> Option<f64>) -> (u64, Timeline) {
         let mut timeline = Timeline::new(RATE);
         let mut lost = 0;

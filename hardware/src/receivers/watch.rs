@@ -53,12 +53,12 @@ impl PulseWatch {
         self.detector.push(first.max(self.from), &self.samples, &mut self.found)
     }
 
-    /// Searches what is left: nothing comes that belongs to it.
+    /// Searches the remaining samples: nothing comes that belongs to them.
     pub(super) fn finish(&mut self) {
         self.detector.finish(&mut self.found);
     }
 
-    /// Whether the noise is known, so that pulses are found soon after they came.
+    /// Returns true if the noise is known, so that pulses are found soon after they came.
     pub(super) fn is_ready(&self) -> bool {
         self.detector.searched_s() > 0.0
     }

@@ -13,33 +13,33 @@ pub struct FirmataConfig {
     pub pins: [u8; 4],
     /// Half steps of the motor in a turn of the antenna, as numerator and denominator.
     pub half_steps_per_turn: [u32; 2],
-    /// Whether steps forwards turn the antenna clockwise, from above.
+    /// True if steps forwards turn the antenna clockwise, from above.
     pub clockwise: bool,
-    /// How fast it turns, in half steps per second.
+    /// Speed in half steps per second.
     pub speed_half_steps_per_s: f64,
-    /// How fast its speed changes, in half steps per second squared; 0 is at once.
+    /// Acceleration in half steps per second squared; 0 is at once.
     pub acceleration_half_steps_per_s2: f64,
-    /// How it comes to an angle in spite of the gear's play.
+    /// Approach to an angle in spite of the gear's play.
     pub approach: Approach,
     /// The play of the gear in degrees, rather too much for an approach from one side.
     pub backlash_deg: f64,
-    /// How many turns the cable allows to either side of 0; `inf` for a slip ring.
+    /// Turns that the cable allows to either side of 0; `inf` for a slip ring.
     pub cable_turns: f64,
-    /// What is done with an order beyond that.
+    /// Treatment of an order beyond that.
     pub beyond_cable: BeyondCable,
-    /// How it is known where the antenna looks at the beginning.
+    /// Source of the antenna's direction at the beginning.
     pub homing: Homing,
-    /// Whether the antenna is taken to look where it did after the Arduino was reset while it
-    /// stood: true as long as nobody turned it meanwhile.
+    /// True if the antenna is taken to look where it did after the Arduino was reset while it
+    /// stood: right as long as nobody turned it meanwhile.
     pub trust_after_reset: bool,
-    /// How long the antenna swings after a move, in seconds.
+    /// Time for which the antenna swings after a move, in seconds.
     pub settle_s: f64,
-    /// How long the Arduino may take to answer, in seconds; with its start after the port is
-    /// opened.
+    /// Longest time that the Arduino may take to answer, in seconds; with its start after the port
+    /// is opened.
     pub answer_timeout_s: f64,
 }
 
-/// How the antenna comes to an angle in spite of the gear's play.
+/// Approach of the antenna to an angle in spite of the gear's play.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -51,7 +51,7 @@ pub enum Approach {
     Compensated,
 }
 
-/// What is done with an order beyond what the cable allows.
+/// Treatment of an order beyond what the cable allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -62,21 +62,21 @@ pub enum BeyondCable {
     Refuse,
 }
 
-/// How it is known where the antenna looks.
+/// Source of the antenna's direction.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 #[non_exhaustive]
 pub enum Homing {
     /// Somebody has turned it there by hand.
     Declared {
-        /// Where it looks, in degrees counter-clockwise from the nose.
+        /// Direction of the antenna, in degrees counter-clockwise from the nose.
         at_deg: f64,
     },
     /// It turns until a switch closes, and forwards again until it opens.
     Switch {
         /// The Arduino's pin of the switch, which connects it to ground.
         pin: u8,
-        /// Where it looks when the switch opens, in degrees counter-clockwise from the nose.
+        /// Direction at which the switch opens, in degrees counter-clockwise from the nose.
         at_deg: f64,
     },
 }
@@ -107,7 +107,7 @@ impl Default for FirmataConfig {
 }
 
 impl FirmataConfig {
-    /// Whether every value is one that the stepper can have.
+    /// Checks that every value is one that the stepper can have.
     ///
     /// # Errors
     ///
@@ -151,7 +151,7 @@ impl FirmataConfig {
         Gearing { numerator, denominator }
     }
 
-    /// Where the antenna looks at home, in radians.
+    /// Returns the antenna's direction at home, in radians.
     pub(super) fn home_angle(&self) -> f64 {
         let (Homing::Declared { at_deg } | Homing::Switch { at_deg, .. }) = self.homing;
         at_deg.to_radians()
@@ -170,14 +170,14 @@ impl FirmataConfig {
         (self.answer_timeout_s / 50.0).max(0.1)
     }
 
-    /// Longest duration of a move of so many steps in seconds.
+    /// Longest duration in seconds of a move of `steps` steps.
     pub(super) fn duration_s(&self, steps: u64) -> f64 {
         #[expect(clippy::cast_precision_loss, reason = "a duration")]
         let cruise = steps as f64 / self.speed_half_steps_per_s;
         cruise + self.ramp_s()
     }
 
-    /// Shortest duration of a move of so many steps in seconds, from standstill or not, less what
+    /// Shortest duration in seconds of a move of `steps` steps, from standstill or not, less what
     /// clocks and roundings may differ by.
     #[expect(clippy::cast_precision_loss, reason = "a duration")]
     pub(super) fn least_s(&self, steps: u64, stood: bool) -> f64 {
@@ -196,7 +196,7 @@ impl FirmataConfig {
         ((whole - first) * SLACK).max(0.0)
     }
 
-    /// Most steps that the motor can make in so many seconds.
+    /// Most steps that the motor can make in a time in seconds.
     #[expect(clippy::cast_possible_truncation, reason = "what is more saturates")]
     pub(super) fn most_steps(&self, seconds: f64) -> i64 {
         (seconds / self.step_s() / SLACK + QUICK_STEPS).ceil() as i64
@@ -233,5 +233,5 @@ const SLACK: f64 = 0.985;
 /// Time by which AccelStepper's ramps are shorter than exact ones, in seconds times √(steps/s²).
 /// Computed for 100 to 20,000 steps/s²: at most 2.86.
 const FIRST_WAITS: f64 = 3.0;
-/// ConfigurableFirmata's acceleration where none is set, in steps/s².
+/// ConfigurableFirmata's default acceleration, in steps/s².
 const AT_ONCE: f64 = 1e6;

@@ -16,7 +16,7 @@ use super::{
 /// An antenna on a stepper motor behind Firmata: ConfigurableFirmata's AccelStepper, or the
 /// firmware in `hardware/firmware`.
 ///
-/// It sets its Arduino up by itself, again whenever that was reset or plugged in anew, and then
+/// It sets its Arduino up by itself, again whenever that was reset or plugged in, and then
 /// goes where it was last ordered. Targets are exact fractions of a turn, rounded once, so that
 /// turns do not add up to a drift. Messages that were lost on the way are made good by queries.
 ///
@@ -30,17 +30,17 @@ pub struct FirmataStepper<S: ByteStream, C> {
     pub(super) link: Link<S>,
     pub(super) clock: C,
     pub(super) phase: Phase,
-    /// Where the Arduino's own 0 is, in steps from the antenna's 0.
+    /// Place of the Arduino's own 0, in steps from the antenna's 0.
     pub(super) base: i64,
-    /// Where the motor last stood, in steps.
+    /// Place at which the motor last stood, in steps.
     pub(super) motor: i64,
     pub(super) side: Side,
-    /// Why it is not known where the antenna looks, if so.
+    /// Reason why the antenna's direction is unknown, if it is.
     pub(super) lost: Option<LostPosition>,
     pub(super) home_failure: Option<HomeFailure>,
-    /// Where the antenna was last ordered, in steps, until it is there.
+    /// Last ordered place of the antenna, in steps, until it is there.
     pub(super) wanted: Option<i64>,
-    /// What the firmware calls itself.
+    /// The firmware's own name and version.
     pub(super) firmware: Option<String>,
     pub(super) switch_closed: Option<bool>,
     /// Levels of ports since they were last requested.
@@ -60,9 +60,9 @@ pub struct FirmataStepper<S: ByteStream, C> {
     pub(super) arranging_since: Option<f64>,
     /// True if the firmware lists pins for steppers.
     pub(super) has_steppers: Option<bool>,
-    /// Whether the version came without a request, and nothing since.
+    /// True if the version came without a request, and nothing since.
     booting: bool,
-    /// Whether the link failed since its last reply.
+    /// True if the link failed since its last reply.
     broken: bool,
 }
 
@@ -74,7 +74,8 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
     /// [`FieldError`] names the first field that it cannot have.
     pub fn new(config: FirmataConfig, stream: S, clock: C) -> Result<Self, FieldError> {
         config.check()?;
-        let (gearing, now) = (config.gearing(), clock.now());
+        let gearing = config.gearing();
+        let now = clock.now();
         let lost = config.switch().map(|_| LostPosition::NotHomed);
         let link = Link::new(stream, config.device);
         let mut stepper = Self {
@@ -107,13 +108,13 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         Ok(stepper)
     }
 
-    /// How it is configured.
+    /// Returns the configuration.
     #[must_use]
     pub fn config(&self) -> &FirmataConfig {
         &self.config
     }
 
-    /// What its firmware calls itself, with the version, once it has reported that.
+    /// Returns the firmware's own name with the version, once it has reported them.
     #[must_use]
     pub fn firmware(&self) -> Option<&str> {
         self.firmware.as_deref()
@@ -260,7 +261,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         if self.aligned { self.motor } else { self.base }
     }
 
-    /// Where the antenna looks, in steps.
+    /// Returns the antenna's direction, in steps.
     pub(super) fn antenna(&self) -> i64 {
         if self.side == Side::Above { self.motor + self.play() } else { self.motor }
     }
@@ -275,7 +276,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         self.gearing.steps(if self.config.clockwise { -angle } else { angle })
     }
 
-    /// Where the antenna looks at home, in steps.
+    /// Returns the antenna's direction at home, in steps.
     pub(super) fn home(&self) -> i64 {
         self.steps(self.config.home_angle()).unwrap_or(0)
     }

@@ -1,6 +1,6 @@
 use std::{fmt, io};
 
-/// Why the antenna does not turn.
+/// Error of the stepper: why the antenna does not turn.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FirmataStepperError {
@@ -20,7 +20,7 @@ pub enum FirmataStepperError {
         }
     )]
     NoAnswer {
-        /// How long it was queried.
+        /// Time for which it was queried.
         seconds: f64,
         /// Number of bytes that came.
         bytes: u64,
@@ -28,7 +28,7 @@ pub enum FirmataStepperError {
     /// There is Firmata, and it knows no steppers.
     #[error("the firmware {firmware:?} does not answer messages of a stepper: {why}")]
     NoStepper {
-        /// What it calls itself.
+        /// Its own name.
         firmware: String,
         /// Reason, as far as it is known.
         why: MissingStepper,
@@ -51,9 +51,9 @@ pub enum FirmataStepperError {
     /// A move did not end.
     #[error("a move of {steps} steps did not end within {seconds:.1} s")]
     MoveTimeout {
-        /// How far it was.
+        /// Length of the move.
         steps: u64,
-        /// How long it was waited for.
+        /// Time for which its end was awaited.
         seconds: f64,
     },
     /// An order to no angle.
@@ -64,10 +64,10 @@ pub enum FirmataStepperError {
         /// The order in radians.
         angle: f64,
     },
-    /// The Arduino cannot count so many steps.
+    /// The move is longer than the Arduino can count.
     #[error("a move of {steps} steps is more than the 2²⁷ that the stepper counts at once")]
     TooFar {
-        /// How far it would be.
+        /// Length of the move.
         steps: u64,
     },
     /// The cable is too short.
@@ -75,7 +75,7 @@ pub enum FirmataStepperError {
     Cable {
         /// The order in turns.
         turns: f64,
-        /// What the cable allows.
+        /// Turns that the cable allows to either side.
         most: f64,
     },
     /// It is to be homed and has no switch.
@@ -84,11 +84,11 @@ pub enum FirmataStepperError {
     /// It was turned and the switch did not close, or it did not open again.
     #[error("the home switch at pin {pin} did not {expected} within {turns} turns")]
     NoHome {
-        /// Where the switch should be.
+        /// Configured pin of the switch.
         pin: u8,
-        /// What it should have done.
+        /// Action that the switch did not do.
         expected: &'static str,
-        /// How far the antenna was turned.
+        /// Turns that the antenna made.
         turns: f64,
     },
     /// It turns, or is being set up.
@@ -96,7 +96,7 @@ pub enum FirmataStepperError {
     Busy,
 }
 
-/// Why nobody knows where the antenna looks.
+/// Reason why nobody knows the antenna's direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum LostPosition {
@@ -144,7 +144,7 @@ impl fmt::Display for MissingStepper {
 pub enum CoilFailure {
     /// Their levels were not reported.
     Silent,
-    /// Their levels were not those of the motor's first step.
+    /// They did not have the levels of the motor's first step.
     Wrong,
 }
 
@@ -171,7 +171,7 @@ impl fmt::Display for LostPosition {
     }
 }
 
-/// Why the antenna was not homed.
+/// Reason why the antenna was not homed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct HomeFailure {
     pub(super) pin: u8,

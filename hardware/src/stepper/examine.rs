@@ -7,7 +7,8 @@ use super::{
 };
 use crate::Finding;
 
-/// How far the motor is turned to see that it turns: 5.6° of a 28BYJ-48, one turn of its rotor.
+/// Steps by which the motor is turned to see that it turns: 5.6° of a 28BYJ-48, one turn of its
+/// rotor.
 const SHOWN_STEPS: i32 = 64;
 /// The longest that anything is waited for, in seconds: to be homed, at slow speed.
 const PATIENCE_S: f64 = 120.0;
@@ -98,7 +99,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         }
     }
 
-    /// Where the antenna looks.
+    /// Returns the finding about the antenna's direction.
     fn place(&self) -> Finding {
         let home = self.config.home_angle().to_degrees();
         match self.hindrance(self.clock.now()) {
@@ -115,7 +116,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
     }
 }
 
-/// What mends it.
+/// Returns the remedy for an error.
 fn remedy(error: &FirmataStepperError) -> &'static str {
     match error {
         FirmataStepperError::Link(_) => {

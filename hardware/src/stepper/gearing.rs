@@ -1,7 +1,7 @@
 use std::f64::consts::TAU;
 
-/// How many steps make a turn, as an exact fraction: what is rounded is the target, and never the
-/// same rounding twice.
+/// Steps in a turn, as an exact fraction: each target is rounded by itself, so that roundings do
+/// not add up.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gearing {
     pub(super) numerator: u32,
@@ -35,7 +35,8 @@ impl Gearing {
     /// The angle of a step in radians.
     #[expect(clippy::cast_precision_loss, reason = "whole turns are few, the rest is below 2³²")]
     pub(super) fn angle(self, steps: i64) -> f64 {
-        let (steps, turn) = (i128::from(steps), i128::from(self.numerator));
+        let steps = i128::from(steps);
+        let turn = i128::from(self.numerator);
         let scaled = steps * i128::from(self.denominator);
         let whole = scaled.div_euclid(turn) as f64;
         let rest = scaled.rem_euclid(turn) as f64 / f64::from(self.numerator);

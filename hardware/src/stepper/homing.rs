@@ -7,9 +7,9 @@ use super::{
     phase::{Next, Phase, Side, Stage, Wait},
 };
 
-/// How far the switch is looked for, in turns.
+/// Distance over which the switch is searched for, in turns.
 const SEEK_TURNS: f64 = 1.1;
-/// How far it is left, in turns.
+/// Greatest distance in turns by which the antenna leaves the switch until it opens.
 const LEAVE_TURNS: f64 = 0.25;
 /// Time after a step at which the switch has its level, in seconds.
 const LOOK_S: f64 = 0.02;
@@ -19,7 +19,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
     ///
     /// # Errors
     ///
-    /// [`FirmataStepperError::NoSwitch`] where none is configured; [`FirmataStepperError::Busy`]
+    /// [`FirmataStepperError::NoSwitch`] without a switch; [`FirmataStepperError::Busy`]
     /// while it turns; any error of the link.
     pub fn find_home(&mut self) -> Result<(), FirmataStepperError> {
         if self.config.switch().is_none() {
@@ -142,7 +142,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         }
     }
 
-    /// One step forwards, after so many.
+    /// Orders one step forwards, after `steps` others.
     fn leave(&mut self, steps: u64, now: f64) -> Result<(), FirmataStepperError> {
         let leg = self.ordered(self.motor + 1, [self.motor; 2], now)?;
         self.phase = Phase::Homing(Stage::Leaving(leg, steps + 1));

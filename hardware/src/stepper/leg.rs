@@ -7,9 +7,9 @@ use super::FirmataConfig;
 /// is queried while the motor turns, and once the move should have ended.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Leg {
-    /// Where it ends, in steps; `None` where it ends wherever the motor stops.
+    /// Place of its end, in steps; `None` if it ends wherever the motor stops.
     pub(super) to: Option<i64>,
-    /// How far that is, at most.
+    /// Greatest length, in steps.
     pub(super) steps: u64,
     /// Beginning; `None` if the motor turned already.
     from: Option<i64>,
@@ -51,7 +51,7 @@ pub(super) enum Seen {
     TooFast,
 }
 
-/// What has to be done about a move.
+/// Action that is due about a move.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Due {
     Nothing,
@@ -59,11 +59,11 @@ pub(super) enum Due {
     RequestPosition,
     /// Query its position, and send its speed again: it should have ended.
     Urge,
-    /// It has taken so many seconds, and too long.
+    /// It has lasted for too long: this number of seconds.
     TimedOut(f64),
 }
 
-/// How long after it should have ended the motor is queried, and how often then, in seconds.
+/// Delay in seconds of the first query after the expected end, and of each further one.
 const QUERY_S: f64 = 0.25;
 /// Interval of queries while it turns, in seconds: 60 half steps at the default speed.
 pub(super) const MONITOR_S: f64 = 0.1;

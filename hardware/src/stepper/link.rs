@@ -43,9 +43,10 @@ impl<S: ByteStream> Link<S> {
         }
     }
 
-    /// What has come.
+    /// Returns the replies that have come.
     pub(super) fn receive(&mut self) -> io::Result<Vec<Reply>> {
-        let (mut replies, mut into) = (Vec::new(), [0; 256]);
+        let mut replies = Vec::new();
+        let mut into = [0; 256];
         for _ in 0..MOST_READS {
             let count = self.stream.receive(&mut into)?;
             if count == 0 {
@@ -58,7 +59,7 @@ impl<S: ByteStream> Link<S> {
         Ok(replies)
     }
 
-    /// Whether it was opened again since the last call.
+    /// Returns true if the stream was opened again since the last call.
     pub(super) fn was_reopened(&mut self) -> bool {
         let before = std::mem::replace(&mut self.connections, self.stream.connections());
         before != self.connections
@@ -118,7 +119,7 @@ impl<S: ByteStream> Link<S> {
         self.bytes
     }
 
-    /// How many messages were unreadable.
+    /// Returns the number of unreadable messages.
     pub(super) fn rejected(&self) -> u64 {
         self.decoder.rejected()
     }

@@ -26,7 +26,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         self.gearing.steps(self.config.backlash_deg.to_radians()).unwrap_or(0)
     }
 
-    /// Whether a target is within what the Arduino can count at once.
+    /// Returns an error if a target is beyond what the Arduino can count at once.
     pub(super) fn reachable(&self, target: i64) -> Result<(), FirmataStepperError> {
         let steps = target.abs_diff(self.motor);
         if steps + self.play().unsigned_abs() < MOST_COUNTED {
@@ -70,9 +70,10 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         Ok(())
     }
 
-    /// How to come to `target`; `None` where it is there.
+    /// Returns the way to `target`, or `None` if the antenna is there.
     fn way(&self, target: i64) -> Option<Way> {
-        let (play, here) = (self.play(), self.antenna());
+        let play = self.play();
+        let here = self.antenna();
         let two_sided = self.config.approach == Approach::Compensated;
         match self.side {
             Side::Below | Side::Above if two_sided && target == here => None,

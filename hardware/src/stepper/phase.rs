@@ -1,6 +1,6 @@
 use super::leg::Leg;
 
-/// What the stepper is doing.
+/// Present activity of the stepper.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Phase {
     /// Waiting for the report which firmware there is.
@@ -16,9 +16,9 @@ pub(super) enum Phase {
     Homing(Stage),
     Moving {
         leg: Leg,
-        /// Where it goes next, in steps.
+        /// Next place, in steps.
         then: Option<i64>,
-        /// Where the play of the gear is at the end.
+        /// Side of the gear's play at the end.
         side: Side,
     },
     Standing {
@@ -38,11 +38,11 @@ pub(super) struct Wait {
     every_s: f64,
     /// Number of queries.
     pub(super) count: u32,
-    /// Answers that are not those that must come.
+    /// Number of unexpected answers.
     pub(super) doubts: u32,
 }
 
-/// How often something is queried, in seconds.
+/// Interval of queries in seconds.
 const QUERY_S: f64 = 0.5;
 
 impl Wait {
@@ -55,7 +55,7 @@ impl Wait {
         Self { every_s, ..self }
     }
 
-    /// Whether a query is due, which is taken to be sent.
+    /// Returns true if a query is due, and counts it as sent.
     pub(super) fn is_due(&mut self, now: f64) -> bool {
         let due = self.queried_at.is_none_or(|queried_at| now >= queried_at + self.every_s - 1e-9);
         if due {
@@ -95,7 +95,7 @@ pub(super) enum Next {
     Stand(Side),
 }
 
-/// Where the play of the gear is.
+/// Side on which the play of the gear is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Side {
     Unknown,
@@ -105,7 +105,7 @@ pub(super) enum Side {
     Above,
 }
 
-/// How far the search for the home switch is.
+/// Stage of the search for the home switch.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Stage {
     /// Waiting for two reports whether the switch is closed.

@@ -226,7 +226,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         self.align_to(FIRST_STEPS, [self.base; 2], now)
     }
 
-    /// Sends the motor so many steps from the Arduino's 0.
+    /// Sends the motor `steps` steps from the Arduino's 0.
     pub(super) fn align_to(
         &mut self,
         steps: i64,
@@ -269,7 +269,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         Ok(())
     }
 
-    /// What keeps the antenna from turning.
+    /// Returns the error that keeps the antenna from turning, if there is one.
     pub(super) fn hindrance(&self, now: f64) -> Result<(), FirmataStepperError> {
         let patience = self.config.answer_timeout_s;
         let overdue = self.arranging_since.is_some_and(|since| now >= since + patience);

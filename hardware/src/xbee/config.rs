@@ -11,16 +11,16 @@ pub struct XbeeConfig {
     pub beacons: Vec<Address>,
     /// The query to a beacon, and where the power of its answer stands.
     pub question: XbeeQuestion,
-    /// What is sent to a beacon that a program answers for.
+    /// Payload of a question to a beacon that a program answers for.
     pub payload: String,
     /// Such an answer begins with what was sent, so that two bytes of number behind the payload
     /// separate a late answer from a new one. Where it does not, a beacon that left a question
     /// without an answer is not queried again before another time-out has passed.
     pub echoed: bool,
-    /// How long a beacon's answer is waited for, in seconds.
+    /// Time for which a beacon's answer is awaited, in seconds.
     pub answer_timeout_s: f64,
-    /// How long the radio's own answer is waited for while it is set up, in seconds; it is queried
-    /// three times.
+    /// Time for which the radio's own answer is awaited while it is set up, in seconds; it is
+    /// queried three times.
     pub setup_timeout_s: f64,
 }
 
@@ -63,7 +63,7 @@ impl Default for XbeeConfig {
 const LONGEST_PAYLOAD: usize = 60;
 
 impl XbeeConfig {
-    /// Whether everything in it can be what it is.
+    /// Checks the ranges of all settings.
     ///
     /// # Errors
     ///

@@ -4,7 +4,7 @@ use foxhunt_wire::xbee::{Address, AtCommand, AtStatus, Protocol};
 
 use super::XbeeQuestion;
 
-/// Why an XBee does not do what is requested. The call may be repeated.
+/// Error of an XBee: why it does not do what is requested. The call may be repeated.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum XbeeError {
@@ -29,9 +29,9 @@ pub enum XbeeError {
     /// It refuses a question about itself.
     #[error("the XBee refuses {command}: {status}")]
     Refused {
-        /// Which one.
+        /// The refused command.
         command: AtCommand,
-        /// Why.
+        /// Status that it returned.
         status: AtStatus,
     },
     /// Its firmware has no such query.
@@ -48,15 +48,15 @@ pub enum XbeeError {
          and SL"
     )]
     Address {
-        /// Which one.
+        /// The beacon's address.
         address: Address,
     },
     /// There is no such beacon.
     #[error("there is no address of beacon {beacon}; there are {beacons}, counted from 0")]
     Beacon {
-        /// Which one was requested.
+        /// Requested beacon.
         beacon: u16,
-        /// How many there are.
+        /// Number of beacons.
         beacons: usize,
     },
     /// The question did not go out.
@@ -70,9 +70,9 @@ pub enum XbeeError {
     /// The beacon's radio does not report its `DB`.
     #[error("{address} refuses DB: {status}")]
     RemoteRefused {
-        /// Who.
+        /// Address of the beacon's radio.
         address: Address,
-        /// Why.
+        /// Status that it returned.
         status: AtStatus,
     },
 }

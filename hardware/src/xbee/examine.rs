@@ -4,11 +4,11 @@ use foxhunt_wire::ByteStream;
 use super::{XbeeError, XbeeRadio, setup::Setup};
 use crate::Finding;
 
-/// How often each beacon is queried.
+/// Number of queries to each beacon.
 const LOOKS: u8 = 5;
 /// A port that takes longer than this for the radio's own answer, in seconds, holds bytes back.
 const SLOW_S: f64 = 0.012;
-/// Waiting ends after so many pauses, whatever the clock shows.
+/// Pauses after which waiting ends, whatever the clock shows.
 const PAUSES: u32 = 1_000_000;
 
 impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
@@ -70,9 +70,10 @@ impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
         }
     }
 
-    /// What came over the line that was no frame.
+    /// Returns the finding on broken frames and garbage, if there were any.
     fn line(&self) -> Option<Finding> {
-        let (bad, skipped) = (self.link.bad_frames, self.link.skipped());
+        let bad = self.link.bad_frames;
+        let skipped = self.link.skipped();
         (bad > 0).then(|| {
             Finding::bad(
                 "line",

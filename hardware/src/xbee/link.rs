@@ -7,9 +7,9 @@ use foxhunt_wire::{
 
 use super::XbeeError;
 
-/// A frame that stops in the middle for so long, in seconds, was cut.
+/// Time in seconds after which a frame that stops in the middle was cut.
 const QUIET_S: f64 = 0.1;
-/// What is read at once, and how often at most: a poll ends.
+/// Bytes in one read, and most reads in one poll, so that it ends.
 const CHUNK: usize = 512;
 const CHUNKS: usize = 32;
 
@@ -21,7 +21,7 @@ pub(super) struct Link<S> {
     connections: u32,
     received_at: f64,
     last_id: u8,
-    /// Frames that were wrong, and bytes that were in none, on decoders before this one.
+    /// Number of broken frames; then bytes outside of frames on decoders before this one.
     pub(super) bad_frames: u64,
     skipped_before: u64,
 }
@@ -41,7 +41,7 @@ impl<S: ByteStream> Link<S> {
         }
     }
 
-    /// Whether the stream was opened anew since the last call.
+    /// Returns true if the stream was opened again since the last call.
     pub(super) fn reopened(&mut self) -> bool {
         let connections = self.stream.connections();
         let reopened = connections != self.connections;
@@ -59,12 +59,12 @@ impl<S: ByteStream> Link<S> {
         self.decoder.mode()
     }
 
-    /// How many bytes belonged to no frame.
+    /// Returns the number of bytes that belonged to no frame.
     pub(super) fn skipped(&self) -> u64 {
         self.skipped_before + self.decoder.skipped()
     }
 
-    /// What has come. A failure after some bytes is returned the next time.
+    /// Returns the bytes that have come. A failure after some bytes is returned the next time.
     pub(super) fn read(&mut self) -> Result<Vec<u8>, XbeeError> {
         let mut bytes = Vec::new();
         let mut chunk = [0; CHUNK];

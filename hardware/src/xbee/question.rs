@@ -11,7 +11,7 @@ pub(super) struct Outstanding {
     pub(super) stage: Stage,
 }
 
-/// How far it has come.
+/// Stage of the question.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Stage {
     /// To be sent, not before then.
@@ -55,7 +55,8 @@ pub(super) fn query(
         Address::Short(to) => (Address64::UNKNOWN, to),
     };
     if manner == XbeeQuestion::RemoteDb {
-        let (command, parameter) = (AtCommand::DB, Vec::new());
+        let command = AtCommand::DB;
+        let parameter = Vec::new();
         let frame = Frame::RemoteAtCommand { id, to64, to16, options: 0, command, parameter };
         return (frame, Vec::new());
     }

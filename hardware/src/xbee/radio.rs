@@ -14,7 +14,7 @@ use super::{
 /// A drone's XBee, which queries beacons and measures the power of their answers.
 ///
 /// It queries the radio's mode and firmware when it is used first, after a reset, and after its
-/// port was opened anew; a question that comes meanwhile goes out when that is known. It sets
+/// port was opened again; a question that comes meanwhile goes out when that is known. It sets
 /// nothing in the radio. One question is outstanding: the answer's sender is checked, an answer to
 /// an older question is not reported, and a power that may be another packet's is dropped and
 /// queried again. A beacon that does not answer is no failure: it is not reported.
@@ -27,7 +27,7 @@ pub struct XbeeRadio<S, C> {
     question: Option<Outstanding>,
     /// For each beacon: an answer that comes before then may be to an older question.
     late_until: Vec<f64>,
-    /// Of the last question.
+    /// Number of the last question.
     number: u16,
     level_dbm: Option<f64>,
     counts: XbeeCounts,
@@ -44,11 +44,11 @@ enum State {
 pub struct XbeeCounts {
     /// Questions that went out.
     pub queries: u64,
-    /// Those whose answer's power was reported.
+    /// Questions whose answer's power was reported.
     pub answered: u64,
-    /// Those whose time passed.
+    /// Questions whose time passed.
     pub silent: u64,
-    /// Those that the beacon's radio did not acknowledge.
+    /// Questions that the beacon's radio did not acknowledge.
     pub undelivered: u64,
     /// Powers that were dropped because another packet had come in between.
     pub crossed: u64,
@@ -86,7 +86,7 @@ impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
         }
     }
 
-    /// What became of the questions since the beginning.
+    /// Returns the counts of the questions by their outcome since the beginning.
     #[must_use]
     pub fn counts(&self) -> XbeeCounts {
         self.counts
@@ -202,7 +202,7 @@ impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
         }
     }
 
-    /// Whether this is the number of the question that waits for an answer.
+    /// Returns true if this is the number of the question that waits for an answer.
     fn is_sent(&self, number: u8) -> bool {
         matches!(&self.question, Some(Outstanding { stage: Stage::Sent { id, .. }, .. }) if *id == number)
     }
@@ -251,7 +251,8 @@ impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
                 if let (XbeeQuestion::ReceivedRssi, Some(level)) = (manner, packet.rssi_neg_dbm) {
                     self.take_level(level);
                 } else {
-                    let (id, until) = (self.link.id(), *until);
+                    let id = self.link.id();
+                    let until = *until;
                     question.stage = Stage::Answered { id, until };
                     return self.link.send(&Frame::at(id, AtCommand::DB));
                 }

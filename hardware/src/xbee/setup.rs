@@ -5,11 +5,11 @@ use foxhunt_wire::{
 
 use super::{XbeeError, XbeeIdentity, link::Link};
 
-/// How often a query of the radio is repeated.
+/// Number of times that a query of the radio is sent.
 const ATTEMPTS: u8 = 3;
-/// How long after a failure it is begun again, in seconds.
+/// Pause after a failure before it is begun again, in seconds.
 const RETRY_S: f64 = 1.0;
-/// How quiet the line has to be before and after `+++`, in seconds (Digi: 1 s, `GT`).
+/// Silence that the line needs before and after `+++`, in seconds (Digi: 1 s, `GT`).
 const GUARD_S: f64 = 1.1;
 
 /// The queries of the radio, in this order.
@@ -66,7 +66,7 @@ impl Setup {
         Self { step, mode: ApiMode::Plain, values: [0; 4], timeout }
     }
 
-    /// How long it may take until it has failed, in seconds.
+    /// Returns the longest time until it has failed, in seconds.
     pub(super) fn longest(timeout: f64) -> f64 {
         f64::from(ATTEMPTS) * timeout * 5.0 + 3.0 * GUARD_S + timeout
     }
@@ -78,7 +78,7 @@ impl Setup {
         }
     }
 
-    /// Takes an answer; a frame that is none is left alone.
+    /// Takes an answer; any other frame is left alone.
     pub(super) fn answered(&mut self, frame: &Frame, now: f64) {
         let Step::Listen { question, id, .. } = self.step else { return };
         let Frame::AtResponse { id: answered, command, status, value } = frame else { return };
@@ -118,7 +118,8 @@ impl Setup {
     ) -> Result<Option<XbeeIdentity>, XbeeError> {
         match &mut self.step {
             Step::Query { question, attempts } => {
-                let (question, attempts) = (*question, *attempts + 1);
+                let question = *question;
+                let attempts = *attempts + 1;
                 let Some(command) = QUESTIONS.get(question) else {
                     return Ok(Some(self.identity()));
                 };

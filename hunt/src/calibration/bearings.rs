@@ -10,13 +10,13 @@ use serde::{Deserialize, Serialize};
 pub struct BearingCalibration {
     /// The constant: boresight and yaw together.
     pub offset_deg_ccw: f64,
-    /// What goes with the sine of the heading.
+    /// Coefficient of the sine of the heading, in degrees.
     pub sin_heading_deg: f64,
-    /// What goes with its cosine.
+    /// Coefficient of its cosine, in degrees.
     pub cos_heading_deg: f64,
-    /// What σ is multiplied by.
+    /// Factor of σ.
     pub sigma_scale: f64,
-    /// What is added to it in squares.
+    /// Floor that is added to σ in squares, in degrees.
     pub sigma_floor_deg: f64,
     /// The share of bearings that have nothing to do with the direction, 0 to 0.5: estimators that
     /// weigh competing directions weigh any direction with it, others take the moments of all.
@@ -54,7 +54,7 @@ impl BearingCalibration {
         }
     }
 
-    /// What a σ in radians becomes.
+    /// Returns the corrected value of a σ in radians.
     #[must_use]
     pub fn sigma(&self, sigma: f64) -> f64 {
         (self.sigma_scale * sigma).hypot(self.sigma_floor_deg.to_radians())

@@ -1,6 +1,6 @@
 use foxhunt_sensors::ParameterError;
 
-/// Why a file is no calibration.
+/// Reason why a file is no calibration.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CalibrationFileError {
@@ -9,7 +9,7 @@ pub enum CalibrationFileError {
     Read {
         /// The file.
         file: String,
-        /// Why not.
+        /// Cause of the failure.
         source: std::io::Error,
     },
     /// The file is no calibration; the source names line, field and value.
@@ -17,7 +17,7 @@ pub enum CalibrationFileError {
     Parse {
         /// The file.
         file: String,
-        /// What is wrong.
+        /// Error of the parser.
         source: toml::de::Error,
     },
     /// The file is of another version.
@@ -35,9 +35,9 @@ pub enum CalibrationFileError {
     Parameter {
         /// The file.
         file: String,
-        /// Which section.
+        /// Name of the section.
         section: &'static str,
-        /// Which number, and why not.
+        /// Name of the number, and why it is refused.
         source: ParameterError,
     },
 }

@@ -30,10 +30,10 @@ pub struct CalibrationFile {
     /// The beacon that they are of.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub beacon: Option<String>,
-    /// How power falls with range; not known where absent.
+    /// Law of power over range; unknown where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub path_loss: Option<PathLossSection>,
-    /// How bearings err; as they are where absent.
+    /// Errors of bearings; no correction where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bearings: Option<BearingSection>,
     /// The antennas of stations, one table `[station]` or several `[[station]]`; antennas that turn

@@ -18,13 +18,13 @@ pub struct PathLossSection {
     /// The covariance of P₀ and γ, in dB² and dB.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance: Option<[[f64; 2]; 2]>,
-    /// Whether γ was held by a bound.
+    /// True if γ was held by a bound.
     #[serde(default)]
     pub at_bound: bool,
     /// The noise's standard deviation in dB.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sigma_db: Option<f64>,
-    /// How many points it is from.
+    /// Number of fitted points.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub points: Option<usize>,
 }
@@ -53,14 +53,14 @@ impl From<&PathLossFit> for PathLossSection {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BearingSection {
-    /// Whose bearings these were: the extractor's name, or `recorded` for ready-made ones. Another
+    /// Source of the bearings: the extractor's name, or `recorded` for ready-made ones. Another
     /// extractor has another σ.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub extractor: Option<String>,
-    /// How many bearings it is from.
+    /// Number of fitted bearings.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bearings: Option<usize>,
-    /// What they are corrected by.
+    /// Correction of the bearings.
     pub correction: BearingCalibration,
     /// Half the 95 % intervals of offset, sine and cosine, in degrees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -78,29 +78,29 @@ pub struct BearingSection {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StationSection {
-    /// What recordings call it; any name where absent.
+    /// Name in recordings; any name where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
-    /// Where it stands; anywhere where absent.
+    /// Place of the station; anywhere where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<StationPlace>,
     /// The half-power beamwidth of each antenna.
     pub beamwidth_deg: f64,
-    /// How much weaker each receives from behind.
+    /// Attenuation of each antenna from behind.
     pub front_to_back_db: f64,
     /// The scale of what the pattern does not explain.
     pub residual_db: f64,
     /// The power at which half the bursts are received; not known where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub floor_dbm: Option<f64>,
-    /// Over how many dB the probability of reception rises.
+    /// Width in dB over which the probability of reception rises.
     #[serde(default = "one_db")]
     pub floor_width_db: f64,
     /// The antennas.
     pub antennas: Vec<StationAntennaSection>,
 }
 
-/// Where a station stands, in degrees (WGS84).
+/// Place of a station, in degrees (WGS84).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StationPlace {
@@ -110,7 +110,7 @@ pub struct StationPlace {
     pub lon_deg: f64,
 }
 
-/// As far from its place a station is still the same one, in metres: GNSS receivers err by less,
+/// Distance within which a station is still the same one, in metres: GNSS receivers err by less,
 /// and two stations are farther apart.
 const SAME_PLACE_M: f64 = 100.0;
 
@@ -136,22 +136,22 @@ fn one_db() -> f64 {
 pub struct StationAntennaSection {
     /// Its boresight in recordings, by which it is identified.
     pub recorded_deg_compass: f64,
-    /// Where it does look.
+    /// Its true boresight.
     pub boresight_deg_compass: f64,
     /// Half the 95 % interval of that.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub half_interval_deg: Option<f64>,
-    /// How much stronger than the others it receives.
+    /// Gain over the other antennas.
     #[serde(default)]
     pub gain_db: f64,
-    /// What the site does to it: the coefficients of cos θ, sin θ, cos 2θ, … in dB, θ
+    /// Effect of the site on it: the coefficients of cos θ, sin θ, cos 2θ, … in dB, θ
     /// counter-clockwise from East.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub site_db: Vec<f64>,
 }
 
 impl StationSection {
-    /// Whether it is the station of this name at this place, as far as it names them.
+    /// Returns true if it is the station of this name at this place, as far as it names them.
     #[must_use]
     pub fn is_of(&self, name: &str, place: Option<StationPlace>) -> bool {
         self.name.as_deref().is_none_or(|own| own == name)

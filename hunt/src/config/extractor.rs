@@ -61,7 +61,7 @@ impl Default for LobeConfig {
 pub struct KnownAntennaConfig {
     /// The antenna.
     pub antenna: AntennaConfig,
-    /// How far beacons are above the horizon, in degrees; below it where negative.
+    /// Elevation of beacons above the horizon, in degrees; below it where negative.
     pub elevation_deg: f64,
     /// Beacons may be anywhere from there to so far above the horizon, in degrees, for
     /// `maximum-likelihood`; absent where they are at that elevation.
@@ -73,7 +73,7 @@ pub struct KnownAntennaConfig {
     pub misfit_sigma_db: f64,
     /// σ of the level against a path-loss law, in dB.
     pub rss_sigma_db: f64,
-    /// Bearings with a larger σ are none, in degrees.
+    /// Largest σ of a bearing, in degrees; turns with a larger one have no bearing.
     pub max_sigma_deg: f64,
     /// Turns in which fewer boresights hold a reading have no bearing.
     pub min_positions: u16,
@@ -99,7 +99,7 @@ impl Default for KnownAntennaConfig {
     }
 }
 
-/// Why there is no extractor.
+/// Reason why there is no extractor.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ExtractorConfigError {

@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{ModelTerrain, PulseLevelConfig, PulseModel, ReceiverModel};
 
-/// What an estimator takes for the law of propagation, P(d) = P₀ − 10 γ log₁₀ d, for the
-/// antenna's vertical pattern, and for the terrain.
+/// Law of propagation that an estimator assumes, P(d) = P₀ − 10 γ log₁₀ d, with the antenna's
+/// vertical pattern and the terrain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelConfig {
@@ -19,19 +19,19 @@ pub struct ModelConfig {
     pub reference_dbm: f64,
     /// γ: the path-loss exponent.
     pub exponent: f64,
-    /// How high above the ground the beacons are taken to be, in metres; 0 unless given.
+    /// Assumed height of the beacons above the ground, in metres; 0 unless given.
     #[serde(default)]
     pub target_up_m: f64,
     /// The antenna whose vertical pattern the level follows; where absent, the level is taken for
     /// the same at every elevation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub antenna: Option<AntennaConfig>,
-    /// Where the reference receiver of range and level differences is: East, North and Up in
+    /// Place of the reference receiver of range and level differences: East, North and Up in
     /// metres; only estimators of differences need it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference_m: Option<[f64; 3]>,
-    /// How single pulses err, for the estimator `pulses`; as in [`PulseLevelConfig::default`] unless
-    /// given.
+    /// Errors of single pulses, for the estimator `pulses`; as in [`PulseLevelConfig::default`]
+    /// unless given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pulses: Option<PulseLevelConfig>,
     /// The terrain whose loss comes off the level; level ground where absent.
@@ -39,10 +39,10 @@ pub struct ModelConfig {
     pub terrain: Option<ModelTerrain>,
 }
 
-/// What the loss over terrain is computed with where nothing else is known, in MHz.
+/// Frequency for the loss over terrain where nothing else is known, in MHz.
 pub(crate) const FREQUENCY_MHZ: f64 = 2440.0;
 
-/// Why there is no such model.
+/// Reason why there is no such model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ModelError {
@@ -52,7 +52,7 @@ pub enum ModelError {
     /// There is no such terrain.
     #[error("terrain: {0}")]
     Terrain(#[from] ReliefError),
-    /// The terrain is that of a world or a flight that has none.
+    /// The model takes the terrain of a world or a flight without terrain.
     #[error(transparent)]
     NoTerrain(FieldError),
 }
@@ -83,7 +83,7 @@ impl ModelConfig {
         Ok(OverTerrain::new(model, loss).with_target_up(self.target_up_m)?)
     }
 
-    /// What its terrain takes off the level, if it has one.
+    /// Returns the loss over its terrain, if it has one.
     fn terrain_loss(&self) -> Result<Option<TerrainLoss<SharedTerrain>>, ModelError> {
         match &self.terrain {
             None => Ok(None),
@@ -112,7 +112,7 @@ impl ModelConfig {
     ///
     /// # Errors
     ///
-    /// [`FieldError`] where there is none.
+    /// [`FieldError`] if `there` gives no terrain.
     pub fn resolve_terrain(
         &mut self,
         there: impl FnOnce() -> Option<ReliefConfig>,
@@ -123,8 +123,7 @@ impl ModelConfig {
         Ok(())
     }
 
-    /// The same with a folder of tiles that was given from another one, such as that of the file in
-    /// which it stands.
+    /// Makes a folder of tiles relative to `base`, such as the folder of the file that names it.
     #[must_use]
     pub fn in_folder(self, base: &Path) -> Self {
         let terrain = self.terrain.map(|terrain| match terrain {

@@ -23,7 +23,7 @@ pub enum PlannerConfig {
         /// Its parameters; the reference's unless given.
         #[serde(default)]
         follow: FollowConfig,
-        /// How the drones stand; a polygon of `follow.circumradius_m` unless given.
+        /// Shape of the formation; a polygon of `follow.circumradius_m` unless given.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         shape: Option<ShapeConfig>,
     },
@@ -34,19 +34,19 @@ pub enum PlannerConfig {
         /// From the polygon's centre to each of several drones; 6 m unless given.
         #[serde(default = "reference_circumradius")]
         circumradius_m: f64,
-        /// How the drones stand; a polygon of that circumradius unless given.
+        /// Shape of the formation; a polygon of that circumradius unless given.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         shape: Option<ShapeConfig>,
-        /// How far the shape is turned counter-clockwise, with a polygon the direction from the
-        /// centre to the first drone; 0 unless given.
+        /// Counter-clockwise rotation of the shape, with a polygon the direction from the centre to
+        /// the first drone; 0 unless given.
         #[serde(default)]
         rotation_deg: f64,
         /// The drones' altitude.
         up_m: f64,
-        /// How many turns each place is worth; 1 unless given.
+        /// Number of turns at each place; 1 unless given.
         #[serde(default = "once")]
         turns_at_each: u16,
-        /// How often all places are flown to; 1 unless given.
+        /// Number of rounds over all places; 1 unless given.
         #[serde(default = "once")]
         rounds: u16,
     },
@@ -54,19 +54,19 @@ pub enum PlannerConfig {
     LawnMower {
         /// East and North of each corner of the area, in their order.
         corners_m: Vec<[f64; 2]>,
-        /// How far rows and places are apart; as in the reference's sweep unless given.
+        /// Distances between rows and between places; as in the reference's sweep unless given.
         #[serde(default)]
         coverage: CoverageConfig,
-        /// How the drones stand; a polygon of 6 m unless given.
+        /// Shape of the formation; a polygon of 6 m unless given.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         shape: Option<ShapeConfig>,
         /// The drones' altitude.
         up_m: f64,
-        /// How often the area is swept; 1 unless given.
+        /// Number of sweeps of the area; 1 unless given.
         #[serde(default = "once")]
         rounds: u16,
     },
-    /// Where the next turns are expected to shrink the ellipse most.
+    /// Goals where the next turns are expected to shrink the ellipse most.
     Information {
         /// Its parameters; the defaults unless given.
         #[serde(default)]
@@ -74,7 +74,7 @@ pub enum PlannerConfig {
     },
     /// Each drone down the gradient of the posterior bound.
     SteepestDescent(SteepestDescentConfig),
-    /// To where the level is expected to be highest, by a Gaussian process of levels.
+    /// Goals where the level is expected to be highest, by a Gaussian process of levels.
     #[cfg(feature = "maps")]
     BayesianOptimisation(BayesianOptimisationConfig),
     /// Everyone stays and listens.
@@ -90,9 +90,9 @@ pub enum PlannerConfig {
     SurgeCast(SurgeCastConfig),
     /// Few drones fly the places of many, one after the other (Pritzl 2018, §7.2).
     Emulated {
-        /// For how many drones the planner plans.
+        /// Number of drones that the planner plans for.
         virtual_drones: u16,
-        /// Which planner.
+        /// Planner for the virtual drones.
         planner: Box<PlannerConfig>,
     },
     /// One that a [`Registry`](crate::registry::Registry) knows by a name.
@@ -113,7 +113,7 @@ pub(super) const fn reference_circumradius() -> f64 {
 }
 
 impl PlannerConfig {
-    /// Whether its places are known before anything is received.
+    /// Returns true if its places are known before anything is received.
     #[must_use]
     pub fn is_known_beforehand(&self) -> bool {
         match self {
@@ -156,7 +156,8 @@ impl PlannerConfig {
             }
             Self::LawnMower { corners_m, coverage, shape, up_m, rounds } => {
                 let corners: Vec<_> = corners_m.iter().map(|p| Vector2::from(*p)).collect();
-                let (sweep, rounds) = (Coverage::new(&corners, coverage)?, usize::from(*rounds));
+                let sweep = Coverage::new(&corners, coverage)?;
+                let rounds = usize::from(*rounds);
                 bounded(
                     "the places of the sweep and rounds in all",
                     [sweep.places().len(), rounds, 1],
@@ -203,7 +204,7 @@ fn shape_or_polygon(
     shape.unwrap_or(&ShapeConfig::Polygon { circumradius_m }).build()
 }
 
-/// Why there is no planner.
+/// Reason why there is no planner.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlannerConfigError {

@@ -7,7 +7,7 @@ use foxhunt_sensors::{DirectionalLevel, LogDistance, SharedAntenna, SharedTerrai
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
-/// What the estimator `pulses` takes for known of the pulses of a tag.
+/// Properties of a tag's pulses that the estimator `pulses` takes for known.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PulseLevelConfig {
@@ -54,7 +54,7 @@ impl PulseModel {
     ///
     /// # Errors
     ///
-    /// When the height is not finite, or a σ of the configuration out of range.
+    /// If the height is not finite, or a σ of the configuration out of range.
     pub fn new(
         law: LogDistance,
         antenna: SharedAntenna,
@@ -62,13 +62,14 @@ impl PulseModel {
         config: PulseLevelConfig,
     ) -> Result<Self, ParameterError> {
         positive("pulses.sigma_db", config.sigma_db)?;
-        let (name, deg) = ("pulses.site_sigma_deg", config.site_sigma_deg);
+        let name = "pulses.site_sigma_deg";
+        let deg = config.site_sigma_deg;
         in_range(name, deg, 0.0..=90.0, "from 0 to 90")?;
         let level = DirectionalLevel::new(law, antenna).with_target_up(target_up)?;
         Ok(Self { level, terrain: None, target_up, config })
     }
 
-    /// The same over terrain whose loss comes off.
+    /// Sets the terrain whose loss comes off.
     pub(crate) fn over_terrain(self, loss: TerrainLoss<SharedTerrain>) -> Self {
         Self { terrain: Some(loss), ..self }
     }
@@ -78,7 +79,7 @@ impl PulseModel {
         self.config.sigma_db
     }
 
-    /// What a grid takes for known of it.
+    /// Returns its settings for a grid.
     pub(crate) fn grid_config(&self) -> DirectionalGridConfig {
         let PulseLevelConfig { site_sigma_db, site_sigma_deg, power_sigma_db, .. } = self.config;
         DirectionalGridConfig {

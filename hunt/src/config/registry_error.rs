@@ -1,13 +1,13 @@
-/// Why a part that has a name cannot be built.
+/// Reason why a part that has a name cannot be built.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RegistryError {
-    /// There is nothing of this name.
+    /// The name is unknown.
     #[error("{name:?} is no {what}; those are {}", known.join(", "))]
     Unknown {
-        /// What was looked for: an estimator, an extractor, a planner, a source.
+        /// Kind of the part: an estimator, an extractor, a planner, a source.
         what: &'static str,
-        /// By which name.
+        /// The requested name.
         name: String,
         /// The names that there are.
         known: Vec<String>,
@@ -26,7 +26,7 @@ pub enum RegistryError {
     NoSetting {
         /// Its name.
         estimator: String,
-        /// Which setting was given.
+        /// Name of the setting that was given.
         setting: &'static str,
     },
 }

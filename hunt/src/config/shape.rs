@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// A shape chosen at run time.
 pub type BoxedShape = Box<dyn Shape + Send + Sync>;
 
-/// How drones stand about the centre of their formation.
+/// Shape in which drones stand about the centre of their formation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 #[non_exhaustive]
@@ -29,9 +29,9 @@ pub enum ShapeConfig {
     },
     /// Another shape, made larger or smaller.
     Scaled {
-        /// How many times as large.
+        /// Factor of its size.
         scale: f64,
-        /// Which shape.
+        /// Shape that is scaled.
         shape: Box<ShapeConfig>,
     },
 }

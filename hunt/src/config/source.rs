@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::hunt::{BoxedSource, boxed_source};
 
-/// What a drone listens with, chosen at run time.
+/// Source with which a drone listens, chosen at run time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -87,7 +87,7 @@ impl SourceConfig {
         }
     }
 
-    /// Whether it looks along one direction after the other, in turns that may go on.
+    /// Returns true if it looks along one direction after the other, in turns that may go on.
     #[must_use]
     pub fn turns(&self) -> bool {
         matches!(self, Self::Stepper(_) | Self::RotatingBody(_))
@@ -146,9 +146,9 @@ impl SourceConfig {
         }))
     }
 
-    /// About how long a turn takes in a simulated world, in seconds, where every question is
-    /// answered; `None` for a source that is known by name alone. `of_goal` gives how many
-    /// questions a turn that takes so many at least is expected to take where it has a goal.
+    /// Returns the approximate duration of a turn in a simulated world, in seconds, where every
+    /// question is answered; `None` for a source that is known by name alone. `of_goal` gives the
+    /// expected number of questions of a turn with a goal, given their least number.
     #[must_use]
     pub fn turn_s(
         &self,
@@ -160,7 +160,8 @@ impl SourceConfig {
         let per_question = |spacing_s: f64| f64::from(beacons) * spacing_s.max(answer_s);
         Some(match self {
             Self::Stepper(config) => {
-                let (positions, samples) = (config.positions(), config.samples_per_position());
+                let positions = config.positions();
+                let samples = config.samples_per_position();
                 // A fit is by boresights.
                 let positions = of_goal(positions).unwrap_or(positions);
                 f64::from(positions) * f64::from(samples) * per_question(0.0)
@@ -179,16 +180,16 @@ impl SourceConfig {
     }
 }
 
-/// What tells how long questions take.
+/// Conditions that set the duration of questions.
 #[derive(Clone, Copy, Debug)]
 pub struct Questions {
-    /// How quick the devices of the simulation are.
+    /// Quickness of the simulation's devices.
     pub quickness: SimStepperConfig,
-    /// For how many beacons a turn is.
+    /// Number of beacons of a turn.
     pub beacons: u16,
     /// From pulse to pulse of the slowest beacon that sends by itself, in seconds.
     pub interval_s: Option<f64>,
 }
 
-/// A body that waits for pulses turns so slowly that there are so many in a turn at least.
+/// Least number of pulses in a turn of a body that waits for pulses, which turns slowly enough.
 const FEWEST_PULSES: u16 = 9;

@@ -6,12 +6,12 @@ use serde::{
     de::{self, MapAccess, Visitor, value::MapAccessDeserializer},
 };
 
-/// What a model takes for the terrain.
+/// Terrain that a model assumes.
 ///
 /// In a file `terrain = true` for that of the world, or a table like it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ModelTerrain {
-    /// That of the scenario's world, or of the flight: reading a file puts a copy in its place.
+    /// Terrain of the scenario's world, or of the flight: reading a file puts a copy in its place.
     AsThere,
     /// This one.
     Own(ReliefConfig),

@@ -1,20 +1,21 @@
 use foxhunt_core::Belief;
 use nalgebra::Vector2;
 
-/// How many places stand for a belief in a log.
+/// Number of places that stand for a belief in a log.
 pub(super) const LOGGED_PLACES: u32 = 300;
 
 /// A belief of fewer samples than this is given by its moments.
 const LEAST: u32 = 100;
 
-/// So many places of equal weight, East and North in metres, that stand for a cloud, or a grid;
-/// `None` for a belief that its two moments give.
+/// Returns `places` places of equal weight, East and North in metres, that stand for a cloud, or a
+/// grid; `None` for a belief that its two moments give.
 ///
 /// They are drawn systematically at even steps of the cumulative weight, without a random number,
 /// so that a hunt is the same whether it is logged or not.
 #[must_use]
 pub fn cloud(belief: &dyn Belief, places: u32) -> Option<Vec<Vector2<f64>>> {
-    let (mut samples, mut total) = (0_u32, 0.0);
+    let mut samples = 0_u32;
+    let mut total = 0.0;
     belief.visit_positions(&mut |_, weight| {
         samples = samples.saturating_add(1);
         total += weight;
@@ -23,7 +24,9 @@ pub fn cloud(belief: &dyn Belief, places: u32) -> Option<Vec<Vector2<f64>>> {
         return None;
     }
     let step = total / f64::from(places);
-    let (mut places, mut passed, mut next) = (Vec::new(), 0.0, 0.5 * step);
+    let mut places = Vec::new();
+    let mut passed = 0.0;
+    let mut next = 0.5 * step;
     belief.visit_positions(&mut |place, weight| {
         passed += weight;
         while next < passed && next < total {

@@ -5,21 +5,21 @@ use foxhunt_core::{BeaconId, Waypoint};
 pub enum Command {
     /// Send a drone somewhere.
     GoTo {
-        /// Which drone.
+        /// Index of the drone.
         drone: usize,
-        /// Where to.
+        /// Place to fly to.
         goal: Waypoint,
     },
     /// Land a drone where it is.
     Land {
-        /// Which drone.
+        /// Index of the drone.
         drone: usize,
     },
     /// Turn the antenna of a drone and listen for beacons.
     Listen {
-        /// Which drone.
+        /// Index of the drone.
         drone: usize,
-        /// For which beacons, all in the same turn.
+        /// The beacons, all in the same turn.
         beacons: Vec<BeaconId>,
     },
 }

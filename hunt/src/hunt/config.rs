@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub struct HuntConfig {
     /// σ of each coordinate of a beacon's place before the first reception.
     pub prior_sigma_m: f64,
-    /// What it is about, East and North; the centroid of the drones where absent.
+    /// Centre of the prior, East and North; the centroid of the drones where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub prior_centre_m: Option<[f64; 2]>,
     /// A drone has arrived when it is this near its goal, and strays no farther from its way, which
@@ -31,24 +31,24 @@ pub struct HuntConfig {
     /// A formation position at which nothing was received is measured this often before the beacon
     /// is given up.
     pub attempts: u32,
-    /// How near two drones may come to each other over ground, in metres.
+    /// Least distance between two drones over ground, in metres.
     pub separation_m: f64,
-    /// How far one flies on after an order to stop or to turn, in metres.
+    /// Distance that a drone flies on after an order to stop or to turn, in metres.
     pub stopping_m: f64,
-    /// Where they may fly.
+    /// Airspace in which they may fly.
     pub airspace: AirspaceConfig,
-    /// How near the beacon they may come; as near as the planner likes where absent.
+    /// Void about the beacon that they keep out of; as near as the planner likes where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub void: Option<Void>,
-    /// How long they can stay in the air; for ever where absent.
+    /// Endurance in the air; unlimited where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub endurance: Option<EnduranceConfig>,
-    /// Whether they fly home and land when all beacons are done; they do in any case when their
+    /// True if they fly home and land when all beacons are done; they do in any case when their
     /// endurance requires it.
     pub return_home: bool,
-    /// When a drone counts as one that takes part no more.
+    /// Rules by which a drone counts as one that takes part no more.
     pub attendance: AttendanceConfig,
-    /// When a search is over besides its planner's decision.
+    /// Rules that end a search besides its planner's decision.
     pub stop: StopRules,
 }
 
@@ -81,15 +81,15 @@ impl Default for HuntConfig {
 }
 
 impl HuntConfig {
-    /// Semi-major axis of the ellipse with 95 % that a search asks for, in metres: that of
-    /// [`stop`](Self::stop), or the prior's σ where there is none. A search that its planner ends
-    /// on a larger one has [`Settled`](foxhunt_core::Outcome::Settled), and not converged.
+    /// Returns the semi-major axis of the 95 % ellipse that a search asks for, in metres: from
+    /// [`stop`](Self::stop), or else the prior's σ. A search that its planner ends on a larger one
+    /// has [`Settled`](foxhunt_core::Outcome::Settled), and not converged.
     #[must_use]
     pub fn asked_ellipse_m(&self) -> f64 {
         self.stop.ellipse_95_m.unwrap_or(self.prior_sigma_m)
     }
 
-    /// Whether turns may go on for a goal: their longest must end before they are given up.
+    /// Checks that turns may go on for a goal: their longest must end before they are given up.
     ///
     /// # Errors
     ///

@@ -28,21 +28,21 @@ use super::{Command, Hunt, HuntError};
 /// }
 /// ```
 pub trait Devices {
-    /// What it listens with.
+    /// Type of the source with which it listens.
     type Source: PatternSource;
-    /// What flies.
+    /// Type of the vehicle that flies.
     type Vehicle: Vehicle;
 
     /// Both of them.
     fn devices(&mut self) -> (&mut Self::Source, &mut Self::Vehicle);
 }
 
-/// A drone: what it listens with and what flies.
+/// A drone: its source and its vehicle.
 #[derive(Clone, Debug)]
 pub struct Drone<S, V> {
-    /// What it listens with.
+    /// Source with which it listens.
     pub source: S,
-    /// What flies.
+    /// Vehicle that flies.
     pub vehicle: V,
 }
 
@@ -167,7 +167,7 @@ pub fn drive<D: Devices>(hunt: &mut Hunt, drones: &mut [D], time: f64) -> Result
     Ok(())
 }
 
-/// What [`drive`] would do next, and when, for loops that own the time: a simulation goes from one
+/// Schedule of the next work of [`drive`], for loops that own the time: a simulation goes from one
 /// event to the next instead of looking at everything at every step.
 ///
 /// Devices that know nothing of their [next event](PatternSource::next_event) or of [how they go
@@ -177,18 +177,19 @@ pub fn drive<D: Devices>(hunt: &mut Hunt, drones: &mut [D], time: f64) -> Result
 pub struct Agenda {
     /// From one possible call to the next, in seconds.
     step_s: f64,
-    /// When the hunt or a vehicle is next to be looked at; absent where that is at once.
+    /// Time of the next look at the hunt and the vehicles; absent for at once.
     flight: Option<f64>,
-    /// The same of each drone's source.
+    /// Time of the next look at each drone's source; absent for at once.
     sources: Vec<Option<f64>>,
 }
 
-/// What is due within a microsecond is due: times are sums of steps, and to poll a device too early
-/// changes nothing.
+/// Time before an event from which on it counts as due, in seconds: times are sums of steps, and to
+/// poll a device too early changes nothing.
 const EARLY_S: f64 = 1e-6;
 
 impl Agenda {
-    /// For a loop in steps of so many seconds, which leaves out those at which nothing is due.
+    /// Creates the schedule of a loop in steps of `step_s` seconds, which leaves out steps at which
+    /// nothing is due.
     #[must_use]
     pub fn new(step_s: f64) -> Self {
         Self { step_s, flight: None, sources: Vec::new() }
@@ -198,7 +199,7 @@ impl Agenda {
     ///
     /// # Errors
     ///
-    /// Those of [`drive`].
+    /// The errors of [`drive`].
     pub fn drive<D: Devices>(
         &mut self,
         hunt: &mut Hunt,
@@ -236,22 +237,22 @@ impl Agenda {
         Ok(())
     }
 
-    /// When it is to be called again at the latest, in seconds; absent where that is at once.
+    /// Returns the time of the next call at the latest, in seconds; `None` for at once.
     #[must_use]
     pub fn next_event(&self) -> Option<f64> {
         self.sources.iter().copied().try_fold(self.look_at_flight()?, earlier)
     }
 
-    /// Until when nothing but their sweeps can make the hunt have its drones do anything, and none
-    /// of them before its own sweep is delivered; absent where that is not known.
+    /// Returns the time until which nothing but their sweeps can make the hunt have its drones do
+    /// anything, and no drone before its own sweep is delivered; `None` if that is not known.
     #[must_use]
     pub fn undisturbed_until(&self, hunt: &Hunt) -> Option<f64> {
         let look_at = self.look_at_flight().filter(|_| hunt.waits_for_all());
         look_at.map(|event| event - 2.0 * EARLY_S)
     }
 
-    /// When the drones are next to be looked at: one step before anything happens to them, too, so
-    /// that the hunt knows that they were well until then.
+    /// Returns the time of the next look at the drones: one step before anything happens to them,
+    /// too, so that the hunt knows that they were well until then.
     fn look_at_flight(&self) -> Option<f64> {
         self.flight.map(|event| event - self.step_s)
     }
@@ -264,7 +265,8 @@ fn earlier(one: f64, other: Option<f64>) -> Option<f64> {
 
 /// The devices of a hunt's drones.
 fn devices_of<'a, D>(hunt: &Hunt, drones: &'a mut [D]) -> Result<&'a mut [D], DriveError> {
-    let (devices, count) = (drones.len(), hunt.drone_count());
+    let devices = drones.len();
+    let count = hunt.drone_count();
     drones.get_mut(..count).ok_or(DriveError::Drones { devices, drones: count })
 }
 
@@ -329,7 +331,7 @@ fn take_sweeps(hunt: &mut Hunt, drone: usize, source: &mut impl PatternSource, t
     happened
 }
 
-/// Why a hunt could not be driven on.
+/// Reason why a hunt could not be driven on.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DriveError {
@@ -339,9 +341,9 @@ pub enum DriveError {
     /// Not every drone has devices.
     #[error("there are devices of {devices} drones; the hunt has {drones}")]
     Drones {
-        /// How many drones have devices.
+        /// Number of drones that have devices.
         devices: usize,
-        /// How many drones the hunt has.
+        /// Number of drones of the hunt.
         drones: usize,
     },
 }

@@ -1,14 +1,14 @@
 use foxhunt_core::{EstimatorError, PlanError, Quantity, parameter::FieldError};
 use foxhunt_formation::{AirspaceError, PhaseError, TrafficError};
 
-/// Why a hunt could not begin or go on.
+/// Reason why a hunt could not begin or go on.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum HuntError {
-    /// There is nobody to fly, or nothing to look for.
+    /// No drone or no beacon was given.
     #[error("a hunt needs at least one {missing}")]
     Nothing {
-        /// What there is none of.
+        /// Name of what is missing.
         missing: &'static str,
     },
     /// A field of the configuration is out of its range.
@@ -19,15 +19,15 @@ pub enum HuntError {
     Estimator {
         /// The beacon's name.
         beacon: String,
-        /// Why not.
+        /// Cause of the failure.
         source: EstimatorError,
     },
     /// The estimators measure what the receptions do not hold.
     #[error("the estimator measures {quantity}; the receptions hold {}", names(.measured))]
     NotMeasured {
-        /// What no reception holds.
+        /// Quantity that no reception holds.
         quantity: Quantity,
-        /// What they hold.
+        /// Quantities that the receptions hold.
         measured: Vec<Quantity>,
     },
     /// The planner had no plan.
@@ -35,10 +35,10 @@ pub enum HuntError {
     Plan {
         /// The beacon's name.
         beacon: String,
-        /// Why not.
+        /// Cause of the failure.
         source: PlanError,
     },
-    /// The airspace is none.
+    /// The airspace is invalid.
     #[error("airspace: {0}")]
     Airspace(#[from] AirspaceError),
     /// The drones do not begin as they may, or a distance is out of its range.
@@ -47,11 +47,11 @@ pub enum HuntError {
     /// The log to go on from is another hunt's.
     #[error("the log is another hunt's: number {} is {logged:?} in it, and here {expected:?}", .beacon + 1)]
     OtherHunt {
-        /// Which beacon, counted from 0.
+        /// Index of the beacon, from 0.
         beacon: usize,
         /// Its name in the log.
         logged: String,
-        /// Its name in this hunt; empty where there is none of that number.
+        /// Its name in this hunt; empty if this hunt has no beacon of that number.
         expected: String,
     },
     /// A signal came in a phase that it does not belong to.

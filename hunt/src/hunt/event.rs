@@ -13,275 +13,276 @@ use serde::{Deserialize, Serialize};
 pub enum Event {
     /// The search for a beacon began.
     BeaconStarted {
-        /// When.
+        /// Time in seconds.
         time: f64,
-        /// Which beacon.
+        /// The beacon.
         beacon: BeaconId,
         /// Its name.
         name: String,
-        /// What the estimator believes before the first reception.
+        /// Belief of the estimator before the first reception.
         prior: Estimate<2>,
-        /// What the hunt believes then, where the estimator has a prior of its own.
+        /// Belief of the hunt then, if the estimator has a prior of its own.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         hunt_prior: Option<Estimate<2>>,
     },
     /// A hunt that was broken off goes on from its log.
     Resumed {
-        /// When.
+        /// Time in seconds.
         time: f64,
     },
     /// The formation does something else now.
     PhaseChanged {
-        /// When.
+        /// Time in seconds.
         time: f64,
-        /// What it does.
+        /// New phase of the formation.
         phase: Phase,
     },
     /// The planner has decided where to listen next, or that the search is over.
     Planned {
-        /// When.
+        /// Time in seconds.
         time: f64,
-        /// For which beacon in the first place.
+        /// Beacon for which it plans in the first place.
         beacon: BeaconId,
-        /// Why, as the planner explains it.
+        /// Reason, as the planner explains it.
         reason: String,
     },
     /// A place that the planner wanted may not be flown to, or is too near another one; the drone
     /// goes elsewhere.
     GoalMoved {
-        /// When.
+        /// Time in seconds.
         time: f64,
-        /// Which drone.
+        /// Index of the drone.
         drone: usize,
-        /// Where the planner wanted it.
+        /// Place that the planner wanted.
         wanted: Vector3<f64>,
-        /// Where it goes.
+        /// Place to which it goes.
         goal: Vector3<f64>,
-        /// Why.
+        /// Reason for the move.
         reason: MovedReason,
     },
     /// A drone was sent to its goal, or to a corner of its way there.
     Sent {
-        /// When.
+        /// Time in seconds.
         time: f64,
-        /// Which drone.
+        /// Index of the drone.
         drone: usize,
-        /// Where to.
+        /// Place to which it was sent.
         to: Vector3<f64>,
-        /// Why.
+        /// Reason for the order.
         reason: OrderReason,
     },
     /// A drone has to wait for others to pass, or finds no permitted way to its goal.
     Held {
-        /// When.
+        /// Time in seconds.
         time: f64,
-        /// Which drone.
+        /// Index of the drone.
         drone: usize,
-        /// Why.
+        /// Reason for the wait.
         reason: String,
     },
     /// A drone drops out of the formation, or comes back to it.
     DutyChanged {
-        /// When.
+        /// Time in seconds.
         time: f64,
-        /// Which drone.
+        /// Index of the drone.
         drone: usize,
-        /// What it does from now on.
+        /// Duty from now on.
         duty: Duty,
     },
     /// A search is over by a rule that is not the planner's.
     Stopped {
-        /// When.
+        /// Time in seconds.
         time: f64,
-        /// For which beacon.
+        /// Beacon of the search.
         beacon: BeaconId,
-        /// How it ended.
+        /// Outcome of the search.
         outcome: Outcome,
-        /// Why.
+        /// Reason for the end.
         reason: String,
     },
     /// The drones fly home.
     Recalled {
-        /// When.
+        /// Time in seconds.
         time: f64,
-        /// Why.
+        /// Reason for the recall.
         reason: String,
     },
     /// A drone was ordered to land where it is, or was given up.
     Landed {
-        /// When.
+        /// Time in seconds.
         time: f64,
-        /// Which drone.
+        /// Index of the drone.
         drone: usize,
-        /// Why there.
+        /// Reason for the landing there.
         reason: String,
     },
     /// The goals of all drones were set, in their order.
     GoalsSet {
-        /// When.
+        /// Time in seconds.
         time: f64,
-        /// Where each shall go.
+        /// Goal of each drone.
         goals: Vec<Vector3<f64>>,
     },
     /// A drone's turn became a reception.
     Received {
-        /// When the hunt got it.
+        /// Time when the hunt got it, in seconds.
         time: f64,
-        /// Which drone.
+        /// Index of the drone.
         drone: usize,
-        /// Whether it belongs to the first formation position of its beacon.
+        /// True if it belongs to the first formation position of its beacon.
         first_position: bool,
         /// The reception.
         reception: Reception,
     },
     /// The reception before went through the estimator.
     Corrected {
-        /// When.
+        /// Time in seconds.
         time: f64,
-        /// Which drone's reception it was.
+        /// Index of the drone whose reception it was.
         drone: usize,
-        /// Of which beacon; that of the reception before in logs before version 6.
+        /// Beacon of the reception; absent in logs before version 6, where the reception before
+        /// tells it.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         beacon: Option<BeaconId>,
-        /// What the estimator did.
+        /// Correction by the estimator.
         correction: Correction,
-        /// How many components the reception had for the estimator: the degrees of freedom of its
-        /// normalised innovation squared; not in logs before version 6.
+        /// Number of components that the reception had for the estimator: the degrees of freedom of
+        /// its normalised innovation squared; not in logs before version 6.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         degrees_of_freedom: Option<usize>,
-        /// What is believed since.
+        /// Belief after the correction.
         estimate: Estimate<2>,
     },
     /// The innovations of the last receptions have become larger than the filter can explain: it
     /// has lost the target, or its noise is too small. Once, until it is consistent again.
     FilterDiverged {
-        /// When.
+        /// Time in seconds.
         time: f64,
-        /// Which beacon's filter.
+        /// Beacon of the filter.
         beacon: BeaconId,
         /// The average normalised innovation squared of the last receptions.
         average_nis: f64,
-        /// Where a consistent filter's would be.
+        /// Interval of a consistent filter's average.
         interval: [f64; 2],
     },
     /// A turn or a reception was of no use.
     Refused {
-        /// When.
+        /// Time in seconds.
         time: f64,
-        /// Which drone's.
+        /// Index of the drone.
         drone: usize,
-        /// Why.
+        /// Reason for the refusal.
         reason: String,
     },
     /// A drone delivered nothing at a formation position; the hunt goes on without.
     Missing {
-        /// When the hunt stopped waiting.
+        /// Time when the hunt stopped waiting, in seconds.
         time: f64,
-        /// Which drone.
+        /// Index of the drone.
         drone: usize,
-        /// How long it was waited for, in seconds.
+        /// Time that it was waited for, in seconds.
         waited_s: f64,
     },
     /// The flight of real aircraft, of which the hunt is the middle, has come to another stage.
     FlightStage {
-        /// When.
+        /// Time in seconds.
         time: f64,
-        /// Which.
+        /// New stage of the flight.
         stage: FlightStage,
-        /// Why.
+        /// Reason for the change.
         reason: String,
     },
     /// An aircraft does something else now.
     Aircraft {
-        /// When.
+        /// Time in seconds.
         time: f64,
-        /// Which drone.
+        /// Index of the drone.
         drone: usize,
-        /// What it calls its mode.
+        /// Its own name of its mode.
         mode: String,
-        /// Whether its motors run.
+        /// True if its motors run.
         armed: bool,
-        /// Whether it is in the air.
+        /// True if it is in the air.
         airborne: bool,
-        /// Whether it takes our orders.
+        /// True if it takes our orders.
         commanded: bool,
-        /// Why it takes none, or what keeps it on the ground.
+        /// Reason why it takes no orders, or what keeps it on the ground.
         hindrance: String,
     },
-    /// How battery, link and position of an aircraft are, when that has changed noticeably.
+    /// State of an aircraft's battery, link and position, when that has changed noticeably.
     Health {
-        /// When.
+        /// Time in seconds.
         time: f64,
-        /// Which drone.
+        /// Index of the drone.
         drone: usize,
-        /// What is left in its battery, from 0 to 1, where it reports that.
+        /// Charge of its battery, from 0 to 1, if it reports that.
         battery: Option<f64>,
-        /// Whether its messages come.
+        /// True if its messages come.
         linked: bool,
         /// σ of its position, the greatest axis in metres, where it has one.
         position_sigma_m: Option<f64>,
-        /// How high it is above the ground by its own devices, where it has any.
+        /// Height above the ground by its own devices, if it has any.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         above_ground: Option<HeightAboveGround>,
     },
     /// An aircraft's own devices have it at another height above the ground than the flight's
     /// elevation model. Once, until they agree again.
     HeightDiffers {
-        /// When.
+        /// Time in seconds.
         time: f64,
-        /// Which drone.
+        /// Index of the drone.
         drone: usize,
-        /// How high it is above the ground by its own devices.
+        /// Height above the ground by its own devices.
         reported: HeightAboveGround,
-        /// How high by the elevation model, in metres.
+        /// Height above the ground by the elevation model, in metres.
         expected_m: f64,
-        /// How far apart they may be, in metres.
+        /// Allowed difference, in metres.
         tolerance_m: f64,
     },
     /// The clock of a drone on another computer is known, or known otherwise than before; its times
     /// are corrected by that.
     ClockOffset {
-        /// When.
+        /// Time in seconds.
         time: f64,
-        /// Which drone.
+        /// Index of the drone.
         drone: usize,
-        /// What is added to its times, in seconds.
+        /// Offset that is added to its times, in seconds.
         offset_s: f64,
         /// The true offset is no farther from that, in seconds.
         uncertainty_s: f64,
-        /// How often a clock was set since the drone's node began.
+        /// Number of times that a clock was set since the drone's node began.
         jumps: u32,
     },
     /// A device reported a failure; the hunt goes on.
     DeviceFailed {
-        /// When.
+        /// Time in seconds.
         time: f64,
-        /// Which drone's device; none for the fleet as a whole.
+        /// Index of the drone with the device; `None` for the fleet as a whole.
         drone: Option<usize>,
         /// The failure in words.
         reason: String,
     },
-    /// What is believed of a beacon when its search ends, of an estimator that holds more than two
-    /// moments: places of equal weight that stand for it. It comes before the end.
+    /// Belief of a beacon when its search ends, of an estimator that holds more than two moments:
+    /// places of equal weight that stand for it. It comes before the end.
     Cloud {
-        /// When.
+        /// Time in seconds.
         time: f64,
-        /// Of which beacon.
+        /// The beacon.
         beacon: BeaconId,
         /// East and North in metres.
         places: Vec<Vector2<f64>>,
     },
     /// The search for a beacon is over.
     BeaconFinished {
-        /// When.
+        /// Time in seconds.
         time: f64,
-        /// What came of it.
+        /// Result of the search.
         fix: Fix,
     },
 }
 
 impl Event {
-    /// When it happened, in seconds.
+    /// Returns the time of the event, in seconds.
     #[must_use]
     pub fn time(&self) -> f64 {
         match self {
@@ -347,16 +348,16 @@ impl std::fmt::Display for FlightStage {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fix {
-    /// Which beacon.
+    /// The beacon.
     pub beacon: BeaconId,
     /// Its name.
     pub name: String,
-    /// Where it is believed to be.
+    /// Estimated place.
     pub estimate: Estimate<2>,
-    /// How many receptions went through the estimator, rejected ones included.
+    /// Number of receptions that went through the estimator, rejected ones included.
     pub steps: u32,
-    /// At how many formation positions there was a reception.
+    /// Number of formation positions with a reception.
     pub formation_positions: u32,
-    /// How the search ended.
+    /// Outcome of the search.
     pub outcome: Outcome,
 }

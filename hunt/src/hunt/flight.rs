@@ -18,17 +18,17 @@ pub(super) struct Flight {
     drones: Vec<FlownDrone>,
     traffic: Traffic,
     endurance: Option<Endurance>,
-    /// Why the formation that was planned last is not flown to.
+    /// Reason why the formation that was planned last is not flown to.
     unaffordable: Option<String>,
-    /// How long the last turn took, in seconds.
+    /// Duration of the last turn, in seconds.
     turn_s: f64,
-    /// When the present turn began.
+    /// Time when the present turn began.
     listening: f64,
     returns: bool,
-    /// When it began, and since when the drones are on their way home.
+    /// Time when it began; `recalled` is the time since when the drones are on their way home.
     began: f64,
     recalled: Option<f64>,
-    /// When the time of the way home was computed last.
+    /// Time when the duration of the way home was computed last.
     return_checked: f64,
     move_timeout_s: f64,
     flown_m: f64,
@@ -48,7 +48,7 @@ struct FlownDrone {
     ordered: Option<Vector3<f64>>,
     /// The beacons of which it owes a sweep.
     owed: Vec<BeaconId>,
-    /// Whether these are waited for.
+    /// True if its owed sweeps are waited for.
     awaited: bool,
     /// Its order to land, while it does not take it.
     landing: Option<LandingRefused>,
@@ -57,9 +57,9 @@ struct FlownDrone {
 /// An order to land that a drone does not take.
 #[derive(Clone, Copy, Debug)]
 struct LandingRefused {
-    /// Since when, in seconds.
+    /// Time of the first refusal, in seconds.
     since: f64,
-    /// When the order is repeated.
+    /// Time when the order is repeated.
     repeat_at: f64,
 }
 
@@ -136,12 +136,13 @@ impl Flight {
         self.flown_m = flown_m;
     }
 
-    /// How far all drones have flown together, in metres, between the places that were reported.
+    /// Returns the distance that all drones have flown together, in metres, between the places that
+    /// were reported.
     pub(super) fn flown_m(&self) -> f64 {
         self.flown_m
     }
 
-    /// Whether the drones fly home when all is done.
+    /// Returns true if the drones fly home when all is done.
     pub(super) fn returns(&self) -> bool {
         self.returns
     }
@@ -155,8 +156,8 @@ impl Flight {
         located.attendance.located(time, pose.position, under_way);
     }
 
-    /// Sets whether a drone takes orders. Of one that does not nothing is expected, not even what
-    /// it received before.
+    /// Sets whether a drone takes orders. Nothing is expected of a drone that does not, not even
+    /// what it received before.
     pub(super) fn set_away(&mut self, drone: usize, away: bool) {
         let Some(drone) = self.drones.get_mut(drone) else { return };
         drone.attendance.set_away(away);
@@ -165,7 +166,7 @@ impl Flight {
         }
     }
 
-    /// Whether no drone takes orders.
+    /// Returns true if no drone takes orders.
     pub(super) fn is_deserted(&self) -> bool {
         self.drones.iter().all(|drone| drone.attendance.is_away())
     }
@@ -219,8 +220,8 @@ impl Flight {
         }
     }
 
-    /// The drones that take a place in the formation: those that can, or else those of which
-    /// anything may still be hoped for.
+    /// Returns the drones that take a place in the formation: those in formation, else those that
+    /// are still or silent, else the lost ones.
     fn placed(&self) -> Vec<usize> {
         let ranks: [&[Duty]; 3] = [&[Duty::Formation], &[Duty::Still, Duty::Silent], &[Duty::Lost]];
         let of = |rank: &[Duty]| -> Vec<usize> {
@@ -289,7 +290,7 @@ impl Flight {
         Ok(planned)
     }
 
-    /// Whether every drone is where it is to listen, as far as it will get there.
+    /// Returns true if every drone is where it is to listen, as far as it will get there.
     pub(super) fn is_formed(&self) -> bool {
         let settled = |(index, drone): (usize, &FlownDrone)| {
             drone.attendance.is_astray()
@@ -337,17 +338,17 @@ impl Flight {
         Some(!late)
     }
 
-    /// Whose sweeps a drone still owes, awaited or late.
+    /// Returns the beacons of which a drone still owes a sweep, awaited or late.
     pub(super) fn owed_by(&self, drone: usize) -> &[BeaconId] {
         self.drones.get(drone).map_or(&[], |drone| &drone.owed)
     }
 
-    /// Whether a sweep is waited for.
+    /// Returns true if a sweep is waited for.
     pub(super) fn is_waiting(&self) -> bool {
         self.drones.iter().any(|drone| drone.awaited && !drone.owed.is_empty())
     }
 
-    /// Whether every sweep that is owed is waited for.
+    /// Returns true if every sweep that is owed is waited for.
     pub(super) fn waits_for_all(&self) -> bool {
         self.drones.iter().all(|drone| drone.awaited || drone.owed.is_empty())
     }
@@ -381,7 +382,7 @@ impl Flight {
     }
 }
 
-/// A formation that cannot be flown: its places are none.
+/// Converts the error of a formation that cannot be flown to [`PlanError::NoPlace`].
 fn no_place(_: TrafficError) -> PlanError {
     PlanError::NoPlace
 }

@@ -18,14 +18,14 @@ use super::{
 
 mod resume;
 
-/// What an estimator of a hunt is made for.
+/// Search that an estimator of a hunt is made for.
 #[derive(Clone, Copy, Debug)]
 pub struct Search<'a> {
-    /// Which beacon is searched for.
+    /// Beacon that is searched for.
     pub beacon: BeaconId,
     /// Its name.
     pub name: &'a str,
-    /// What is believed of its place before the first reception.
+    /// Belief of its place before the first reception.
     pub prior: Estimate<2>,
 }
 
@@ -70,8 +70,8 @@ pub struct Parts {
     pub planner: Box<dyn FormationPlanner>,
     /// Makes the estimators.
     pub tracks: Box<dyn Tracks>,
-    /// What the receptions of its drones may hold. An estimator that measures anything else is
-    /// refused when the hunt is made.
+    /// Quantities that the receptions of its drones may hold. An estimator that measures anything
+    /// else is refused when the hunt is made.
     pub quantities: Vec<Quantity>,
 }
 
@@ -123,7 +123,7 @@ const SAMPLE_SIGMA_DB: f64 = 2.0;
 /// [goes on](Self::resume) from its log.
 pub struct Hunt {
     extractor: Box<dyn BearingExtractor>,
-    /// Whether its estimators take the samples of a turn one by one.
+    /// True if its estimators take the samples of a turn one by one.
     by_sample: bool,
     planner: Box<dyn FormationPlanner>,
     tracks: Box<dyn Tracks>,
@@ -135,11 +135,11 @@ pub struct Hunt {
     since: f64,
     /// The beacon that is searched for.
     current: usize,
-    /// How often the present position was measured without receiving anything.
+    /// Number of measurements at the present position without any reception.
     attempts: u32,
     fixes: Vec<Fix>,
     outbox: Outbox,
-    /// Which receptions were fused: drone, beacon, and the bits of the time.
+    /// Receptions that were fused: drone, beacon, and the bits of the time.
     fused: BTreeSet<(usize, BeaconId, u64)>,
 }
 
@@ -150,7 +150,7 @@ struct SearchedTarget {
     state: SearchState,
 }
 
-/// How far the search for a beacon is.
+/// State of the search for a beacon.
 #[derive(Debug)]
 enum SearchState {
     /// It has not begun.
@@ -169,17 +169,17 @@ struct ActiveSearch {
     measured: u32,
     /// Receptions fused at the present position.
     received: u32,
-    /// How often it was not received where others were.
+    /// Number of times that it was not received where others were.
     put_off: u32,
     watch: StopWatch,
-    /// When the search began, in seconds.
+    /// Time when the search began, in seconds.
     began: f64,
-    /// How far all drones had flown by then, in metres.
+    /// Distance that all drones had flown by then, in metres.
     flown_before_m: f64,
 }
 
 impl ActiveSearch {
-    /// How far the search has come at a time, when all drones have flown so far together.
+    /// Returns the progress of the search at a time when all drones have flown `flown_m` together.
     fn progress(&self, time: f64, flown_m: f64) -> Progress {
         Progress {
             time_s: time - self.began,
@@ -219,7 +219,7 @@ impl Hunt {
     ///
     /// # Errors
     ///
-    /// When there is no beacon, a field of the configuration is out of its range, no estimator can
+    /// If there is no beacon, a field of the configuration is out of its range, no estimator can
     /// be made, or it measures what the receptions do not hold.
     pub fn new(parts: Parts, beacons: Vec<String>, config: HuntConfig) -> Result<Self, HuntError> {
         config.check()?;
@@ -259,7 +259,7 @@ impl Hunt {
     ///
     /// # Errors
     ///
-    /// When there is no drone, the hunt has begun before (it goes on as it was), two drones are
+    /// If there is no drone, the hunt has begun before (it goes on as it was), two drones are
     /// nearer to each other than the separation, one is where it may not fly, or there is no plan
     /// or estimator.
     pub fn start(&mut self, time: f64, stations: Vec<Station>) -> Result<(), HuntError> {
@@ -310,7 +310,7 @@ impl Hunt {
     ///
     /// # Errors
     ///
-    /// When there is no estimator for the next beacon.
+    /// If there is no estimator for the next beacon.
     pub fn advance(&mut self, time: f64) -> Result<(), HuntError> {
         let all_found = self.all_found();
         let listens = matches!(self.phases.phase(), Phase::Measuring(_));
@@ -366,14 +366,14 @@ impl Hunt {
         Some(budgets.fold(event, f64::min))
     }
 
-    /// Whether every sweep that is owed is waited for: before the [next event](Self::next_event),
-    /// no drone is sent anywhere or has to listen again that has not delivered.
+    /// Returns true if every sweep that is owed is waited for: no drone that has not delivered is
+    /// sent anywhere or has to listen again before the [next event](Self::next_event).
     #[must_use]
     pub fn waits_for_all(&self) -> bool {
         self.flight.as_ref().is_some_and(Flight::waits_for_all)
     }
 
-    /// How long the sweeps of a turn are waited for, in seconds.
+    /// Returns the time that the sweeps of a turn are waited for, in seconds.
     fn turn_timeout_s(&self) -> f64 {
         let beacons = u32::try_from(self.beacons_of_turn().count()).unwrap_or(u32::MAX);
         self.config.turn_timeout_s * f64::from(beacons)
@@ -410,61 +410,62 @@ impl Hunt {
         self.outbox.next_event()
     }
 
-    /// Whether a drone still owes a sweep, awaited or late.
+    /// Returns true if a drone still owes a sweep, awaited or late.
     #[must_use]
     pub fn awaits(&self, drone: usize) -> bool {
         !self.owed_by(drone).is_empty()
     }
 
-    /// Of which beacons a drone still owes a sweep.
+    /// Returns the beacons of which a drone still owes a sweep, awaited or late.
     #[must_use]
     pub fn owed_by(&self, drone: usize) -> &[BeaconId] {
         self.flight.as_ref().map_or(&[], |flight| flight.owed_by(drone))
     }
 
-    /// How many drones there are; none before the start.
+    /// Returns the number of drones; 0 before the start.
     #[must_use]
     pub fn drone_count(&self) -> usize {
         self.flight.as_ref().map_or(0, Flight::drone_count)
     }
 
-    /// Where the drones are and shall go; none before the start.
+    /// Returns the places and goals of the drones; empty before the start.
     #[must_use]
     pub fn stations(&self) -> Vec<Station> {
         self.flight.as_ref().map_or_else(Vec::new, Flight::stations)
     }
 
-    /// What the formation is doing.
+    /// Returns the phase of the formation.
     #[must_use]
     pub fn phase(&self) -> Phase {
         self.phases.phase()
     }
 
-    /// Whether every beacon is done, and the drones are home if they were to go there.
+    /// Returns true if every beacon is done, and the drones are home if they were to go there.
     #[must_use]
     pub fn is_finished(&self) -> bool {
         self.all_found() && self.flight.as_ref().is_none_or(Flight::is_over)
     }
 
-    /// What was found so far, in the order in which the searches ended.
+    /// Returns the fixes so far, in the order in which the searches ended.
     #[must_use]
     pub fn fixes(&self) -> &[Fix] {
         &self.fixes
     }
 
-    /// How many beacons are to be found, those that are done included.
+    /// Returns the number of beacons to be found, those that are done included.
     #[must_use]
     pub fn beacon_count(&self) -> usize {
         self.targets.len()
     }
 
-    /// What is believed of the beacon that is searched for now.
+    /// Returns the belief of the beacon that is searched for now.
     #[must_use]
     pub fn estimate(&self) -> Option<Estimate<2>> {
         Some(self.targets.get(self.current)?.search()?.track.position())
     }
 
-    /// What is believed of every beacon that is searched for, and was found of those that are done.
+    /// Returns the belief of every beacon that is searched for, and the fix of every one that is
+    /// done.
     #[must_use]
     pub fn believed(&self) -> Vec<Believed<'_>> {
         let mut believed = Vec::new();
@@ -478,7 +479,7 @@ impl Hunt {
         believed
     }
 
-    /// Whether there is a fix of every beacon.
+    /// Returns true if there is a fix of every beacon.
     fn all_found(&self) -> bool {
         self.fixes.len() == self.targets.len()
     }
@@ -509,7 +510,7 @@ impl Hunt {
         }
     }
 
-    /// What is believed of a beacon before the first reception.
+    /// Returns the belief of a beacon before the first reception.
     fn prior(&self) -> Estimate<2> {
         let centre = self.config.prior_centre_m.map(Vector2::from);
         let centre = centre.unwrap_or_else(|| centroid(&self.stations()));
@@ -549,7 +550,7 @@ impl Hunt {
         }
     }
 
-    /// What the hunt's extractor reads in a sweep, or why it is of no use; for drones that send
+    /// Extracts the reception of a sweep with the hunt's extractor; for drones that send
     /// [receptions](Self::reception) rather than sweeps.
     ///
     /// # Errors
@@ -668,13 +669,14 @@ impl Hunt {
         }
     }
 
-    /// Whether a drone's reception came before: of the same beacon at the same time, to the bit.
+    /// Returns true if a drone's reception came before: of the same beacon at the same time, to the
+    /// bit.
     #[must_use]
     pub fn has_fused(&self, drone: usize, reception: &Reception) -> bool {
         self.fused.contains(&(drone, reception.beacon, reception.time.to_bits()))
     }
 
-    /// Whether a beacon's search has not begun, so that receptions of it are of no use yet.
+    /// Returns true if a beacon's search has not begun, so that receptions of it are of no use yet.
     #[must_use]
     pub fn is_yet_to_come(&self, beacon: BeaconId) -> bool {
         let target = self.targets.get(usize::from(beacon.0));
@@ -700,7 +702,7 @@ impl Hunt {
     ///
     /// # Errors
     ///
-    /// When the hunt is over, there is no room for another number, or no estimator.
+    /// If the hunt is over, there is no room for another number, or no estimator.
     pub fn add_beacon(&mut self, time: f64, name: String) -> Result<BeaconId, HuntError> {
         let phase = self.phases.phase();
         if self.all_found() {
@@ -761,7 +763,8 @@ impl Hunt {
         if !matches!(self.targets[index].state, SearchState::Waiting) {
             return Ok(());
         }
-        let (beacon, hunt_prior) = (beacon_id(index), self.prior());
+        let beacon = beacon_id(index);
+        let hunt_prior = self.prior();
         let name = self.targets[index].name.clone();
         let flown_m = self.flight.as_ref().map_or(0.0, Flight::flown_m);
         let search = self.new_search(index, &hunt_prior, time, flown_m)?;
@@ -867,7 +870,9 @@ impl Hunt {
             if index == self.current {
                 return self.give_up(time, stop.outcome, stop.to_string());
             }
-            let (beacon, outcome, reason) = (beacon_id(index), stop.outcome, stop.to_string());
+            let beacon = beacon_id(index);
+            let outcome = stop.outcome;
+            let reason = stop.to_string();
             self.outbox.emit(Event::Stopped { time, beacon, outcome, reason });
             self.close(time, index, outcome);
         }
@@ -882,7 +887,9 @@ impl Hunt {
             let Some(search) = self.targets[index].search_mut() else { continue };
             let progress = search.progress(time, flown_m);
             if let Some(stop) = search.watch.check(&progress) {
-                let (beacon, outcome, reason) = (beacon_id(index), stop.outcome, stop.to_string());
+                let beacon = beacon_id(index);
+                let outcome = stop.outcome;
+                let reason = stop.to_string();
                 self.outbox.emit(Event::Stopped { time, beacon, outcome, reason });
                 if index == self.current {
                     self.signal(time, Signal::Decided(Decision::Finish(outcome)))?;
@@ -893,8 +900,8 @@ impl Hunt {
         Ok(())
     }
 
-    /// Calls the planner with what is believed of the present beacon and then of the others of a
-    /// shared turn, none where nothing was received yet, and sends the drones.
+    /// Calls the planner with the belief of the present beacon and then of the others of a shared
+    /// turn, or without any while the present one was not received yet, and sends the drones.
     fn plan<T>(
         &mut self,
         time: f64,
@@ -917,7 +924,8 @@ impl Hunt {
                 belief: search.track.belief(),
             })
             .collect();
-        let (planner, outbox) = (&mut self.planner, &mut self.outbox);
+        let planner = &mut self.planner;
+        let outbox = &mut self.outbox;
         flight.form(time, &targets, outbox, |stations, outbox| {
             let decision = decide(planner.as_mut(), &targets, stations)?;
             let mut reason = String::new();
@@ -970,7 +978,8 @@ impl Hunt {
         for index in 0..self.targets.len() {
             if !self.targets[index].is_done() {
                 self.begin_search(time, index)?;
-                let (beacon, reason) = (beacon_id(index), reason.clone());
+                let beacon = beacon_id(index);
+                let reason = reason.clone();
                 self.outbox.emit(Event::Stopped { time, beacon, outcome, reason });
                 self.close(time, index, outcome);
             }
@@ -1020,11 +1029,11 @@ impl Hunt {
 /// The belief about one of a hunt's beacons.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Believed<'a> {
-    /// Which beacon.
+    /// The beacon.
     pub beacon: BeaconId,
     /// Its name.
     pub name: &'a str,
-    /// Where it is believed to be.
+    /// Estimated place.
     pub estimate: Estimate<2>,
 }
 

@@ -7,8 +7,8 @@ use super::{Command, Event};
 pub(super) struct Outbox {
     commands: VecDeque<Command>,
     events: VecDeque<Event>,
-    /// What failed since the last change of phase, its numbers left out, so that one fault makes
-    /// one event however old it gets.
+    /// Failures since the last change of phase, without their numbers, so that one fault makes one
+    /// event however old it gets.
     failures: Vec<(Option<usize>, String)>,
 }
 

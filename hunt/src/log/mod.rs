@@ -29,7 +29,7 @@ pub const OLDEST_LOG_VERSION: u32 = 2;
 pub struct LogHeader {
     /// [`LOG_VERSION`] of the program that wrote it.
     pub foxhunt_log: u32,
-    /// What was flown.
+    /// Name of the scenario or flight.
     pub scenario: String,
     /// The seed of estimators that draw random numbers, and of a simulated world.
     pub seed: u64,
@@ -39,21 +39,21 @@ pub struct LogHeader {
     /// which is replayed where its name is [registered](crate::registry::Registry).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimator: Option<EstimatorConfig>,
-    /// What the estimator took for the law of propagation.
+    /// Law of propagation that the estimator assumed.
     pub model: ModelConfig,
-    /// What decided where to listen; absent in logs before version 4.
+    /// Planner that decided where to listen; absent in logs before version 4.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub planner: Option<PlannerConfig>,
     /// The beacons, in their order.
     pub beacons: Vec<LoggedBeacon>,
-    /// When the hunt's time was 0, in whole seconds of UNIX time, if it was flown by real clocks.
+    /// UNIX time when the hunt's time was 0, in whole seconds, if it was flown by real clocks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub epoch_unix_s: Option<i64>,
-    /// Where the drones stood when the hunt began, East, North and Up in metres, if a hunt may have
-    /// to go on from this log.
+    /// Places where the drones stood when the hunt began, East, North and Up in metres, if a hunt
+    /// may have to go on from this log.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub homes: Vec<Vector3<f64>>,
-    /// Where the local frame's zero is on Earth, if that is known.
+    /// Place of the local frame's zero on Earth, if that is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<Geodetic>,
 }
@@ -64,15 +64,15 @@ pub struct LogHeader {
 pub struct LoggedBeacon {
     /// Its name.
     pub name: String,
-    /// Where it truly is at the time 0, East and North in metres, if that is known.
+    /// True place at the time 0, East and North in metres, if that is known.
     pub truth: Option<Vector2<f64>>,
-    /// How it moves from there; it stays where absent.
+    /// Course from there; it stays where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub course: Option<BeaconCourse>,
 }
 
 impl LoggedBeacon {
-    /// Where it truly is after `time` seconds, if that is known.
+    /// Returns its true place after `time` seconds, if that is known.
     #[must_use]
     pub fn place_at(&self, time: f64) -> Option<Vector2<f64>> {
         let start = self.truth?;

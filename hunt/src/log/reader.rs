@@ -13,7 +13,7 @@ pub struct Log {
     pub header: LogHeader,
     /// Its events, in the order in which they happened.
     pub events: Vec<Event>,
-    /// Whether the last line was cut short, as by a crash; it is left out of `events`.
+    /// True if the last line was cut short, as by a crash; it is left out of `events`.
     pub torn: bool,
 }
 
@@ -78,7 +78,7 @@ struct Version {
     foxhunt_log: u32,
 }
 
-/// Why a log cannot be read.
+/// Reason why a log cannot be read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LogError {
@@ -87,10 +87,10 @@ pub enum LogError {
     Read {
         /// The file.
         path: PathBuf,
-        /// Why not.
+        /// Cause of the failure.
         source: std::io::Error,
     },
-    /// There is nothing in it.
+    /// The file is empty.
     #[error("{}: the file is empty; a log begins with a header", path.display())]
     Empty {
         /// The file.
@@ -101,7 +101,7 @@ pub enum LogError {
     NotALog {
         /// The file.
         path: PathBuf,
-        /// Why not.
+        /// Error of the parser.
         source: serde_json::Error,
     },
     /// The log is of another version.
@@ -121,9 +121,9 @@ pub enum LogError {
     Line {
         /// The file.
         path: PathBuf,
-        /// Which line, from 1.
+        /// Number of the line, from 1.
         line: usize,
-        /// What is wrong with it.
+        /// Error of the parser.
         source: serde_json::Error,
     },
 }

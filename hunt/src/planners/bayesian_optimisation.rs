@@ -15,9 +15,9 @@ use statrs::distribution::{Continuous, ContinuousCDF, Normal};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BayesianOptimisationConfig {
-    /// How far beyond the places of the readings a goal may lie.
+    /// Reach of goals beyond the places of the readings.
     pub reach_m: f64,
-    /// How many places a side of the area are looked at.
+    /// Number of examined places per side of the area.
     pub places_a_side: u16,
     /// The drones' altitude.
     pub up_m: f64,
@@ -44,7 +44,7 @@ impl Default for BayesianOptimisationConfig {
     }
 }
 
-/// So many readings of a beacon are kept, the most recent: the field is fitted anew at every
+/// Maximum number of readings kept of a beacon, the most recent: the field is fitted again at every
 /// decision, which takes the cube of their number.
 const MOST_READINGS: usize = 200;
 
@@ -60,7 +60,7 @@ pub struct BayesianOptimisation {
     config: BayesianOptimisationConfig,
     standard: Normal,
     levels: Vec<(BeaconId, Pose, f64)>,
-    /// Whose search it is: that of the last decision, or else the beacon received first since it
+    /// Beacon that is searched for: the last decision's, or else the first one received since it
     /// began.
     beacon: Option<BeaconId>,
     measured: u32,
@@ -91,8 +91,8 @@ impl BayesianOptimisation {
         })
     }
 
-    /// Where to listen: the goals, one for each drone, and the largest expected improvement in dB;
-    /// none while there are too few readings for a field.
+    /// Returns the goals, one for each drone, and the largest expected improvement in dB; `None`
+    /// while there are too few readings for a field.
     fn goals(&self, beacon: Option<BeaconId>, drones: usize) -> Option<(Vec<Vector2<f64>>, f64)> {
         let mut readings: Vec<(Pose, f64)> = self
             .levels
@@ -168,7 +168,8 @@ impl BayesianOptimisation {
             return Err(PlanError::TooFew { needed: 1, have: 0 });
         }
         let position = belief.position();
-        let (east, north) = (position.mean.x, position.mean.y);
+        let east = position.mean.x;
+        let north = position.mean.y;
         let ellipse = position.ellipse(0.95).map(|ellipse| ellipse.semi_major);
         let finite = position.mean.iter().chain(position.covariance.iter()).all(|n| n.is_finite());
         let from: Vec<_> = stations.iter().map(|s| s.pose.position.xy()).collect();
@@ -285,7 +286,8 @@ mod tests {
 
     #[test]
     fn it_climbs_to_where_the_level_is_highest() {
-        let (mut planner, wide) = (planner(), Estimate::isotropic(Vector2::zeros(), 50.0));
+        let mut planner = planner();
+        let wide = Estimate::isotropic(Vector2::zeros(), 50.0);
         let mut stations = [Station::default(); 3];
         for (index, station) in stations.iter_mut().enumerate() {
             station.pose = Pose::at(f64::from(u8::try_from(index).expect("few")), 0.0, 4.0);
@@ -313,7 +315,8 @@ mod tests {
 
     #[test]
     fn it_keeps_the_latest_readings_of_each_beacon_until_its_search_is_over() {
-        let (mut planner, mut stations) = (planner(), [Station::default(); 2]);
+        let mut planner = planner();
+        let mut stations = [Station::default(); 2];
         let of = |beacon, east| Reception { beacon: BeaconId(beacon), ..reception(east, 0.0) };
         let known = |planner: &BayesianOptimisation, beacon| {
             planner.levels.iter().filter(|(of, ..)| *of == BeaconId(beacon)).count()

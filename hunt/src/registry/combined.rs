@@ -104,8 +104,8 @@ const ISAACS_PARTICLES: usize = 2000;
 
 /// The filter of Isaacs et al. 2014, §IV, over a room of the prior's moments.
 ///
-/// The document prints neither the intensity of the target's acceleration nor its speed: they are
-/// those of `particle-bearing-moving`.
+/// The document prints neither the intensity of the target's acceleration nor its speed: both are
+/// as in `particle-bearing-moving`.
 fn isaacs2014(request: &TrackRequest<'_>) -> Result<Track, EstimatorError> {
     let motion = ConstantVelocity { acceleration_density: ACCELERATION_DENSITY };
     let model = BearingOnly::isaacs2014();

@@ -11,7 +11,7 @@ use crate::{
     locate::Locator,
 };
 
-/// How something that has a name is built: by settings that may stand in files, or by code of its
+/// Way to build something that has a name: by settings that may stand in files, or by code of its
 /// own.
 pub enum Recipe<S, F: ?Sized> {
     /// Settings.
@@ -38,15 +38,15 @@ impl<S: fmt::Debug, F: ?Sized> fmt::Debug for Recipe<S, F> {
     }
 }
 
-/// What an estimator of a hunt is built from.
+/// Parts that an estimator of a hunt is built from.
 #[derive(Clone, Debug)]
 pub struct TrackRequest<'a> {
-    /// For which beacon, and what is believed of it.
+    /// The beacon, and the belief of its place.
     pub search: Search<'a>,
     /// The law of propagation, the antenna's vertical pattern, and the terrain.
     pub model: &'a ReceiverModel,
-    /// Where the reference receiver of range and level differences is: East, North and Up in
-    /// metres, where there is one.
+    /// Place of the reference receiver of range and level differences: East, North and Up in
+    /// metres, if there is one.
     pub reference: Option<Vector3<f64>>,
     /// The level of single pulses, where the antenna is known.
     pub pulses: Option<&'a PulseModel>,
@@ -57,10 +57,10 @@ pub struct TrackRequest<'a> {
 /// Code that builds the estimator of a beacon.
 pub type MakeTrack = dyn Fn(&TrackRequest<'_>) -> Result<Track, EstimatorError> + Send + Sync;
 
-/// Whether an estimator uses a component of the receptions.
+/// Use that an estimator makes of a component of the receptions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Need {
-    /// It does nothing without.
+    /// The estimator ignores receptions that lack this component.
     Required,
     /// It takes it where there is one.
     Used,
@@ -78,7 +78,7 @@ impl fmt::Display for Need {
     }
 }
 
-/// What an estimator works on.
+/// Inputs that an estimator works on.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Needs {
     /// Levels.
@@ -87,9 +87,9 @@ pub struct Needs {
     pub bearing: Need,
     /// Quantities besides these, all of them required.
     pub others: Vec<Quantity>,
-    /// Whether it follows a beacon that moves.
+    /// True if it follows a beacon that moves.
     pub moving: bool,
-    /// Whether it takes all receptions at once and no stream of them.
+    /// True if it takes all receptions at once and no stream of them.
     pub all_at_once: bool,
 }
 
@@ -98,9 +98,9 @@ pub struct Needs {
 pub struct EstimatorEntry {
     /// Its name, as `--estimator` takes it.
     pub name: Cow<'static, str>,
-    /// What it is, in a line.
+    /// Description in a line.
     pub about: Cow<'static, str>,
-    /// Where it comes from.
+    /// Origin, such as a section of a publication.
     pub source: Cow<'static, str>,
     needs: Needs,
     leaves_out_outliers: bool,
@@ -227,7 +227,7 @@ impl EstimatorEntry {
         self.leaves_out_outliers
     }
 
-    /// What it works on.
+    /// Returns the inputs that it works on.
     #[must_use]
     pub fn needs(&self) -> &Needs {
         &self.needs
@@ -242,7 +242,8 @@ impl EstimatorEntry {
         }
     }
 
-    /// Whether it takes the samples of a turn one by one, each with where the antenna looked.
+    /// Returns true if it takes the samples of a turn one by one, each with the antenna's
+    /// boresight.
     #[must_use]
     pub fn takes_samples(&self) -> bool {
         self.needs.others.contains(&Quantity::BORESIGHT)
@@ -252,7 +253,7 @@ impl EstimatorEntry {
     ///
     /// # Errors
     ///
-    /// [`RegistryError::NoSetting`], with the name of the `setting`, where it has none.
+    /// [`RegistryError::NoSetting`], with the name of the `setting`, if it has no settings.
     pub fn with_settings(
         &self,
         setting: &'static str,
@@ -263,11 +264,12 @@ impl EstimatorEntry {
             return Err(RegistryError::NoSetting { estimator, setting });
         };
         change(&mut settings);
-        let (name, about) = (self.name.clone(), self.about.clone());
+        let name = self.name.clone();
+        let about = self.about.clone();
         Ok(Self::of_settings(name, about, self.source.clone(), settings))
     }
 
-    /// What locates with it, where it takes all receptions at once.
+    /// Returns its locator, if it takes all receptions at once.
     #[must_use]
     pub fn locator(&self) -> Option<&dyn Locator> {
         match &self.build {
@@ -322,11 +324,11 @@ pub type MakeExtractor = dyn Fn() -> Box<dyn BearingExtractor + Send + Sync> + S
 pub struct ExtractorEntry {
     /// Its name, as `--extractor` takes it.
     pub name: Cow<'static, str>,
-    /// What it is, in a line.
+    /// Description in a line.
     pub about: Cow<'static, str>,
-    /// Where it comes from.
+    /// Origin, such as a section of a publication.
     pub source: Cow<'static, str>,
-    /// How it is built.
+    /// Recipe by which it is built.
     pub recipe: Recipe<ExtractorConfig, MakeExtractor>,
 }
 
@@ -342,7 +344,7 @@ impl ExtractorEntry {
         Self { name: name.into(), about: about.into(), source: source.into(), recipe }
     }
 
-    /// How it stands in a file.
+    /// Returns its configuration, as it stands in a file.
     #[must_use]
     pub fn config(&self) -> ExtractorConfig {
         match &self.recipe {
@@ -360,11 +362,11 @@ pub type MakePlanner = dyn Fn(&Field) -> Box<dyn FormationPlanner> + Send + Sync
 pub struct PlannerEntry {
     /// Its name, as `--planner` takes it.
     pub name: Cow<'static, str>,
-    /// What it is, in a line.
+    /// Description in a line.
     pub about: Cow<'static, str>,
-    /// Where it comes from.
+    /// Origin, such as a section of a publication.
     pub source: Cow<'static, str>,
-    /// How it is built: settings that follow from the field, or code.
+    /// Recipe by which it is built: settings that follow from the field, or code.
     pub recipe: Recipe<fn(&Field) -> PlannerConfig, MakePlanner>,
 }
 
@@ -389,9 +391,9 @@ pub type MakeSource = dyn Fn(&World, usize) -> Result<BoxedSource, SimError> + S
 pub struct SourceEntry {
     /// Its name.
     pub name: Cow<'static, str>,
-    /// What it is, in a line.
+    /// Description in a line.
     pub about: Cow<'static, str>,
-    /// What it measures besides level and bearing.
+    /// Quantities that it measures besides level and bearing.
     pub quantities: Vec<Quantity>,
     make: Arc<MakeSource>,
 }

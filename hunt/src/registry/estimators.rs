@@ -31,7 +31,7 @@ const ITERATIONS: u32 = 10;
 /// freezes.
 const STILL: f64 = 0.02;
 
-/// A Kalman filter starts from what a grid makes of so many receptions: two formation positions
+/// Number of receptions from which a grid gives a Kalman filter its start: two formation positions
 /// of three drones.
 const START_ON_GRID: u32 = 6;
 

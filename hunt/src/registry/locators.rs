@@ -6,7 +6,7 @@ use foxhunt_filters::BearingWeights;
 use super::{EstimatorEntry, Need, Needs};
 use crate::locate::{CorrelatedShadowing, Strongest, WeightedCentroid};
 
-/// Where the paper's weights begin to fall (Lenth 1981, table 2).
+/// Residual at which the paper's weights begin to fall (Lenth 1981, table 2).
 #[cfg(feature = "batch")]
 const C: f64 = 1.5;
 

@@ -41,7 +41,7 @@ pub struct Registry {
 }
 
 impl Registry {
-    /// What the library brings.
+    /// Returns a registry of the library's own entries.
     #[must_use]
     pub fn builtin() -> Self {
         Self {
@@ -98,7 +98,7 @@ impl Registry {
         &self.planners
     }
 
-    /// Every source besides those of [`SourceConfig`].
+    /// Returns every registered source; [`SourceConfig`]'s own kinds are not among them.
     #[must_use]
     pub fn sources(&self) -> &[SourceEntry] {
         &self.sources

@@ -15,26 +15,26 @@ use crate::{
 /// An extractor that was chosen at run time, with the calibration of its bearings.
 pub type HuntExtractor = Calibrated<BoxedExtractor>;
 
-/// What a hunt is made of, as it stands in files.
+/// Parts of a hunt, as they stand in files.
 #[derive(Clone, Debug)]
 pub struct HuntParts<'a> {
-    /// What the names in it mean.
+    /// Registry of the names in it.
     pub registry: &'a Registry,
-    /// What makes a level and a bearing of a turn.
+    /// Extractor of a level and a bearing from a turn.
     pub extractor: &'a ExtractorConfig,
-    /// How the bearings err; as they are where absent.
+    /// Errors of the bearings; no correction where absent.
     pub bearings: Option<BearingCalibration>,
     /// The planner and what it needs to know.
     pub field: Field,
-    /// What the estimators take for the law of propagation.
+    /// Law of propagation that the estimators assume.
     pub model: &'a ModelConfig,
-    /// What estimates.
+    /// The estimator.
     pub estimator: &'a EstimatorEntry,
     /// Time-outs, tolerances, the prior.
     pub hunt: &'a HuntConfig,
     /// The beacons' names, in their order.
     pub beacons: Vec<String>,
-    /// What the drones' sources measure besides level and bearing.
+    /// Quantities that the drones' sources measure besides level and bearing.
     pub quantities: Vec<Quantity>,
     /// The seed of estimators that draw random numbers.
     pub seed: u64,
@@ -55,7 +55,8 @@ impl HuntParts<'_> {
         let seed = self.seed;
         let tracks = move |search: &Search<'_>| {
             let seed = beacon_seed(seed, search.beacon);
-            let (search, pulses) = (*search, pulses.as_ref());
+            let search = *search;
+            let pulses = pulses.as_ref();
             let request = TrackRequest { search, model: &model, reference, pulses, seed };
             estimator.track(&request, false)
         };
@@ -82,11 +83,11 @@ impl Registry {
     }
 }
 
-/// Why a hunt could not be put together.
+/// Reason why a hunt could not be put together.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PartsError {
-    /// The estimator's law of propagation is out of range, or its antenna or terrain is none.
+    /// The estimator's law of propagation is out of range, or its antenna or terrain is invalid.
     #[error("the model: {0}")]
     Model(#[from] ModelError),
     /// The extractor cannot be built.

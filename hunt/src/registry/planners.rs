@@ -13,9 +13,9 @@ use crate::{
 };
 
 impl PlannerEntry {
-    /// How it stands in a file for a field. Where the field's own planner is of this kind, it is
-    /// the field's own, but for `pritzl2018` and `pritzl2018-emulated`: these are always the
-    /// reference's.
+    /// Returns its configuration for a field, as it stands in a file. If the field's own planner is
+    /// of this kind, it is the field's own, but for `pritzl2018` and `pritzl2018-emulated`: these
+    /// are always the reference's.
     #[must_use]
     pub fn config(&self, field: &Field) -> PlannerConfig {
         let Recipe::Settings(settings) = &self.recipe else {
@@ -31,17 +31,17 @@ impl PlannerEntry {
     }
 }
 
-/// What names of planners begin with that are the reference's.
+/// Prefix of the names of the reference's planners.
 const REFERENCE: &str = "pritzl2018";
 
-/// How often `hold` listens.
+/// Number of turns in which `hold` listens.
 const TURNS: u32 = 10;
 
-/// How many drones `pritzl2018-emulated` emulates, the reference's.
+/// Number of drones that `pritzl2018-emulated` emulates, the reference's.
 const VIRTUAL_DRONES: u16 = 3;
 
-/// How many places a side of the area is swept at where the scenario has no path of its own, as
-/// the reference's sweep has it (Pritzl 2018, §7.4).
+/// Number of places per side of the area that is swept where the scenario has no path of its own,
+/// as in the reference's sweep (Pritzl 2018, §7.4).
 const PLACES_A_SIDE: f64 = 4.0;
 
 /// Half the width of a box that holds a Gaussian of two equal, independent coordinates with 95 %,
@@ -176,7 +176,8 @@ fn waypoints(field: &Field) -> PlannerConfig {
 fn lawn_mower(field: &Field) -> PlannerConfig {
     let fence = &field.hunt.airspace.fence_m;
     let (corners_m, spacing, inside) = if fence.is_empty() {
-        let (half, centre) = (BOX_95 * field.hunt.prior_sigma_m, prior_centre(field));
+        let half = BOX_95 * field.hunt.prior_sigma_m;
+        let centre = prior_centre(field);
         let corner = |east: f64, north: f64| [centre.x + east * half, centre.y + north * half];
         let square = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
         (square.to_vec(), 2.0 * half / PLACES_A_SIDE, false)

@@ -10,7 +10,7 @@ use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
 /// Grid over all observations so far, whatever their model, of the place of a target that stays.
 ///
-/// The density at a place is the prior's times the likelihood of every observation, evaluated anew
+/// The density at a place is the prior's times the likelihood of every observation, evaluated again
 /// after each: nothing of it was read from other cells, so that the ridge of a first difference may
 /// be far narrower than the cells of a wide prior. Cells are laid about each maximum, along the
 /// principal axes of what is about it. The estimate is the most probable place, with the mean
@@ -29,7 +29,7 @@ struct Found {
     prior: Estimate<2>,
     /// The root of the prior's information: its product with a deviation is white.
     whitener: Matrix2<f64>,
-    /// From how many observations on the whole area is searched anew.
+    /// Number of observations from which on the whole area is searched again.
     search_at: usize,
     modes: Vec<Window>,
     cells: Vec<Cell>,
@@ -51,8 +51,7 @@ struct Window {
     half_sides: Matrix2<f64>,
 }
 
-/// The area goes so many standard deviations of the prior each way, a mode's cells so many of its
-/// own.
+/// Half-width of the area in standard deviations of the prior; of a mode's cells in its own.
 const AREA: f64 = 4.0;
 const REACH: f64 = 5.0;
 /// Cells to a side where the whole area is searched, where a maximum is enclosed, and at the end.

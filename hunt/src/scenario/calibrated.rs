@@ -25,7 +25,7 @@ impl CalibrationFile {
         }
     }
 
-    /// What corrects bearings; nothing where the file has none.
+    /// Returns the correction of bearings; without bearings in the file, it changes nothing.
     #[must_use]
     pub fn bearing_calibration(&self) -> BearingCalibration {
         self.bearings.as_ref().map_or_else(<_>::default, |bearings| bearings.correction)

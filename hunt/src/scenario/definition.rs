@@ -21,40 +21,41 @@ use crate::{
 pub struct Scenario {
     /// Its name.
     pub name: String,
-    /// What it is, in a line.
+    /// Description in a line.
     pub description: String,
     /// The estimator it flies with unless another one is given.
     pub estimator: String,
-    /// What is true.
+    /// The truth: the simulated world.
     pub world: WorldConfig,
-    /// What the estimator takes for the law of propagation.
+    /// Law of propagation that the estimator assumes.
     pub model: ModelConfig,
-    /// What makes a level and a bearing of a turn.
+    /// Extractor of a level and a bearing from a turn.
     pub extractor: ExtractorConfig,
-    /// How the bearings err and their σ is off, as a calibration has it; as they are unless given.
+    /// Errors of the bearings and correction of their σ, from a calibration; no correction unless
+    /// given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bearings: Option<BearingCalibration>,
-    /// What decides where to listen.
+    /// Planner that decides where to listen.
     pub planner: PlannerConfig,
-    /// What every drone listens with; the reference's stepper unless given.
+    /// Source with which every drone listens; the reference's stepper unless given.
     #[serde(default)]
     pub source: SourceConfig,
-    /// What each drone listens with, in their order, where they differ.
+    /// Source of each drone, in their order, if they differ.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sources: Vec<SourceConfig>,
-    /// How certain the bearings of a turn shall be, which it goes on for; a turn is one round
+    /// Required certainty of a turn's bearings, for which the turn goes on; a turn is one round
     /// unless given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub turns: Option<TurnGoalConfig>,
     /// Time-outs, tolerances, the prior; the defaults of [`HuntConfig`] unless given.
     #[serde(default)]
     pub hunt: HuntConfig,
-    /// How the simulation runs; the defaults of [`SimulationConfig`] unless given.
+    /// Settings of the simulation's run; the defaults of [`SimulationConfig`] unless given.
     #[serde(default)]
     pub simulation: SimulationConfig,
 }
 
-/// How a simulation runs.
+/// Settings of a simulation's run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SimulationConfig {
@@ -127,7 +128,7 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// What a drone listens with.
+    /// Returns the source with which a drone listens.
     fn source_of(&self, drone: usize) -> &SourceConfig {
         self.sources.get(drone).unwrap_or(&self.source)
     }
@@ -154,16 +155,16 @@ impl Scenario {
         (0..world.drone_count()).map(build).collect()
     }
 
-    /// What its turns go on for, by its own extractor.
+    /// Returns the goal of its turns, by its own extractor.
     fn goal(&self, registry: &Registry) -> Result<Option<TurnGoal>, SourcesError> {
         let Some(turns) = self.turns else { return Ok(None) };
         let extractor = registry.build_extractor(&self.extractor)?;
         Ok(Some(TurnGoal::new(turns, extractor.into())?))
     }
 
-    /// How many questions a turn of a source that takes `least` at least is expected to take for
-    /// the bearings that are wanted, of a beacon as far away as the prior's σ; `None` where it does
-    /// not go on for them, or its extractor does not know its antenna.
+    /// Returns the expected number of questions of a turn, `least` at least, for the wanted
+    /// bearings of a beacon as far away as the prior's σ; `None` if its turns do not go on, or its
+    /// extractor does not know its antenna.
     fn questions_of_goal(&self, source: &SourceConfig, least: u16) -> Option<u16> {
         let (antenna, elevation) = self.extractor.known_antenna()?;
         let goal = TurnGoal::new(self.turns?, self.extractor.build().ok()?.into()).ok()?;
@@ -174,7 +175,7 @@ impl Scenario {
         Some(goal.expected_questions(&antenna.build().ok()?, elevation, over, (least, MOST)))
     }
 
-    /// What its sources measure besides level and bearing.
+    /// Returns the quantities that its sources measure besides level and bearing.
     ///
     /// # Errors
     ///
@@ -195,7 +196,7 @@ impl Scenario {
         Ok(quantities)
     }
 
-    /// What planners need to know of it.
+    /// Returns the field as planners need it.
     #[must_use]
     pub fn field(&self) -> Field {
         let speeds = match &self.world.vehicle {
@@ -235,7 +236,7 @@ impl Scenario {
         }
     }
 
-    /// What its hunt is made of with an estimator and a seed.
+    /// Returns the parts of its hunt with an estimator and a seed.
     ///
     /// # Errors
     ///
@@ -272,17 +273,17 @@ impl Scenario {
 /// The most questions of a turn that are looked ahead to.
 const MOST: u16 = 1024;
 
-/// Why turns of sources that do not turn have no goal.
+/// Reason why turns of sources that do not turn have no goal.
 const NO_TURN: &str = "left out where a source neither steps nor turns its body";
 
-/// Why the sources of a scenario cannot be built.
+/// Reason why the sources of a scenario cannot be built.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SourcesError {
     /// A number is out of its range.
     #[error(transparent)]
     Sim(#[from] SimError),
-    /// What turns go on for is out of its range.
+    /// The goal of turns is out of its range.
     #[error("turns: {0}")]
     Turns(#[from] FieldError),
     /// The extractor that turns go by cannot be built.

@@ -1,6 +1,6 @@
 use foxhunt_core::parameter::FieldError;
 
-/// Why there is no scenario.
+/// Reason why there is no scenario.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ScenarioError {
@@ -17,7 +17,7 @@ pub enum ScenarioError {
     Read {
         /// The file.
         file: String,
-        /// Why not.
+        /// Cause of the failure.
         source: std::io::Error,
     },
     /// The file is no scenario; the source names line, field and value.
@@ -25,7 +25,7 @@ pub enum ScenarioError {
     Parse {
         /// The file.
         file: String,
-        /// What is wrong.
+        /// Error of the parser.
         source: toml::de::Error,
     },
     /// A field is out of its range.
@@ -33,9 +33,9 @@ pub enum ScenarioError {
     Field {
         /// The file.
         file: String,
-        /// Which field.
+        /// Name of the field.
         field: &'static str,
-        /// What it held.
+        /// Its value.
         value: f64,
         /// The least it may be.
         least: f64,
@@ -47,9 +47,9 @@ pub enum ScenarioError {
     Sources {
         /// The file.
         file: String,
-        /// How many sources.
+        /// Number of sources.
         sources: usize,
-        /// How many drones.
+        /// Number of drones.
         drones: usize,
     },
     /// The turns cannot be as they are wanted.
@@ -57,7 +57,7 @@ pub enum ScenarioError {
     Turns {
         /// The file.
         file: String,
-        /// What is wrong.
+        /// Description of the error.
         reason: FieldError,
     },
     /// The model cannot be as it is wanted.
@@ -65,7 +65,7 @@ pub enum ScenarioError {
     Model {
         /// The file.
         file: String,
-        /// What is wrong.
+        /// Description of the error.
         reason: FieldError,
     },
     /// A beacon that appears later stands before one that appears earlier.

@@ -17,10 +17,10 @@ use crate::{
     registry::Registry,
 };
 
-/// What names of random scenarios begin with; the seed that they are drawn with follows.
+/// Prefix of the names of random scenarios; the seed that they are drawn with follows.
 const PREFIX: &str = "fleet-";
 
-/// Sets the generator of scenarios apart from those of the worlds in them.
+/// Constant by which the generator of scenarios differs from the generators of their worlds.
 const SCENARIOS: u64 = 0xf1ee_7000_0000_0000;
 
 /// Drones begin so far apart beyond their separation and twice their tolerance, in metres.
@@ -252,7 +252,9 @@ impl Draw {
             let some = self.chance(probability * often);
             (0..u32::from(some) * self.whole(1, 3)).map(|_| self.interval()).collect()
         };
-        let (silent, stuck, lost) = (of(0.25), of(0.25), of(0.25));
+        let silent = of(0.25);
+        let stuck = of(0.25);
+        let lost = of(0.25);
         let late_s = if self.chance(0.25 * probability) { self.between(0.5, 15.0) } else { 0.0 };
         DroneConfig { silent, stuck, lost, late_s, ..drone }
     }
@@ -312,7 +314,8 @@ impl Draw {
     fn shape(&mut self) -> ShapeConfig {
         match self.whole(0, 3) {
             0 => {
-                let (scale, shape) = (self.between(0.5, 2.0), Box::new(self.plain_shape()));
+                let scale = self.between(0.5, 2.0);
+                let shape = Box::new(self.plain_shape());
                 ShapeConfig::Scaled { scale, shape }
             }
             _ => self.plain_shape(),

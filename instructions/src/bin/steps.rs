@@ -1,4 +1,4 @@
-//! Runs one filter for so many steps, so that what one step costs can be counted:
+//! Runs one filter for the given number of steps, so that what one step costs can be counted:
 //!
 //! ```sh
 //! cargo build --release -p foxhunt-instructions --bin steps

@@ -63,7 +63,7 @@ impl Experiment for Turns<'_> {
     }
 }
 
-/// A turn's bearing against the truth; none where it is refused.
+/// A turn's bearing against the truth; `None` if it is refused.
 fn read(extractor: &BoxedExtractor, turn: &Turn) -> Option<BearingError> {
     let reading = extractor.extract(&turn.as_sweep()).ok()?;
     let bearing = reading.bearing.ok()?;
@@ -75,7 +75,7 @@ fn read(extractor: &BoxedExtractor, turn: &Turn) -> Option<BearingError> {
     })
 }
 
-/// Why there is no campaign of bearings.
+/// The reason why there is no campaign of bearings.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BearingCampaignError {

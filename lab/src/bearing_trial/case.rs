@@ -3,9 +3,9 @@
 pub struct BearingCase {
     /// Its name, as `foxhunt compare extractors` takes it.
     pub name: &'static str,
-    /// What it is, in a line.
+    /// Its description, in a line.
     pub about: &'static str,
-    /// How many distinct boresights a turn has, equally spaced.
+    /// The number of distinct boresights of a turn, equally spaced.
     pub boresights: u16,
     /// The share of boresights without a reading, each by chance.
     pub lost: f64,
@@ -16,10 +16,10 @@ pub struct BearingCase {
 }
 
 impl BearingCase {
-    /// How many positions a turn has that the boresights are sorted into.
+    /// The number of positions of a turn that the boresights are sorted into.
     pub const POSITIONS: u16 = 128;
 
-    /// How many readings each boresight has.
+    /// The number of readings of each boresight.
     pub const READINGS: u16 = 6;
 
     /// σ of a reading in dB.

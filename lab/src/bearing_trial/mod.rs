@@ -1,6 +1,6 @@
 //! Simulated turns of an antenna, and what the extractors make of them.
 //!
-//! No drone flies: each turn has its transmitter and its nose in directions drawn anew, 6 readings
+//! No drone flies: each turn has its transmitter and its nose in newly drawn directions, 6 readings
 //! of 2 dB along each boresight, and what the case is named for. Every extractor reads the same
 //! turns.
 

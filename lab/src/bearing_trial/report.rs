@@ -8,7 +8,7 @@ use statrs::statistics::{Data, OrderStatistics, Statistics};
 pub struct BearingReport {
     /// The case's name.
     pub campaign: String,
-    /// How many turns each extractor read.
+    /// The number of turns that each extractor read.
     pub runs: u32,
     /// The seed of the first turn; turn i has this plus i.
     pub seed: u64,
@@ -19,7 +19,7 @@ pub struct BearingReport {
     pub extractors: Vec<ExtractorReport>,
 }
 
-/// How one extractor did. What so few bearings do not give is absent.
+/// The results of one extractor. Figures that so few bearings do not give are absent.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ExtractorReport {
     /// The extractor's name.
@@ -35,26 +35,26 @@ pub struct ExtractorReport {
     /// The share of errors within 1.96 σ, the 95 % interval of a Gaussian; σ is that of all
     /// competing directions together where there are several.
     pub coverage_95: Option<f64>,
-    /// Where the true share lies with 95 %.
+    /// The 95 % interval of the true share.
     pub coverage_95_interval: Option<[f64; 2]>,
-    /// How many errors exceed 4 σ.
+    /// The number of errors that exceed 4 σ.
     pub beyond_4_sigma: u32,
-    /// How many turns had more than one direction.
+    /// The number of turns with more than one direction.
     pub ambiguous: u32,
     /// Pearson's correlation of σ and the error's magnitude (Pritzl 2018, eq. 4.3).
     pub correlation: Option<f64>,
-    /// How probable a correlation as far from 0 is by chance: two-sided, by Student's t.
+    /// The probability of a correlation as far from 0 by chance: two-sided, by Student's t.
     pub correlation_p: Option<f64>,
     /// The mean error of the level in dB against the direct wave's.
     pub level_bias_db: Option<f64>,
-    /// How many turns had no bearing.
+    /// The number of turns without a bearing.
     pub refused: u32,
 }
 
 /// One bearing against the truth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct BearingError {
-    /// In radians, with its sign.
+    /// The error in radians, with its sign.
     pub(super) error: f64,
     pub(super) sigma: f64,
     pub(super) ambiguous: bool,

@@ -11,7 +11,7 @@ use super::BearingCase;
 #[derive(Clone, Debug)]
 pub(super) struct Turn {
     pub(super) samples: Vec<Sample>,
-    /// Where the transmitter truly is, in radians.
+    /// The transmitter's true bearing, in radians.
     pub(super) bearing: f64,
     /// The Cramér-Rao bound on the variance of its bearing with a known antenna, an unknown level
     /// and no reflection, in rad².
@@ -29,12 +29,17 @@ impl Turn {
     pub(super) fn draw(case: &BearingCase, antenna: &SharedAntenna, seed: u64) -> Self {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
         let mut any = || rng.random_range(-PI..PI);
-        let (bearing, heading, mirror, phase, block) = (any(), any(), any(), any(), any());
+        let bearing = any();
+        let heading = any();
+        let mirror = any();
+        let phase = any();
+        let block = any();
         let mean_db = antenna.mean_gain_db(0.0);
         let gain_db = |off: f64| antenna.gain_dbi(off, 0.0) - mean_db;
         let amplitude = |off: f64| 10.0_f64.powf(gain_db(off) / 20.0);
         let step = TAU / f64::from(case.boresights);
-        let (mut samples, mut slopes) = (Vec::new(), Vec::new());
+        let mut samples = Vec::new();
+        let mut slopes = Vec::new();
         for index in 0..case.boresights {
             let turned = step * f64::from(index);
             let boresight = angle::wrap(heading + turned);

@@ -13,8 +13,8 @@ use super::{
 };
 use crate::{Paired, Runner, Spread, simulation::Setup};
 
-/// What a drone listens with, in the question of the reference: is a direction worth its antenna,
-/// and a motor worth its weight?
+/// The antenna that a drone listens with, in the question of the reference: is a direction worth
+/// its antenna, and a motor worth its weight?
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum AntennaSetup {
@@ -40,8 +40,8 @@ impl AntennaSetup {
         }
     }
 
-    /// The source of every drone: those of the reference (Pritzl 2018, §5.1), of the first one as
-    /// many samples as a stepped turn has.
+    /// The source of every drone, as in the reference (Pritzl 2018, §5.1); an omnidirectional one
+    /// takes as many samples as a stepped turn has.
     #[must_use]
     pub fn source(self) -> SourceConfig {
         match self {
@@ -59,7 +59,7 @@ impl AntennaSetup {
 pub struct AntennasReport {
     /// The scenario's name.
     pub scenario: String,
-    /// How many hunts each estimator flew with each antenna.
+    /// The number of hunts that each estimator flew with each antenna.
     pub runs: u32,
     /// The seed of the first run; run i has this plus i, with every antenna and estimator.
     pub seed: u64,
@@ -72,25 +72,24 @@ pub struct AntennasReport {
 /// One antenna's campaign.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SetupCampaign {
-    /// What the drones listened with.
+    /// The antenna that the drones listened with.
     pub setup: AntennaSetup,
     /// The estimators, in the order of the call.
     pub estimators: Vec<EstimatorCampaign>,
-    /// How long a hunt took with each of them, in simulated seconds; absent where none
-    /// ended.
+    /// The duration of a hunt with each of them, in simulated seconds; absent if no hunt ended.
     pub duration_s: Vec<Option<Spread>>,
 }
 
-/// How the errors with two antennas compare, run by run.
+/// The comparison of the errors with two antennas, run by run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AntennaComparison {
     /// The estimator's name.
     pub estimator: String,
     /// The beacon's name.
     pub beacon: String,
-    /// The one whose error is divided.
+    /// The antenna whose error is divided.
     pub setup: AntennaSetup,
-    /// By this one's.
+    /// The antenna whose error is the divisor.
     pub against: AntennaSetup,
     /// The comparison; absent where less than two runs have a fix with both.
     #[serde(flatten)]

@@ -45,16 +45,16 @@ impl Breach {
 pub struct Violation {
     /// The seed of the hunt: `fleet-` and this is its scenario.
     pub seed: u64,
-    /// What.
+    /// The breach.
     pub breach: Breach,
-    /// When for the first time, in simulated seconds.
+    /// The time when it first happened, in simulated seconds.
     pub time_s: f64,
-    /// Which drones, counted from 0.
+    /// The drones, counted from 0.
     pub drones: Vec<usize>,
-    /// How much then: metres between drones, metres inside the fence or above the band, seconds in
+    /// The value then: metres between drones, metres inside the fence or above the band, seconds in
     /// the air.
     pub value: f64,
-    /// How much it may be.
+    /// The limit of the value.
     pub limit: f64,
 }
 
@@ -64,8 +64,8 @@ const ROUNDING: f64 = 1e-6;
 /// A drone that is not higher than this has landed, in metres.
 const LANDED_M: f64 = 0.05;
 
-/// What a drone whose failure is over has beyond the time of its straight way home, in seconds: it
-/// has to be noticed, sent home, and let past others.
+/// Time that a drone whose failure is over has beyond its straight way home, in seconds: it has to
+/// be noticed, sent home, and let past others.
 const ROOM_S: f64 = 30.0;
 
 /// Looks at where the drones of a hunt truly are.
@@ -75,21 +75,22 @@ pub(super) struct FleetWatch<'a> {
     config: &'a HuntConfig,
     drones: &'a [DroneConfig],
     airspace: Airspace,
-    /// When they were called home.
+    /// The time when they were called home.
     recalled: Option<f64>,
-    /// Which drones were ordered to land.
+    /// The drones that were ordered to land.
     landing: Vec<usize>,
-    /// When the last search was over.
+    /// The time when the last search was over.
     found_last_s: f64,
     places: Vec<Vector3<f64>>,
-    /// Until when each could not be at home, by its failures since they were called there.
+    /// The time until which each could not be at home, by its failures since they were called
+    /// there.
     helpless_until: Vec<f64>,
-    /// When they were looked at last.
+    /// The time when they were last looked at.
     time_s: f64,
     findings: FleetFindings,
 }
 
-/// What a watch has found.
+/// The findings of a watch.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct FleetFindings {
     /// The least distance over ground beyond the separation.
@@ -133,12 +134,12 @@ impl<'a> FleetWatch<'a> {
         })
     }
 
-    /// When the drones were looked at last, in simulated seconds.
+    /// The time when the drones were last looked at, in simulated seconds.
     pub(super) fn looked_at_s(&self) -> f64 {
         self.time_s
     }
 
-    /// When the last search was over.
+    /// The time when the last search was over.
     pub(super) fn found_last_s(&self) -> f64 {
         self.found_last_s
     }
@@ -167,7 +168,8 @@ impl<'a> FleetWatch<'a> {
     }
 
     fn look_at(&mut self, drone: usize, time: f64) {
-        let (place, separation) = (self.places[drone], self.config.separation_m);
+        let place = self.places[drone];
+        let separation = self.config.separation_m;
         for other in 0..drone {
             let apart = (place - self.places[other]).xy().norm();
             let findings = &mut self.findings;
@@ -212,7 +214,7 @@ impl<'a> FleetWatch<'a> {
         }
     }
 
-    /// Whether no hunt could have brought it home by now.
+    /// Returns true if no hunt could have brought it home by now.
     fn is_helpless(&self, drone: usize, time: f64) -> bool {
         time <= self.helpless_until[drone]
     }
@@ -239,7 +241,8 @@ impl<'a> FleetWatch<'a> {
 
     fn breach(&mut self, breach: Breach, time_s: f64, drones: &[usize], value: f64, limit: f64) {
         if self.findings.violations.iter().all(|known| known.breach != breach) {
-            let (seed, drones) = (self.seed, drones.to_vec());
+            let seed = self.seed;
+            let drones = drones.to_vec();
             self.findings.violations.push(Violation { seed, breach, time_s, drones, value, limit });
         }
     }
@@ -259,7 +262,7 @@ mod tests {
         watched_for(20, change, events)
     }
 
-    /// Two drones at rest for so many seconds.
+    /// Watches two drones at rest for `seconds`.
     fn watched_for(
         seconds: u32,
         change: impl FnOnce(&mut Scenario),

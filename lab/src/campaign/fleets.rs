@@ -21,7 +21,7 @@ use crate::{
 /// The results of random fleets.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FleetsReport {
-    /// How many hunts were flown.
+    /// The number of hunts that were flown.
     pub runs: u32,
     /// The seed of the first one; run i has this plus i.
     pub seed: u64,
@@ -29,11 +29,11 @@ pub struct FleetsReport {
     pub planner: String,
     /// The estimator, or [`OWN`].
     pub estimator: String,
-    /// How the searches ended, the most frequent end first.
+    /// The ends of the searches, the most frequent first.
     pub outcomes: Vec<OutcomeCount>,
     /// The hunts that could not begin or go on, and why.
     pub errors: Vec<FailedRun>,
-    /// How long a hunt took, in simulated seconds; absent where none ended.
+    /// The duration of a hunt, in simulated seconds; absent if no hunt ended.
     pub duration_s: Option<Spread>,
     /// The least distance of two drones over ground beyond their separation, in metres; absent
     /// where there were no two.
@@ -41,13 +41,13 @@ pub struct FleetsReport {
     /// The least distance of a drone inside its fence and outside the zones to keep out of, in
     /// metres; absent where there was neither.
     pub spare_airspace_m: Option<f64>,
-    /// The least time that a drone's batteries had left in the air, in seconds; absent where none
-    /// had batteries.
+    /// The least time that a drone's batteries had left in the air, in seconds; absent without
+    /// batteries.
     pub spare_endurance_s: Option<f64>,
     /// Drones that stayed in the air because they were stuck or could not be reached when they had
     /// to fly home. No hunt could have brought them back, so they are no violation.
     pub stranded: u32,
-    /// What must not happen and did, by seed.
+    /// The events that must not happen and did, by seed.
     pub violations: Vec<Violation>,
 }
 
@@ -56,7 +56,7 @@ pub struct FleetsReport {
 pub struct FailedRun {
     /// The seed of the hunt: `fleet-` and this is its scenario.
     pub seed: u64,
-    /// Why.
+    /// The reason.
     pub reason: String,
 }
 
@@ -69,11 +69,11 @@ pub(crate) struct FleetRun {
     findings: FleetFindings,
 }
 
-/// Flies hunts, each with a [`random_fleet`], and holds where the drones truly are at every tick
+/// Flies hunts, each with a [`random_fleet`], and holds the true places of the drones at every tick
 /// against what they must keep: their separation, the fence, the zones to keep out of, the band of
-/// altitudes and the batteries; and every hunt has to end with a fix or a reason. The seed of a run
-/// is that of the scenario and its world. `planner` and `estimator` are those of the random
-/// scenarios where absent.
+/// altitudes and the batteries; and every hunt has to end with a fix or a reason. Scenario and
+/// world have the seed of the run. Where `planner` or `estimator` is absent, the random scenarios'
+/// own is taken.
 ///
 /// # Errors
 ///
@@ -143,7 +143,7 @@ impl Fleets<'_> {
 }
 
 impl FleetRun {
-    /// What must not have happened and did.
+    /// The events that must not have happened and did.
     pub(crate) fn violations(&self) -> &[Violation] {
         &self.findings.violations
     }

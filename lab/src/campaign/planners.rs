@@ -26,7 +26,7 @@ pub struct PlannersReport {
     pub scenario: String,
     /// The estimator's name, the same for every planner.
     pub estimator: String,
-    /// How many hunts each planner flew.
+    /// The number of hunts that each planner flew.
     pub runs: u32,
     /// The seed of the first run; run i has this plus i, with every planner.
     pub seed: u64,
@@ -41,7 +41,7 @@ pub struct PlannersReport {
 pub struct PlannerCampaign {
     /// The planner's name.
     pub planner: String,
-    /// How long a hunt took in simulated seconds; absent where none ended.
+    /// The duration of a hunt in simulated seconds; absent if no hunt ended.
     pub duration_s: Option<Spread>,
     /// The beacons, in their order.
     pub beacons: Vec<PlannedBeacon>,
@@ -53,17 +53,17 @@ pub struct PlannedBeacon {
     /// The figures that every campaign has.
     #[serde(flatten)]
     pub figures: BeaconCampaign,
-    /// How the searches ended, the most frequent end first; those of a hunt that could not go on
-    /// are not among them.
+    /// The ends of the searches, the most frequent first; hunts that could not go on are not
+    /// counted.
     pub outcomes: Vec<OutcomeCount>,
 }
 
-/// In how many runs a search ended so.
+/// The number of runs in which a search ended in one way.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct OutcomeCount {
-    /// How.
+    /// The end of the search.
     pub outcome: Outcome,
-    /// In how many.
+    /// The number of runs.
     pub runs: u32,
 }
 
@@ -82,7 +82,7 @@ impl OutcomeCount {
     }
 }
 
-/// How two planners compare run by run: the ratios of the first one's figures over the second
+/// The comparison of two planners run by run: the ratios of the first one's figures over the second
 /// one's. A figure is absent where less than two runs have it with both; runs in which one of them
 /// never got to 3 m have no ratio to compare, and `never` counts them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -91,7 +91,7 @@ pub struct PlannerComparison {
     pub beacon: String,
     /// The planner whose figures are divided.
     pub planner: String,
-    /// By this one's.
+    /// The planner whose figures are the divisors.
     pub against: String,
     /// Steps until the 95 % ellipse's semi-major axis is below 3 m.
     pub steps_to_3m: Option<Paired>,

@@ -15,7 +15,7 @@ pub struct CampaignReport {
     /// nothing flies.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub planner: Option<String>,
-    /// How many hunts each estimator flew.
+    /// The number of hunts that each estimator flew.
     pub runs: u32,
     /// The seed of the first run; run i has this plus i.
     pub seed: u64,
@@ -37,35 +37,36 @@ pub struct EstimatorCampaign {
 pub struct BeaconCampaign {
     /// The beacon's name.
     pub name: String,
-    /// From the estimate to the truth; absent when every run failed, like all that follows.
+    /// Distance from the estimate to the truth; absent when every run failed, like all that
+    /// follows.
     pub error_m: Option<Spread>,
     /// Receptions that went through the estimator.
     pub steps: Option<StepSpread>,
-    /// After how many steps the semi-major axis of the 95 % ellipse was below 3 m for the first
-    /// time, over all runs; absent where nothing flies. A run that could not go on never got
-    /// there.
+    /// The number of steps after which the semi-major axis of the 95 % ellipse was below 3 m for
+    /// the first time, over all runs; absent where nothing flies. A run that could not go on never
+    /// got there.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub steps_to_3m: Option<FirstPassage>,
-    /// The same in simulated seconds, from when the search for this beacon began.
+    /// Time until then in simulated seconds, from when the search for this beacon began.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time_to_3m_s: Option<FirstPassage>,
-    /// How far all drones together flew from the beginning of the search to its end, in metres,
-    /// over the runs in which it ended; absent where nothing flies.
+    /// The distance that all drones together flew from the beginning of the search to its end, in
+    /// metres, over the runs in which it ended; absent where nothing flies.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub path_m: Option<Spread>,
     /// The average normalised estimation error squared; 2 for a consistent estimator.
     pub anees: Option<f64>,
-    /// Where a consistent estimator's ANEES lies with 95 %.
+    /// The 95 % interval of a consistent estimator's ANEES.
     pub anees_interval: Option<[f64; 2]>,
-    /// Whether the errors are as large as the covariances claim, by the ANEES.
+    /// The verdict by the ANEES on whether the errors are as large as the covariances claim.
     pub verdict: Verdict,
     /// The share of truths inside the 95 % ellipse.
     pub coverage_95: Option<f64>,
-    /// Where the true share lies with at least 95 %.
+    /// The interval that holds the true share with at least 95 %.
     pub coverage_95_interval: Option<[f64; 2]>,
     /// The average normalised innovation squared over all steps that have one.
     pub anis: Option<f64>,
-    /// Where a consistent estimator's ANIS lies with 95 %.
+    /// The 95 % interval of a consistent estimator's ANIS.
     pub anis_interval: Option<[f64; 2]>,
     /// Runs without a fix: nothing received before the search ended, not over in time, or an
     /// estimate without a positive definite covariance.
@@ -85,9 +86,9 @@ pub struct BeaconCampaign {
 /// The errors after some of the measurements.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Checkpoint {
-    /// After how many.
+    /// The number of measurements.
     pub measurements: u32,
-    /// From the estimate to the truth; absent when every run failed, like what follows.
+    /// Distance from the estimate to the truth; absent when every run failed, like what follows.
     pub error_m: Option<Spread>,
     /// The average normalised estimation error squared; 2 for a consistent estimator.
     pub anees: Option<f64>,

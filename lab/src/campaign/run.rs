@@ -66,18 +66,18 @@ impl Flown {
         self.beacon_run(beacon).sample()
     }
 
-    /// How the search for a beacon ended, if it did.
+    /// The end of the search for a beacon, if it ended.
     pub(super) fn outcome(&self, beacon: usize) -> Option<Outcome> {
         Some(self.found(beacon)?.fix.outcome)
     }
 
-    /// How the search for a beacon came along, if it ended.
+    /// The progress of the search for a beacon, if it ended.
     pub(super) fn progress(&self, beacon: usize) -> Option<SearchProgress> {
         Some(self.found(beacon)?.progress)
     }
 }
 
-/// How long the hunts took that ended.
+/// The spread of the durations of the hunts that ended.
 pub(super) fn durations(runs: &[Flown]) -> Option<Spread> {
     let durations = runs.iter().filter_map(|run| Some(run.0.as_ref().ok()?.duration_s));
     Spread::of(&durations.collect::<Vec<_>>())
@@ -95,14 +95,14 @@ pub(crate) fn beacon_names(scenario: &Scenario) -> Vec<String> {
     scenario.world.beacons.iter().map(|beacon| beacon.name.clone()).collect()
 }
 
-/// How often, from which seed on and on how many threads a campaign runs.
+/// The repetition of a campaign: the number of runs, the first seed and the number of threads.
 #[derive(Clone, Copy)]
 pub struct Repetition<'a> {
-    /// How many runs each contender has.
+    /// The number of runs of each contender.
     pub runs: u32,
     /// The seed of the first run; run i has this plus i, for every contender the same.
     pub seed: u64,
-    /// How many threads.
+    /// The number of threads.
     pub jobs: usize,
     /// Called after each run, from any thread.
     pub progress: &'a (dyn Fn() + Sync),
@@ -120,7 +120,7 @@ impl std::fmt::Debug for Repetition<'_> {
 }
 
 impl Repetition<'_> {
-    /// So many runs from the seed 1 on, on all processors, without progress.
+    /// The repetition of `runs` runs from the seed 1 on, on all processors, without progress.
     #[must_use]
     pub fn new(runs: u32) -> Self {
         let jobs = std::thread::available_parallelism().map_or(1, Into::into);
@@ -175,7 +175,7 @@ pub fn campaign(
 ///
 /// # Errors
 ///
-/// Those of [`campaign`]; whatever `on_hunt` returns ends it, too.
+/// The errors of [`campaign`]; whatever `on_hunt` returns ends it, too.
 pub fn campaign_watched<O: std::error::Error + Send + Sync + 'static>(
     registry: &Registry,
     scenario: &Scenario,
@@ -235,7 +235,7 @@ pub(super) fn simulate(setup: &Setup<'_>, seed: u64) -> Result<Simulated, Simula
     setup.simulate(seed, |_| Ok::<_, Infallible>(()))
 }
 
-/// Why there is no campaign.
+/// The reason why there is no campaign.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CampaignError {

@@ -10,20 +10,20 @@ use crate::{Spread, simulation::Found, statistics::Running};
 /// did not end has none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BeaconRun {
-    /// How the search ended.
+    /// The end of the search.
     pub outcome: Option<Outcome>,
-    /// From the estimate to the truth, in metres.
+    /// Distance from the estimate to the truth, in metres.
     pub error_m: Option<f64>,
     /// The normalised estimation error squared; absent where the covariance is not positive
     /// definite.
     pub nees: Option<f64>,
-    /// How many receptions went through the estimator.
+    /// The number of receptions that went through the estimator.
     pub steps: u32,
-    /// After how many of them the semi-major axis of the 95 % ellipse was below 3 m.
+    /// The number of receptions after which the semi-major axis of the 95 % ellipse was below 3 m.
     pub steps_to_3m: Option<u32>,
-    /// The same in simulated seconds, from when the search began.
+    /// Time until then in simulated seconds, from when the search began.
     pub time_to_3m_s: Option<f64>,
-    /// How far all drones together flew meanwhile, in metres.
+    /// The distance that all drones together flew meanwhile, in metres.
     pub path_m: Option<f64>,
     /// The normalised innovations squared, summed up.
     pub nis: ChiSquaredSums,
@@ -125,10 +125,11 @@ impl BeaconSummary {
 }
 
 impl Checkpoint {
-    /// The statistics of the good runs after so many measurements, without a bound.
+    /// The statistics of the good runs after a number of measurements, without a bound.
     pub(crate) fn of(measurements: u32, good: &[Sample]) -> Self {
         let errors: Vec<f64> = good.iter().map(|sample| sample.error_m).collect();
-        let (error_m, anees) = (Spread::of(&errors), anees(good).average());
+        let error_m = Spread::of(&errors);
+        let anees = anees(good).average();
         Self { measurements, error_m, anees, bound_m: None }
     }
 }

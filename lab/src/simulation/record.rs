@@ -11,9 +11,9 @@ const SEMI_MAJOR_M: f64 = 3.0;
 pub struct Simulated {
     /// The fixes, in the order of the beacons, and the truth.
     pub found: Vec<Found>,
-    /// How long it took, in simulated seconds.
+    /// Duration of the hunt, in simulated seconds.
     pub duration_s: f64,
-    /// How far each drone flew, in metres.
+    /// The distance that each drone flew, in metres.
     pub path_m: Vec<f64>,
 }
 
@@ -22,17 +22,17 @@ pub struct Simulated {
 pub struct Found {
     /// The fix.
     pub fix: Fix,
-    /// Where the beacon truly was at its last reception, which is when the estimate is of; East
-    /// and North in metres.
+    /// The beacon's true place at its last reception, which is when the estimate is of; East and
+    /// North in metres.
     pub truth: Vector2<f64>,
-    /// How the search came along.
+    /// The progress of the search.
     pub progress: SearchProgress,
     /// The normalised innovations squared of its receptions, with their degrees of freedom.
     pub nis: Vec<(f64, usize)>,
 }
 
 impl Found {
-    /// From the estimate to the truth, in metres.
+    /// Distance from the estimate to the truth, in metres.
     #[must_use]
     pub fn error_m(&self) -> f64 {
         (self.fix.estimate.mean - self.truth).norm()
@@ -46,21 +46,21 @@ impl Found {
     }
 }
 
-/// How the search for one beacon came along, whatever its last estimate was.
+/// The progress of the search for one beacon, whatever its last estimate was.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SearchProgress {
-    /// After how many filter steps on this beacon the semi-major axis of its 95 % ellipse was
-    /// below 3 m for the first time; `None` if it never was. A step is one reception.
+    /// The number of filter steps on this beacon after which the semi-major axis of its 95 %
+    /// ellipse was below 3 m for the first time; `None` if it never was. A step is one reception.
     pub steps_to_3m: Option<u32>,
-    /// After how many simulated seconds, from the moment at which the search began: for the first
-    /// beacon, and for all where turns are shared, the beginning of the hunt.
+    /// Time until then in simulated seconds, from the moment at which the search began: for the
+    /// first beacon, and for all where turns are shared, the beginning of the hunt.
     pub time_to_3m_s: Option<f64>,
-    /// How far all drones together flew from the beginning of the search to its end, in metres.
-    /// Where turns are shared, the same metres count for every beacon that is searched for.
+    /// The distance that all drones together flew from the beginning of the search to its end, in
+    /// metres. Where turns are shared, the same metres count for every beacon that is searched for.
     pub path_m: f64,
 }
 
-/// What is noted of a hunt while it is flown.
+/// The record of a hunt while it is flown.
 #[derive(Debug, Default)]
 pub(super) struct Record {
     searches: Vec<SearchRecord>,
@@ -140,7 +140,7 @@ impl Record {
     }
 }
 
-/// How far all drones have flown together.
+/// The distance that all drones have flown together, in metres.
 fn flown_m(world: &World) -> f64 {
     (0..world.drone_count()).filter_map(|drone| world.path_length(drone).ok()).sum()
 }

@@ -3,7 +3,7 @@ use serde::Serialize;
 use super::{Contender, Filter, Store, StoreError};
 use crate::{Paired, PairedDifference, campaign::BeaconRun};
 
-/// How two contenders of a store compare on one beacon over the seeds that both have.
+/// The comparison of two contenders of a store on one beacon over the seeds that both have.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SeedBySeed {
     /// The contender whose figures come first.
@@ -12,7 +12,7 @@ pub struct SeedBySeed {
     pub second: String,
     /// The beacon's name.
     pub beacon: String,
-    /// What is compared, as the column of the store is called.
+    /// The figure that is compared, as the column of the store is called.
     pub figure: &'static str,
     /// The first one's figure minus the second one's; absent for less than two runs.
     pub difference: Option<PairedDifference>,
@@ -20,7 +20,7 @@ pub struct SeedBySeed {
     pub ratio: Option<Paired>,
 }
 
-/// What is compared: a column and its value, where a run has one.
+/// A figure that is compared: a column and its value, where a run has one.
 type Figure = (&'static str, fn(&BeaconRun) -> Option<f64>);
 
 const FIGURES: [Figure; 4] = [
@@ -31,9 +31,9 @@ const FIGURES: [Figure; 4] = [
 ];
 
 /// Compares two contenders, seed by seed; runs that lack a figure with either are left out of its
-/// comparison. Names are those of estimators, with or without the beginning of the digest; the
-/// contenders may be of different campaigns. The figures are kept in memory, 136 bytes
-/// for each run.
+/// comparison. Contenders are named by their estimators, with or without the beginning of the
+/// digest; they may be of different campaigns. The figures are kept in memory, 136 bytes for each
+/// run.
 ///
 /// # Errors
 ///

@@ -22,14 +22,14 @@ pub struct StoredCampaign {
     pub scenario: String,
     /// The planner's name, or that it is the scenario's own.
     pub planner: String,
-    /// What defines it, as TOML: program, planner and the scenario as it was flown.
+    /// Its definition, as TOML: program, planner and the scenario as it was flown.
     #[serde(skip)]
     pub definition: String,
     /// The names of the beacons, in their order.
     pub beacons: Vec<String>,
 }
 
-/// One of those that a campaign compares.
+/// An estimator that a campaign compares.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Contender {
     /// Its number in the file.
@@ -42,7 +42,7 @@ pub struct Contender {
     pub digest: String,
     /// The estimator's name.
     pub estimator: String,
-    /// What defines it, as TOML: name and settings of the estimator.
+    /// Its definition, as TOML: name and settings of the estimator.
     #[serde(skip)]
     pub definition: String,
 }
@@ -105,7 +105,7 @@ impl Contender {
         format!("{}@{digest}", self.estimator)
     }
 
-    /// Whether this is its name, with or without the beginning of its digest.
+    /// Returns true if this is its name, with or without the beginning of its digest.
     #[must_use]
     pub fn is(&self, name: &str) -> bool {
         match name.rsplit_once('@') {
@@ -166,7 +166,8 @@ mod tests {
         let ekf = registry.estimator("ekf").expect("it is built in");
         let wide = ekf.with_settings("prior", |settings| settings.prior_sigma_m = Some(9.0));
         let of = |entry: &EstimatorEntry| Contender::new(&campaign, entry).expect("plain fields");
-        let (ekf, wide) = (of(ekf), of(&wide.expect("it has settings")));
+        let ekf = of(ekf);
+        let wide = of(&wide.expect("it has settings"));
         assert_ne!(ekf.digest, wide.digest);
         assert!(ekf.is("ekf") && wide.is("ekf") && ekf.is(&ekf.full_name()));
         assert!(!wide.is(&ekf.full_name()) && !ekf.is("ukf") && !ekf.is("ekf@"));

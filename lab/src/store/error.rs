@@ -2,7 +2,7 @@ use std::io;
 
 use crate::{ThreadsError, simulation::SimulationError};
 
-/// Why a store cannot be written, read or put together.
+/// The reason why a store cannot be written, read or put together.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StoreError {
@@ -11,9 +11,9 @@ pub enum StoreError {
     Sql {
         /// The file.
         file: String,
-        /// What was tried.
+        /// The action that failed.
         doing: &'static str,
-        /// Why not.
+        /// The cause.
         source: rusqlite::Error,
     },
     /// The file is something else.
@@ -45,7 +45,7 @@ pub enum StoreError {
         beacon: i64,
         /// The column.
         field: &'static str,
-        /// What it must be.
+        /// The requirement on the value.
         requirement: &'static str,
     },
     /// A scenario or an estimator cannot be written as text.
@@ -62,7 +62,7 @@ pub enum StoreError {
     Seeds {
         /// The first one.
         seed: u64,
-        /// How many runs.
+        /// The number of runs.
         runs: u32,
     },
     /// Two stores are not of the same campaign.
@@ -72,7 +72,7 @@ pub enum StoreError {
         first: String,
         /// The one that differs.
         second: String,
-        /// In what, with what each has.
+        /// The difference, with the value of each.
         what: String,
     },
     /// Two stores have the same run with other results.
@@ -92,11 +92,11 @@ pub enum StoreError {
     Contender {
         /// The file.
         file: String,
-        /// What was given.
+        /// The name that was given.
         name: String,
-        /// How many have that name.
+        /// The number of contenders with that name.
         count: usize,
-        /// What there is.
+        /// The contenders that there are.
         known: Vec<String>,
     },
     /// There is no log of a run.
@@ -114,9 +114,9 @@ pub enum StoreError {
     Io {
         /// The file.
         file: String,
-        /// What was tried.
+        /// The action that failed.
         doing: &'static str,
-        /// Why not.
+        /// The cause.
         source: io::Error,
     },
     /// The threads could not be started.

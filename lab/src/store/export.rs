@@ -101,7 +101,8 @@ pub fn write_parquet(
     let properties = WriterProperties::builder().build();
     let writer = SerializedFileWriter::new(out, schema.into(), properties.into());
     let mut writer = writer.map_err(unwritten)?;
-    let (mut rows, mut group) = (0, columns::Columns::default());
+    let mut rows = 0;
+    let mut group = columns::Columns::default();
     each(store, filter, |campaign, contender, beacon, row| {
         rows += 1;
         group.push(campaign, contender, beacon, &row);
@@ -127,7 +128,7 @@ mod columns {
 
     use super::{COLUMNS, Contender, Row, StoredCampaign, name_of};
 
-    /// So many rows are written at a time.
+    /// The number of rows that are written at a time.
     pub(super) const ROWS_OF_GROUP: usize = 1 << 16;
 
     /// A column of some rows; what is absent is no value.
@@ -151,7 +152,7 @@ mod columns {
         }
     }
 
-    /// What a file holds.
+    /// The schema of a file.
     pub(super) fn schema() -> String {
         let column = |name: &&str| match Column::of(name) {
             Column::Text(_) => format!("optional binary {name} (UTF8);"),

@@ -4,7 +4,7 @@ use rusqlite::{Connection, OpenFlags, OptionalExtension, params};
 
 use super::{Contender, StoreError, StoredCampaign};
 
-/// What marks a file as a store: "fxh1".
+/// The mark of a file that is a store: "fxh1".
 const APPLICATION: i64 = 0x6678_6831;
 
 /// The format of the tables below.
@@ -130,7 +130,7 @@ impl Store {
         drop(self.connection.pragma_update(None, "journal_mode", "delete"));
     }
 
-    /// Whether it is a store, and of the format that is known.
+    /// Checks that it is a store, and of the format that is known.
     fn check(&self) -> Result<(), StoreError> {
         let pragma = |name| self.connection.pragma_query_value(None, name, first::<i64>);
         match pragma("application_id") {
@@ -147,12 +147,12 @@ impl Store {
         self.doing("setting up", set)
     }
 
-    /// What errors call the file.
+    /// The name of the file in errors.
     pub(super) fn file(&self) -> String {
         self.path.display().to_string()
     }
 
-    /// Where the file is.
+    /// Returns the path of the file.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path

@@ -19,19 +19,19 @@ use crate::{
 /// A campaign that is flown into a store.
 #[derive(Clone, Copy, Debug)]
 pub struct CampaignToStore<'a> {
-    /// What the names in the scenario mean.
+    /// The registry with the names in the scenario.
     pub registry: &'a Registry,
     /// The scenario, with the planner that it is flown with.
     pub scenario: &'a Scenario,
-    /// What estimates.
+    /// The estimators.
     pub estimators: &'a [EstimatorEntry],
     /// The planner's name, or [`OWN`](crate::campaign::OWN).
     pub planner: &'a str,
     /// The program and its version: what was flown by another one is another campaign.
     pub program: &'a str,
-    /// Whether the log of each hunt is kept.
+    /// True if the log of each hunt is kept.
     pub logs: bool,
-    /// Which part of the runs is flown here.
+    /// The part of the runs that is flown here.
     pub shard: Shard,
 }
 
@@ -122,7 +122,7 @@ struct StoredFlights<'a> {
     logs: bool,
 }
 
-/// What a store keeps of one hunt.
+/// The results of one hunt that a store keeps.
 pub(super) struct StoredRun {
     failure: Option<String>,
     duration_s: Option<f64>,
@@ -215,7 +215,8 @@ impl Store {
             )?;
             let bound = |seed: u64| i64::try_from(seed).unwrap_or(i64::MAX);
             let mut rows = held.query(params![contender, bound(seeds.start), bound(seeds.end)])?;
-            let (mut missing, mut next) = (Vec::new(), seeds.start);
+            let mut missing = Vec::new();
+            let mut next = seeds.start;
             while let Some(row) = rows.next()? {
                 let seed = first::<i64>(row)?.unsigned_abs();
                 if seed > next {

@@ -73,7 +73,7 @@ fn join(sources: &[PathBuf], part: &Path) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// What a store is about.
+/// The campaigns and contenders of a store.
 #[derive(Clone, Debug)]
 struct Known {
     file: String,
@@ -83,7 +83,8 @@ struct Known {
 
 impl Known {
     fn of(store: &Store) -> Result<Self, StoreError> {
-        let (campaigns, contenders) = (store.campaigns()?, store.contenders()?);
+        let campaigns = store.campaigns()?;
+        let contenders = store.contenders()?;
         Ok(Self { file: store.file(), campaigns, contenders })
     }
 
@@ -115,7 +116,8 @@ impl Known {
             names.sort();
             names
         };
-        let (own, theirs) = (names(self), names(other));
+        let own = names(self);
+        let theirs = names(other);
         if own != theirs {
             let lists = [theirs, own].map(|names| names.join(", "));
             return Err(differ(format!("contenders {}, not {}", lists[0], lists[1])));
@@ -128,7 +130,7 @@ impl Known {
     }
 }
 
-/// What two campaigns differ in, the second one's value after the first one's.
+/// The difference between two campaigns, the second one's value after the first one's.
 fn difference(second: Option<&StoredCampaign>, first: Option<&StoredCampaign>) -> String {
     let (Some(second), Some(first)) = (second, first) else {
         let more = second.or(first).map_or("", |campaign| &campaign.scenario);

@@ -12,7 +12,7 @@ use serde::{
 use super::{Contender, Store, StoreError, StoredCampaign, file::first};
 use crate::campaign::{BeaconRun, CampaignReport, EstimatorCampaign, FlightsSummary};
 
-/// Which runs of a store are meant; all where nothing is given.
+/// A choice of a store's runs; all of them if nothing is given.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Filter {
     /// Names of estimators, each with or without the beginning of its digest.
@@ -46,14 +46,14 @@ impl Filter {
     }
 }
 
-/// What a store holds of one campaign.
+/// A summary of one campaign in a store.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// What was flown.
+    /// The campaign that was flown.
     pub campaign: StoredCampaign,
-    /// How many runs of each contender there are.
+    /// The runs of each contender.
     pub held: Vec<Held>,
-    /// Their statistics, those of [`campaign`](crate::campaign::campaign) over the same runs.
+    /// Their statistics, as [`campaign`](crate::campaign::campaign) gives them for the same runs.
     pub report: CampaignReport,
 }
 
@@ -62,13 +62,13 @@ pub struct Summary {
 pub struct Held {
     /// The contender.
     pub contender: Contender,
-    /// How many there are.
+    /// The number of runs.
     pub runs: u32,
     /// The least seed; absent where there is no run.
     pub first_seed: Option<u64>,
     /// The greatest one.
     pub last_seed: Option<u64>,
-    /// How many seeds between the least and the greatest of the whole campaign have no run.
+    /// The number of seeds without a run between the least and the greatest of the whole campaign.
     pub missing: u64,
 }
 
@@ -79,9 +79,9 @@ pub struct Row {
     pub seed: u64,
     /// The beacon's index.
     pub beacon: usize,
-    /// Why the hunt could not go on, where it could not.
+    /// The reason why the hunt could not go on, if so.
     pub failure: Option<String>,
-    /// How long the hunt took, in simulated seconds.
+    /// Duration of the hunt, in simulated seconds.
     pub duration_s: Option<f64>,
     /// The figures.
     pub run: BeaconRun,
@@ -114,7 +114,8 @@ impl Store {
         contenders: &[&Contender],
         filter: &Filter,
     ) -> Result<Summary, StoreError> {
-        let (mut held, mut estimators) = (Vec::new(), Vec::new());
+        let mut held = Vec::new();
+        let mut estimators = Vec::new();
         for contender in contenders {
             let (mut of, bounds, runs) = self.scan(&campaign, contender, &filter.seeds())?;
             of.beacons.retain(|beacon| filter.beacon(&beacon.name));
@@ -123,7 +124,8 @@ impl Store {
                 of.estimator = contender.full_name();
             }
             estimators.push(of);
-            let (first_seed, last_seed) = (bounds.map(|b| b[0]), bounds.map(|b| b[1]));
+            let first_seed = bounds.map(|b| b[0]);
+            let last_seed = bounds.map(|b| b[1]);
             let contender = (*contender).clone();
             held.push(Held { contender, runs, first_seed, last_seed, missing: 0 });
         }
@@ -162,7 +164,8 @@ impl Store {
     ) -> Result<(EstimatorCampaign, Option<[u64; 2]>, u32), StoreError> {
         let mut summary = FlightsSummary::new(&campaign.beacons);
         let mut run = vec![BeaconRun::default(); campaign.beacons.len()];
-        let (mut bounds, mut runs) = (None::<[u64; 2]>, 0);
+        let mut bounds = None::<[u64; 2]>;
+        let mut runs = 0;
         self.for_each_run(contender, seeds, |seed, beacon, figures| {
             // The rows of a run are one after the other.
             if bounds.is_some_and(|[_, last]| last != seed) {
@@ -201,7 +204,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError`] when the file cannot be read or holds what it must not; those of `take`.
+    /// [`StoreError`] when the file cannot be read or holds what it must not; the errors of
+    /// `take`.
     pub fn rows<E: From<StoreError>>(
         &self,
         contender: &Contender,
@@ -250,7 +254,8 @@ impl Store {
         beacon: usize,
         filter: &Filter,
     ) -> Result<[Vec<f64>; 2], StoreError> {
-        let (mut errors_m, mut nees) = (Vec::new(), Vec::new());
+        let mut errors_m = Vec::new();
+        let mut nees = Vec::new();
         self.for_each_run(contender, &filter.seeds(), |_, of, run| {
             if let Some(sample) = run.sample().filter(|_| of == beacon) {
                 errors_m.push(sample.error_m);
@@ -267,7 +272,7 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError`] when there is none or there are several, or the file cannot be read.
+    /// [`StoreError`] unless exactly one contender passes, or when the file cannot be read.
     pub fn only_contender(&self, filter: &Filter) -> Result<Contender, StoreError> {
         let campaigns = self.campaigns()?;
         let mut contenders = self.contenders()?;
@@ -288,7 +293,7 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError`] when there is none, or it cannot be read.
+    /// [`StoreError`] when there is no such log, or it cannot be read.
     pub fn log(&self, contender: &Contender, seed: u64) -> Result<Vec<u8>, StoreError> {
         let sql = "SELECT jsonl_gz FROM log WHERE contender = ?1 AND seed = ?2";
         let key = params![contender.id, i64::try_from(seed).unwrap_or(i64::MAX)];
@@ -304,7 +309,7 @@ impl Store {
     }
 }
 
-/// What numbers must be.
+/// The requirement on numbers.
 const NUMBER: &str = "must be a number";
 
 /// A row of the table `run`.
@@ -373,7 +378,7 @@ impl StoredRow<'_> {
     }
 }
 
-/// What a store and a log call the end of a search.
+/// The name of the end of a search in a store and a log.
 pub(super) fn name_of(outcome: Outcome) -> String {
     match serde_json::to_value(outcome) {
         Ok(serde_json::Value::String(name)) => name,

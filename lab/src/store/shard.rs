@@ -34,7 +34,7 @@ impl Shard {
         }
     }
 
-    /// Its runs of so many.
+    /// Its part of `runs` runs.
     #[must_use]
     pub fn of(self, runs: u32) -> Range<u32> {
         let before = |parts: u32| {

@@ -22,7 +22,7 @@ pub(super) fn bounds(trial: &Trial, seeds: impl Iterator<Item = u64>) -> Vec<Opt
     recursion(trial, &motion, &draws).unwrap_or_default()
 }
 
-/// Whether the truth moves as the estimators assume.
+/// Returns true if the truth moves as the estimators assume.
 fn as_modelled(trial: &Trial) -> bool {
     let assumed = match trial.motion {
         TargetMotion::Still => 0.0,

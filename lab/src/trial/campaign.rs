@@ -92,7 +92,8 @@ fn summarise(
 
 /// The figures of a run after some bearing.
 fn sample(run: &TrialRun, index: usize) -> Option<Sample> {
-    let (estimate, truth) = (run.estimates.get(index)?, run.truth.get(index)?);
+    let estimate = run.estimates.get(index)?;
+    let truth = run.truth.get(index)?;
     let mut nis = ChiSquaredAverage::default();
     // A bearing is one component.
     nis.extend(run.nis.iter().map(|nis| (*nis, 1)));

@@ -12,31 +12,31 @@ use super::TrialError;
 pub struct Trial {
     /// Its name.
     pub name: String,
-    /// What it is, in a line.
+    /// Its description, in a line.
     pub description: String,
     /// The estimator that runs unless another one is given.
     pub estimator: String,
-    /// How many particles a particle filter has.
+    /// The number of particles of a particle filter.
     pub particles: usize,
-    /// After how many bearings the errors are reported besides after the last.
+    /// The numbers of bearings after which the errors are reported besides after the last.
     #[serde(default)]
     pub checkpoints: Vec<u32>,
-    /// Where the receiver is.
+    /// The receiver's places.
     pub receiver: ReceiverConfig,
-    /// Its bearings; of differences how many there are, and when.
+    /// Its bearings; for differences, their number and times.
     pub bearings: BearingsConfig,
     /// Measurement instead of bearings; bearings if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub differences: Option<DifferencesConfig>,
-    /// Where the target is.
+    /// The target's true course.
     pub target: TargetConfig,
-    /// How the estimators take the target to move.
+    /// The motion of the target that the estimators assume.
     pub motion: TargetMotion,
-    /// What the estimators know before the first bearing.
+    /// The prior of the estimators, before the first bearing.
     pub prior: PriorConfig,
 }
 
-/// Where a receiver is at its bearings.
+/// The places of a receiver at its bearings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 #[non_exhaustive]
@@ -45,7 +45,7 @@ pub enum ReceiverConfig {
     Stations {
         /// East and North of each, in metres.
         places_m: Vec<[f64; 2]>,
-        /// How many bearings are taken before the next place.
+        /// The number of bearings that are taken before the next place.
         bearings_at_each: u32,
     },
     /// On straight legs from the origin; the last goes on for ever.
@@ -63,7 +63,7 @@ pub struct Leg {
     pub speed_mps: f64,
     /// The course in degrees clockwise from North.
     pub course_deg_compass: f64,
-    /// How long it takes, in seconds.
+    /// Its duration, in seconds.
     pub duration_s: f64,
 }
 
@@ -71,14 +71,14 @@ pub struct Leg {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BearingsConfig {
-    /// How many.
+    /// The number of bearings.
     pub count: u32,
-    /// From one to the next, in seconds.
+    /// Time from one to the next, in seconds.
     pub interval_s: f64,
     /// Their standard deviation, in radians; left out where differences are measured.
     #[serde(default)]
     pub sigma_rad: f64,
-    /// By how much they lie counter-clockwise of the truth, in radians; 0 unless given.
+    /// The angle by which they lie counter-clockwise of the truth, in radians; 0 unless given.
     #[serde(default)]
     pub bias_rad: f64,
     /// The share of those that point anywhere; 0 unless given.
@@ -96,7 +96,7 @@ pub struct DifferencesConfig {
     pub sigma_m: f64,
 }
 
-/// Where a target truly is.
+/// The true course of a target.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 #[non_exhaustive]
@@ -128,7 +128,7 @@ pub enum TargetConfig {
     FromPrior,
 }
 
-/// How estimators take a target to move.
+/// The motion of a target that estimators assume.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 #[non_exhaustive]
@@ -142,7 +142,7 @@ pub enum TargetMotion {
     },
 }
 
-/// What estimators know before the first bearing.
+/// The prior of estimators, before the first bearing.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 #[non_exhaustive]

@@ -6,7 +6,7 @@ use rand_distr::StandardNormal;
 use super::{BearingsConfig, ReceiverConfig, TargetConfig};
 use foxhunt_wire::geodesy::compass_deg_to_radians;
 
-/// Where the receiver is at each bearing.
+/// The receiver's place at each bearing.
 pub(super) fn receiver_at(
     receiver: &ReceiverConfig,
     bearings: &BearingsConfig,
@@ -19,7 +19,8 @@ pub(super) fn receiver_at(
         }
         ReceiverConfig::Legs { legs } => {
             let place_at = |time: f64| {
-                let (mut place, mut begun) = (Vector2::zeros(), 0.0);
+                let mut place = Vector2::zeros();
+                let mut begun = 0.0;
                 for (i, leg) in legs.iter().enumerate() {
                     let left = time - begun;
                     let last = i + 1 == legs.len();
@@ -37,7 +38,7 @@ pub(super) fn receiver_at(
     }
 }
 
-/// Where the target is at each bearing; `drawn` is where one from the prior begins.
+/// The target's state at each bearing; `drawn` is the beginning of one from the prior.
 pub(super) fn target_at(
     target: &TargetConfig,
     bearings: &BearingsConfig,

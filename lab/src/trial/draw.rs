@@ -5,14 +5,14 @@ use rand_distr::StandardNormal;
 
 use super::{BearingsConfig, DifferencesConfig, Trial, course, prior::Prior};
 
-/// What is drawn for one run, the same for every estimator.
+/// The draws of one run, the same for every estimator.
 #[derive(Clone, Debug)]
 pub(super) struct Draw {
-    /// Where the target is at each bearing.
+    /// The target's state at each bearing.
     pub(super) truth: Vec<Vector4<f64>>,
     /// The bearings.
     pub(super) receptions: Vec<Reception>,
-    /// What is known before.
+    /// The prior, before the first bearing.
     pub(super) prior: Prior,
 }
 
@@ -23,7 +23,8 @@ impl Draw {
         let receiver = course::receiver_at(&trial.receiver, bearings);
         // Where the target is drawn from the prior, that is a room and needs no first bearing.
         let room = |rng: &mut Xoshiro256PlusPlus| {
-            let (origin, none) = (Vector4::zeros(), (0.0, bearings.sigma_rad));
+            let origin = Vector4::zeros();
+            let none = (0.0, bearings.sigma_rad);
             Prior::new(&trial.prior, &origin, Vector2::zeros(), none, rng).draw(rng)
         };
         let truth = course::target_at(&trial.target, bearings, room, &mut rng);

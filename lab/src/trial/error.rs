@@ -3,7 +3,7 @@ use foxhunt_hunt::registry::RegistryError;
 
 use crate::ThreadsError;
 
-/// Why there is no trial.
+/// The reason why there is no trial.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TrialError {
@@ -12,7 +12,7 @@ pub enum TrialError {
     Read {
         /// The file.
         file: String,
-        /// Why not.
+        /// The cause.
         source: std::io::Error,
     },
     /// The file is no trial; the source names line, field and value.
@@ -20,7 +20,7 @@ pub enum TrialError {
     Parse {
         /// The file.
         file: String,
-        /// What is wrong.
+        /// The cause.
         source: toml::de::Error,
     },
     /// A field is out of its range.
@@ -38,7 +38,7 @@ pub enum TrialError {
         estimator: String,
         /// The trial.
         trial: String,
-        /// What it needs.
+        /// The requirement of the estimator.
         needs: &'static str,
     },
     /// The density of the bearings is out of range.

@@ -67,7 +67,7 @@ impl Prior {
         }
     }
 
-    /// Whether the first bearing is part of it.
+    /// Returns true if the first bearing is part of it.
     pub(super) fn holds_first_bearing(&self) -> bool {
         matches!(self, Self::Ranging(_))
     }
@@ -78,7 +78,8 @@ impl Prior {
             Self::Room { low, high, speed_sigma } => {
                 let mut between =
                     |row: usize| low[row] + (high[row] - low[row]) * rng.random::<f64>();
-                let (east, north) = (between(0), between(1));
+                let east = between(0);
+                let north = between(1);
                 let mut speed = || speed_sigma * rng.sample::<f64, _>(StandardNormal);
                 Vector4::new(east, north, speed(), speed())
             }
@@ -121,8 +122,8 @@ impl Prior {
         Some(polar_information([place.x, place.y], [state[2], state[3]], sigmas))
     }
 
-    /// It as a sum of Gaussians side by side: `parts[0]` in each direction of a room or along the
-    /// range, `parts[1]` along the course.
+    /// The prior as a sum of Gaussians side by side: `parts[0]` in each direction of a room or
+    /// along the range, `parts[1]` along the course.
     pub(super) fn sum(&self, parts: [usize; 2]) -> Result<Vec<(f64, Estimate<4>)>, EstimatorError> {
         match *self {
             Self::Room { low, high, .. } => {
@@ -156,7 +157,7 @@ impl Prior {
         }
     }
 
-    /// It as a row of Gaussians whose ranges are in geometric progression, where there is a
+    /// The prior as a row of Gaussians whose ranges are in geometric progression, where there is a
     /// range; `parts` along the range and along the course.
     pub(super) fn row(
         &self,
@@ -314,7 +315,7 @@ mod tests {
         Estimate { mean, covariance: parts.iter().map(spread).sum::<Matrix4<f64>>() / total }
     }
 
-    /// Whether they agree to some share of the standard deviations.
+    /// Returns true if they agree to some share of the standard deviations.
     fn near(a: &Estimate<4>, b: &Estimate<4>, share: f64) -> bool {
         let sigma = b.covariance.map_diagonal(f64::sqrt);
         let scale = sigma * sigma.transpose();

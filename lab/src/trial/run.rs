@@ -10,19 +10,18 @@ use super::{Trial, TrialError, draw::Draw, track::track};
 /// One run of a trial with one estimator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrialRun {
-    /// Where the target was at each bearing, East and North in metres.
+    /// The target's place at each bearing, East and North in metres.
     pub truth: Vec<Vector2<f64>>,
-    /// What the estimator believed after each bearing; shorter than `truth` where it could not
-    /// go on.
+    /// The estimate after each bearing; shorter than `truth` if the estimator could not go on.
     pub estimates: Vec<Estimate<2>>,
     /// The normalised innovation squared of each bearing that has one.
     pub nis: Vec<f64>,
-    /// How many bearings went through the estimator.
+    /// The number of bearings that went through the estimator.
     pub steps: u32,
 }
 
 impl TrialRun {
-    /// Whether the estimator could not go on.
+    /// Returns true if the estimator could not go on.
     #[must_use]
     pub fn failed(&self) -> bool {
         self.estimates.len() < self.truth.len()

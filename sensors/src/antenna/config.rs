@@ -62,7 +62,7 @@ pub struct GainRow {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct CardioidConfig {
-    /// How much weaker it receives from behind, in dB.
+    /// Front-to-back ratio, in dB.
     pub front_to_back_db: f64,
 }
 
@@ -82,7 +82,7 @@ pub struct PatchConfig {
     pub azimuth_beamwidth_deg: f64,
     /// The half-power beamwidth over elevation, in degrees.
     pub elevation_beamwidth_deg: f64,
-    /// How much weaker it receives from behind, in dB.
+    /// Front-to-back ratio, in dB.
     pub front_to_back_db: f64,
 }
 
@@ -98,11 +98,11 @@ impl Default for PatchConfig {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct YagiConfig {
-    /// How many elements it has.
+    /// Number of elements.
     pub elements: u16,
     /// Their spacing in wavelengths.
     pub spacing_wavelengths: f64,
-    /// How much weaker it receives from behind, in dB.
+    /// Front-to-back ratio, in dB.
     pub front_to_back_db: f64,
 }
 

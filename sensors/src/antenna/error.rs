@@ -3,7 +3,7 @@ use std::string::String;
 use super::{PatternFileError, PatternTableError};
 use foxhunt_core::parameter::ParameterError;
 
-/// Why there is no antenna.
+/// Reason that there is no antenna.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AntennaError {
@@ -26,7 +26,7 @@ pub enum AntennaError {
     File {
         /// The file.
         file: String,
-        /// The line, and what is wrong with it.
+        /// The line and its fault.
         source: PatternFileError,
     },
     /// A file's extension belongs to no known format.

@@ -4,7 +4,7 @@ use core::f64::consts::{FRAC_PI_2, LOG10_2, PI};
 
 use super::linear;
 
-/// 10 log₁₀ 2: by how much half the power is less, in dB.
+/// 10 log₁₀ 2: the loss at half the power, in dB.
 const HALF_POWER_DB: f64 = 10.0 * LOG10_2;
 
 /// Steps of a search, in radians: a narrower lobe may be missed.
@@ -15,9 +15,9 @@ const STEP: f64 = PI / 180.0;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct MainLobe {
-    /// In radians counter-clockwise of the boresight.
+    /// Azimuth in radians counter-clockwise of the boresight.
     pub azimuth: f64,
-    /// In radians above the plane through the boresight.
+    /// Elevation in radians above the plane through the boresight.
     pub elevation: f64,
     /// The gain there.
     pub gain_dbi: f64,
@@ -28,7 +28,8 @@ fn degrees(whole: i16) -> f64 {
 }
 
 /// The strongest direction: on a grid of whole degrees from the horizon up and down, then by
-/// halving steps. Of equal ones the first, so that what does not depend on elevation has it level.
+/// halving steps. The first of equal ones is taken, so that a gain that does not depend on
+/// elevation has a level lobe.
 pub(super) fn main_lobe(gain_dbi: impl Fn(f64, f64) -> f64) -> MainLobe {
     let lobe = |azimuth: f64, elevation: f64| {
         let (azimuth, elevation) = over_the_pole(azimuth, elevation);
@@ -48,7 +49,8 @@ pub(super) fn main_lobe(gain_dbi: impl Fn(f64, f64) -> f64) -> MainLobe {
     }
     let mut step = 0.5 * STEP;
     while step > 1e-9 {
-        let (from, beside) = (best, [(step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)]);
+        let from = best;
+        let beside = [(step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)];
         for (across, up) in beside {
             let other = lobe(from.azimuth + across, from.elevation + up);
             if other.gain_dbi > best.gain_dbi + 1e-12 {
@@ -62,7 +64,7 @@ pub(super) fn main_lobe(gain_dbi: impl Fn(f64, f64) -> f64) -> MainLobe {
     best
 }
 
-/// The same direction with its elevation within a quarter turn of the horizon.
+/// Brings a direction's elevation within a quarter turn of the horizon.
 fn over_the_pole(azimuth: f64, elevation: f64) -> (f64, f64) {
     if elevation > FRAC_PI_2 {
         (azimuth + PI, PI - elevation)
@@ -73,7 +75,7 @@ fn over_the_pole(azimuth: f64, elevation: f64) -> (f64, f64) {
     }
 }
 
-/// The angle between the half-power points of a cut about its maximum at 0, each at most so many
+/// The angle between the half-power points of a cut about its maximum at 0, each at most `most`
 /// degrees from it.
 fn beamwidth(cut: impl Fn(f64) -> f64, most: i16) -> Option<f64> {
     let level = cut(0.0) - HALF_POWER_DB;

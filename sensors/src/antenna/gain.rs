@@ -41,8 +41,8 @@ pub trait Antenna: Debug {
         (0..360).map(gain).sum::<f64>() / 360.0
     }
 
-    /// The direction of the largest gain: searched in steps of 1°, then refined. Of equal ones that
-    /// nearest to the horizon.
+    /// The direction of the largest gain: searched in steps of 1°, then refined. The one nearest to
+    /// the horizon is taken of equal ones.
     fn main_lobe(&self) -> MainLobe {
         figures::main_lobe(|a, e| self.gain_dbi(a, e))
     }
@@ -66,8 +66,8 @@ pub trait Antenna: Debug {
         lobe.gain_dbi - self.gain_dbi(lobe.azimuth + core::f64::consts::PI, -lobe.elevation)
     }
 
-    /// The power of the main lobe over its mean over the sphere, in dBi (IEEE Std 145-2013): what
-    /// the gain would be without losses.
+    /// The power of the main lobe over its mean over the sphere, in dBi (IEEE Std 145-2013): the
+    /// gain without losses.
     fn directivity_dbi(&self) -> f64 {
         figures::directivity_dbi(&self.main_lobe(), |a, e| self.gain_dbi(a, e))
     }

@@ -11,33 +11,33 @@ use crate::interrogation::Timing;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct BodyConfig {
-    /// How fast it turns, in radians per second; counter-clockwise from above where positive.
+    /// Rate of turn, in radians per second; counter-clockwise from above where positive.
     pub rate_rad_s: f64,
     /// It goes on turning between turns, also while it flies elsewhere; otherwise it holds its
     /// heading then.
     pub keeps_turning: bool,
-    /// How many positions the samples are sorted into; each keeps its own boresight, too.
+    /// Number of positions that the samples are sorted into; each keeps its own boresight, too.
     pub positions: u16,
-    /// From one request to the next, at least, in seconds.
+    /// Least time from one request to the next, in seconds.
     pub spacing_s: f64,
     /// A request without an answer after this long, in seconds, is given up.
     pub answer_timeout_s: f64,
     /// A turn that has not come round after this long, in seconds, ends with what it has.
     pub turn_timeout_s: f64,
-    /// Where the antenna looks, in radians counter-clockwise of the nose.
+    /// The antenna's direction, in radians counter-clockwise of the nose.
     pub mount_offset_rad: f64,
-    /// When between request (0) and answer (1) the radio measured the power.
+    /// Time of the radio's measurement of the power between request (0) and answer (1).
     pub measured_at: f64,
     /// The receiver's weakest reading in dBm, where that is known.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub floor_dbm: Option<f64>,
-    /// From pulse to pulse of beacons that send by themselves, in seconds: then a request counts as
-    /// unanswered only where a pulse was due. `None` for beacons that answer.
+    /// Time from pulse to pulse of beacons that send by themselves, in seconds: then a request
+    /// counts as unanswered only where a pulse was due. `None` for beacons that answer.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub interval_s: Option<f64>,
 }
 
-/// That of [`isaacs2014`](BodyConfig::isaacs2014).
+/// The configuration of [`isaacs2014`](BodyConfig::isaacs2014).
 impl Default for BodyConfig {
     fn default() -> Self {
         Self::isaacs2014()
@@ -80,11 +80,11 @@ impl BodyConfig {
         }
     }
 
-    /// Whether every number can be what it is.
+    /// Checks the ranges of all numbers.
     ///
     /// # Errors
     ///
-    /// [`ParameterError`] names the first that cannot.
+    /// [`ParameterError`] names the first that is out of its range.
     pub fn check(&self) -> Result<(), ParameterError> {
         let turns = self.rate_rad_s.is_finite() && self.rate_rad_s.abs() > 0.0;
         require(turns, "rate_rad_s", self.rate_rad_s, "finite and not zero")?;

@@ -1,4 +1,4 @@
-/// What went wrong with a turn of the whole body.
+/// Failure of a turn of the whole body.
 ///
 /// The source may be polled again; nothing that it has collected is lost.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -13,7 +13,7 @@ pub enum BodyError<R, V> {
     /// The body did not come round in the turn's time. Its sweeps are lent all the same.
     #[error("the body turned by {turned:.3} rad in {seconds:.1} s and not all the way round")]
     NotAround {
-        /// How far it turned, by its own heading, in radians.
+        /// Angle that it turned, by its own heading, in radians.
         turned: f64,
         /// The time that it had, in seconds.
         seconds: f64,

@@ -28,7 +28,7 @@ pub struct BodySource<R, V, C> {
     turn: Option<Turn>,
     recorder: TurnRecorder,
     interrogation: Interrogation,
-    /// Whether it was ordered to turn, and not to stop since.
+    /// True if it was ordered to turn, and not to stop since.
     turning: bool,
     last_pose: Pose,
     goal: Option<TurnGoal>,
@@ -37,15 +37,15 @@ pub struct BodySource<R, V, C> {
 /// A turn that is under way.
 #[derive(Clone, Copy, Debug)]
 struct Turn {
-    /// When it was first polled.
+    /// Time of the first poll.
     begun: Option<f64>,
-    /// The heading before, and how far it has turned since the first.
+    /// The heading before, and the angle turned since the first.
     heading: Option<f64>,
     turned: f64,
     phase: Phase,
 }
 
-/// What the source does next.
+/// Next action of the source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     /// Order the body to turn.
@@ -82,9 +82,9 @@ impl<R: Radio, V: Spinner, C: Clock> BodySource<R, V, C> {
         })
     }
 
-    /// The same that goes on turning, once it has come all the way round, until its bearings are as
-    /// certain as wanted or the goal's longest time is up. Where the configuration has the interval
-    /// of pulses, it turns no faster than some eight of them to a turn.
+    /// Sets a goal: once it has come all the way round, it goes on turning until its bearings are
+    /// as certain as wanted or the goal's longest time is up. Where the configuration has the
+    /// interval of pulses, it turns no faster than some eight of them to a turn.
     #[must_use]
     pub fn with_goal(mut self, goal: TurnGoal) -> Self {
         if let Some(interval_s) = self.config.interval_s {
@@ -95,14 +95,14 @@ impl<R: Radio, V: Spinner, C: Clock> BodySource<R, V, C> {
         self
     }
 
-    /// How it goes through a turn.
+    /// Configuration of its turns.
     #[must_use]
     pub fn config(&self) -> &BodyConfig {
         &self.config
     }
 
-    /// How many answers of this turn, or of the last one, were dropped because the power or the
-    /// place was not finite; of all its beacons together.
+    /// Number of answers of this turn, or of the last one, that were dropped because the power or
+    /// the place was not finite; of all its beacons together.
     #[must_use]
     pub fn dropped(&self) -> u32 {
         self.interrogation.dropped
@@ -151,7 +151,8 @@ impl<R: Radio, V: Spinner, C: Clock> BodySource<R, V, C> {
                         return Ok(true);
                     }
                     turn.phase = Phase::Reported;
-                    let (turned, seconds) = (turn.turned, now - begun);
+                    let turned = turn.turned;
+                    let seconds = now - begun;
                     return Err(BodyError::NotAround { turned, seconds });
                 }
                 Phase::Reported => return Ok(true),
@@ -167,7 +168,8 @@ impl<R: Radio, V: Spinner, C: Clock> BodySource<R, V, C> {
         here: Option<Pose>,
     ) -> Result<bool, R::Error> {
         let timing = self.config.timing();
-        let (radio, recorder) = (&mut self.radio, &mut self.recorder);
+        let radio = &mut self.radio;
+        let recorder = &mut self.recorder;
         if self.interrogation.is_pending() {
             return self.interrogation.poll(radio, recorder, &timing, now, here);
         }
@@ -201,7 +203,7 @@ impl Turn {
         }
     }
 
-    /// Whether it has come all the way round, but for rounding.
+    /// Returns true if it has come all the way round, but for rounding.
     fn is_round(&self) -> bool {
         self.turned.abs() >= TAU - 1e-9
     }

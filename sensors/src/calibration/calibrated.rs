@@ -29,11 +29,11 @@ impl<X> Calibrated<X> {
         Self { extractor, offset, scale: 1.0, floor: 0.0, outlier_probability: 0.0 }
     }
 
-    /// The same with bearings that are off by `offset`, measured minus true.
+    /// Sets the bearings' offset, measured minus true.
     ///
     /// # Errors
     ///
-    /// When a number of it is not finite.
+    /// If a number of it is not finite.
     pub fn with_offset(self, offset: BearingOffset) -> Result<Self, ParameterError> {
         finite("constant", offset.constant)?;
         finite("sin_heading", offset.sin_heading)?;
@@ -41,25 +41,26 @@ impl<X> Calibrated<X> {
         Ok(Self { offset, ..self })
     }
 
-    /// The same with σ² → (`scale` · σ)² + `floor`², the floor in radians.
+    /// Sets σ² → (`scale` · σ)² + `floor`², the floor in radians.
     ///
     /// # Errors
     ///
-    /// When the scale or the floor is negative or not finite, or both are 0.
+    /// If the scale or the floor is negative or not finite, or both are 0.
     pub fn with_sigma(self, scale: f64, floor: f64) -> Result<Self, ParameterError> {
-        let (scale, floor) = (not_negative("scale", scale)?, not_negative("floor", floor)?);
+        let scale = not_negative("scale", scale)?;
+        let floor = not_negative("floor", floor)?;
         positive("scale + floor", scale + floor)?;
         Ok(Self { scale, floor, ..self })
     }
 
-    /// The same with bearings of which this share has nothing to do with the direction, as
-    /// reflections and turns right above a transmitter give them. The reading's bearing stays what
-    /// it was; an observation made of it takes the moments of all directions, so that estimators
-    /// that do not weigh them one by one are careful: 2 % make 16° of a σ of 6°.
+    /// Sets the share of bearings that have nothing to do with the direction, as reflections and
+    /// turns right above a transmitter give them. The reading's bearing stays what it was; an
+    /// observation made of it takes the moments of all directions, so that estimators that do not
+    /// weigh them one by one are careful: 2 % make 16° of a σ of 6°.
     ///
     /// # Errors
     ///
-    /// When it is not from 0 to 0.5.
+    /// If it is not from 0 to 0.5.
     pub fn with_outliers(self, probability: f64) -> Result<Self, ParameterError> {
         let outlier_probability =
             in_range("outlier_probability", probability, 0.0..=0.5, "from 0 to 0.5")?;
@@ -115,7 +116,8 @@ impl<X: BearingExtractor> BearingExtractor for Calibrated<X> {
         // Directions that compete may be too far apart for a bearing.
         let modes = self.modes(sweep, &reading);
         let Ok(bearing) = reading.bearing else { return Ok(Reading { modes, ..reading }) };
-        let (angle, sigma) = (self.angle(sweep, bearing.angle), self.sigma(bearing.sigma));
+        let angle = self.angle(sweep, bearing.angle);
+        let sigma = self.sigma(bearing.sigma);
         if sigma > bearing.sigma.max(ANY_DIRECTION) {
             let too_wide = Err(NoBearing::TooWide { sigma, limit: ANY_DIRECTION });
             return Ok(Reading { bearing: too_wide, covariance: 0.0, modes, ..reading });
@@ -129,8 +131,8 @@ impl<X: BearingExtractor> BearingExtractor for Calibrated<X> {
     }
 }
 
-/// Where the nose pointed while the antenna looked to a direction: that of the nearest sample, so
-/// that it holds for an antenna that is turned by a body, too.
+/// Heading of the nose while the antenna looked to a direction: that of the nearest sample, so that
+/// it holds for an antenna that is turned by a body, too.
 #[must_use]
 pub fn heading_towards(sweep: &Sweep<'_>, direction: f64) -> f64 {
     let off = |sample: &Sample| (angle::distance(sample.boresight, direction), sample.receiver);

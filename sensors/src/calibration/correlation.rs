@@ -16,7 +16,8 @@ impl Correlation {
     pub fn of(pairs: impl Iterator<Item = (f64, f64)> + Clone) -> Option<Self> {
         let sum = |of: &dyn Fn(f64, f64) -> f64| pairs.clone().map(|(x, y)| of(x, y)).sum::<f64>();
         let points = sum(&|_, _| 1.0);
-        let (mean_x, mean_y) = (sum(&|x, _| x) / points, sum(&|_, y| y) / points);
+        let mean_x = sum(&|x, _| x) / points;
+        let mean_y = sum(&|_, y| y) / points;
         let square_x = sum(&|x, _| (x - mean_x) * (x - mean_x));
         let square_y = sum(&|_, y| (y - mean_y) * (y - mean_y));
         // Rounding makes equal numbers differ by this much of themselves.

@@ -1,15 +1,15 @@
 use foxhunt_core::parameter::ParameterError;
 
-/// Why nothing can be calibrated from the points.
+/// Reason that nothing can be calibrated from the points.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CalibrationError {
     /// The parameters and a residual need more points.
     #[error("there are {points} points to calibrate from; at least {needed} are needed")]
     TooFew {
-        /// How many there are.
+        /// Number of points.
         points: usize,
-        /// How many are needed.
+        /// Number of points that are needed.
         needed: usize,
     },
     /// All points lie at one range: power and exponent cannot be separated.
@@ -21,35 +21,35 @@ pub enum CalibrationError {
     /// A range is not a positive number.
     #[error("the range of point {index} is {range} m, not a positive number")]
     Range {
-        /// Which point, from 0.
+        /// Index of the point, from 0.
         index: usize,
-        /// What it held.
+        /// The range, in metres.
         range: f64,
     },
     /// A power is NaN or infinite.
     #[error("the power of point {index} is {rss_dbm} dBm, not a finite number")]
     Rss {
-        /// Which point, from 0.
+        /// Index of the point, from 0.
         index: usize,
-        /// What it held.
+        /// The power, in dBm.
         rss_dbm: f64,
     },
     /// The bound on the exponent is not a positive number.
     #[error("the bound on the exponent is {bound}, not a positive number")]
     Bound {
-        /// What it was.
+        /// The bound.
         bound: f64,
     },
     /// A bearing, a heading, an error or a σ is out of its range.
     #[error("the {field} of point {index} is {value}, not {requirement}")]
     Field {
-        /// Which point, from 0.
+        /// Index of the point, from 0.
         index: usize,
-        /// Which of its numbers.
+        /// Name of the field.
         field: &'static str,
-        /// What it held.
+        /// Value of the field.
         value: f64,
-        /// What it must be.
+        /// The requirement that the value does not meet.
         requirement: &'static str,
     },
     /// The bearings' errors cancel: they single out no offset.
@@ -64,7 +64,7 @@ pub enum CalibrationError {
     /// All errors are 0, or rounding beside their σ: there is no scale to find.
     #[error("the errors are nothing beside their standard deviations, which have no scale then")]
     NoError,
-    /// What was fitted is no station.
+    /// The fitted parameters make no station.
     #[error("the station: {0}")]
     Station(ParameterError),
 }

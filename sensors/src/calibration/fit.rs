@@ -11,7 +11,7 @@ pub struct PathLossFit {
     pub reference_dbm: f64,
     /// γ, the path-loss exponent.
     pub exponent: f64,
-    /// How many points there were.
+    /// Number of points.
     pub points: usize,
     /// The root of the mean squared residual, in dB.
     pub rmse_db: f64,
@@ -21,7 +21,7 @@ pub struct PathLossFit {
     /// The covariance of P₀ and γ, in dB² and dB. Where the bound holds γ it is that of P₀
     /// alone, on condition of γ, and zero elsewhere.
     pub covariance: Matrix2<f64>,
-    /// Whether γ was held by its upper bound.
+    /// True if γ was held by its upper bound.
     pub at_bound: bool,
 }
 
@@ -30,7 +30,7 @@ impl PathLossFit {
     ///
     /// # Errors
     ///
-    /// When the exponent is not positive: power that does not fall with range is no such law.
+    /// If the exponent is not positive: power must fall with range.
     pub fn law(&self) -> Result<LogDistance, ParameterError> {
         LogDistance::new(self.reference_dbm, self.exponent)
     }
@@ -76,7 +76,8 @@ impl PathLossFit {
         }
         // The quantile of F with 2 and m degrees of freedom, twice, is m ((1 − p)^(−2/m) − 1); a
         // Gaussian's ellipse has −2 ln(1 − p) in its place.
-        let (tail, m) = (-libm::log1p(-probability), self.freedom());
+        let tail = -libm::log1p(-probability);
+        let m = self.freedom();
         let widening = m * libm::expm1(2.0 * tail / m) / (2.0 * tail);
         let mean = Vector2::new(self.reference_dbm, self.exponent);
         Estimate { mean, covariance: self.covariance * widening }.ellipse(probability)
@@ -136,7 +137,8 @@ where
     #[expect(clippy::cast_precision_loss, reason = "points fit into memory many times over")]
     let n = count as f64;
     let (sum_x, sum_y) = pairs.clone().fold((0.0, 0.0), |(a, b), (x, y)| (a + x, b + y));
-    let (mean_x, mean_y) = (sum_x / n, sum_y / n);
+    let mean_x = sum_x / n;
+    let mean_y = sum_y / n;
     let (sxx, sxy) = pairs.clone().fold((0.0, 0.0), |(xx, xy), (x, y)| {
         (xx + (x - mean_x) * (x - mean_x), xy + (x - mean_x) * (y - mean_y))
     });

@@ -9,8 +9,8 @@ pub const HARMONIC_PATTERN_UNKNOWNS: usize = 9;
 /// The sum of squares in dB² that the best pattern of four harmonics leaves of levels in dB, each at
 /// a boresight in radians; infinite where no pattern can be fitted.
 ///
-/// Levels and boresights belong together in their order; what is left over of the longer list does
-/// not count.
+/// Levels and boresights belong together in their order; the rest of the longer list does not
+/// count.
 #[must_use]
 pub fn unexplained_by_harmonics(levels_db: &[f64], boresights: &[f64]) -> f64 {
     const UNKNOWNS: usize = HARMONIC_PATTERN_UNKNOWNS;

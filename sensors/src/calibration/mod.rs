@@ -1,4 +1,4 @@
-//! From readings of a known transmitter to what the models and bearings need.
+//! Calibration of models and bearings by readings of a known transmitter.
 
 mod calibrated;
 mod correlation;

@@ -8,11 +8,11 @@ use super::{CalibrationError, student};
 /// A measured bearing whose true direction is known.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KnownBearing {
-    /// What was measured, in radians in the world frame.
+    /// The measured bearing, in radians in the world frame.
     pub measured: f64,
     /// The true direction from the receiver to the transmitter.
     pub truth: f64,
-    /// Where the nose pointed while the antenna looked there, in radians in the world frame.
+    /// Heading of the nose while the antenna looked there, in radians in the world frame.
     pub heading: f64,
 }
 
@@ -47,7 +47,7 @@ impl BearingOffset {
         angle::wrap(measured - self.at(heading))
     }
 
-    /// Whether every number in it is finite.
+    /// Returns true if every number in it is finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
         [self.constant, self.sin_heading, self.cos_heading].iter().all(|value| value.is_finite())
@@ -70,14 +70,14 @@ pub struct BearingOffsetFit {
     pub offset: BearingOffset,
     /// The covariance of a, b and c in rad²; of what was not fitted 0.
     pub covariance: Matrix3<f64>,
-    /// What was fitted.
+    /// The fitted terms.
     pub terms: OffsetTerms,
-    /// How many bearings there were.
+    /// Number of bearings.
     pub points: usize,
-    /// The spread of what is left, in radians: the scale of a Student's t with four degrees of
+    /// The spread of the residuals, in radians: the scale of a Student's t with four degrees of
     /// freedom, so that single outliers do not count for much.
     pub scale: f64,
-    /// The root of the mean square of what is left, outliers included, in radians.
+    /// Root mean square of the residuals, outliers included, in radians.
     pub rms: f64,
 }
 
@@ -167,7 +167,8 @@ where
     let mut scale = starting_scale(errors.clone());
     let mut beta = Vector3::zeros();
     for _ in 0..200 {
-        let (mut normal, mut right) = (unfitted(terms), Vector3::zeros());
+        let mut normal = unfitted(terms);
+        let mut right = Vector3::zeros();
         let mut squares = 0.0;
         for (row, error) in errors.clone() {
             let residual = error - row.dot(&beta);
@@ -185,7 +186,9 @@ where
             break;
         }
     }
-    let (mut scores, mut slopes, mut squares) = (0.0, 0.0, 0.0);
+    let mut scores = 0.0;
+    let mut slopes = 0.0;
+    let mut squares = 0.0;
     let mut design = unfitted(terms);
     for (row, error) in errors {
         let residual = error - row.dot(&beta);
@@ -217,10 +220,11 @@ where
     })
 }
 
-/// Where errors are exact, a scale of rounding keeps the weights finite.
+/// Least scale of the errors: where they are exact, it keeps the weights finite.
 const LEAST_SCALE: f64 = 1e-12;
 
-/// Of wild errors hardly any slope of the scores is left; the covariance then is large, not wrong.
+/// Least slope of the scores: wild errors leave hardly any; the covariance then is large, not
+/// wrong.
 const LEAST_SLOPE: f64 = 0.05;
 
 /// Headings whose sines and cosines leave the determinant of the design, per point, below this
@@ -232,7 +236,8 @@ fn begin(
     points: impl Iterator<Item = KnownBearing> + Clone,
     terms: OffsetTerms,
 ) -> Result<(usize, f64), CalibrationError> {
-    let (mut mean, mut number) = (Resultant::default(), 0);
+    let mut mean = Resultant::default();
+    let mut number = 0;
     let mut design = unfitted(terms);
     for (index, point) in points.enumerate() {
         for (field, value) in [

@@ -9,19 +9,19 @@ pub struct BearingError {
     pub sigma: f64,
 }
 
-/// How the σ of bearings compares with their errors, and what makes it honest:
-/// σ² → (scale · σ)² + floor².
+/// Comparison of the σ of bearings with their errors, and its correction: σ² → (scale · σ)² +
+/// floor².
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SigmaFit {
-    /// What σ is to be multiplied by.
+    /// Factor on σ.
     pub scale: f64,
-    /// Where the scale lies with 95 %.
+    /// Interval that holds the scale with 95 %.
     pub scale_interval: [f64; 2],
-    /// What is to be added in squares, in radians: what no σ knew of, such as multipath.
+    /// Error to be added in squares, in radians, for all that no σ knew of, such as multipath.
     pub floor: f64,
-    /// Where the floor lies with 95 %.
+    /// Interval that holds the floor with 95 %, in radians.
     pub floor_interval: [f64; 2],
-    /// How many bearings there were.
+    /// Number of bearings.
     pub points: usize,
     /// The root of the mean of (error/σ)², as σ was given: 1 where it is honest.
     pub rms_ratio: f64,
@@ -37,14 +37,14 @@ pub struct SigmaFit {
     pub correlation_p_value: Option<f64>,
 }
 
-/// The quantile of χ² with one degree of freedom at 95 %, halved: how far the log-likelihood of a
-/// parameter within its interval lies below the maximum (Wilks 1938).
+/// The quantile of χ² with one degree of freedom at 95 %, halved: the largest drop of the
+/// log-likelihood below its maximum within a parameter's interval (Wilks 1938).
 const DROP_95: f64 = 0.5 * 3.841_458_820_694_124;
 
 /// Errors of less than a ten-thousandth of their σ, in squares, are rounding and no noise.
 const NO_ERROR: f64 = 1e-8;
 
-/// How many standard deviations hold 95 % of a Gaussian.
+/// Number of standard deviations that hold 95 % of a Gaussian.
 const REACH_95: f64 = 1.959_963_984_540_054;
 
 /// Fits a scale and an additive floor to the σ of bearings whose errors are known: the maximum of
@@ -63,7 +63,8 @@ where
     let squares = points.clone().map(|p| (p.error * p.error, p.sigma * p.sigma));
     // In units of the mean squared σ and of the mean squared error, so that searches know where
     // to look: v = α σ²/σ̄² + β.
-    let (unit, typical) = (sums.squared_sigma / sums.n, sums.squared_error / sums.n);
+    let unit = sums.squared_sigma / sums.n;
+    let typical = sums.squared_error / sums.n;
     let likelihood = Likelihood { squares, unit, typical };
     let separable = sums.sigma_variation() > 1e-3;
     let best_floor = |alpha: f64| {
@@ -164,12 +165,13 @@ impl<I: Iterator<Item = (f64, f64)> + Clone> Likelihood<I> {
 /// Both α and β are looked for from 0 to this: a thousandfold the errors' own size.
 const MOST: f64 = 1e3;
 
-/// Where a function of one hump is largest over [0, [`MOST`]], and its value there: golden section
-/// over the fourth root, which spreads the small values.
+/// Place and value of the maximum of a function of one hump over [0, [`MOST`]]: golden section over
+/// the fourth root, which spreads the small values.
 fn maximum(function: impl Fn(f64) -> f64) -> (f64, f64) {
     let at = |root: f64| root * root * root * root;
     let ratio = 0.5 * (libm::sqrt(5.0) - 1.0);
-    let (mut low, mut high) = (0.0, libm::sqrt(libm::sqrt(MOST)));
+    let mut low = 0.0;
+    let mut high = libm::sqrt(libm::sqrt(MOST));
     let mut inner = [high - ratio * (high - low), low + ratio * (high - low)];
     let mut values = inner.map(|root| function(at(root)));
     for _ in 0..32 {
@@ -183,19 +185,21 @@ fn maximum(function: impl Fn(f64) -> f64) -> (f64, f64) {
             values = [values[1], function(at(inner[1]))];
         }
     }
-    let (place, value) = (at(0.5 * (low + high)), function(at(0.5 * (low + high))));
+    let place = at(0.5 * (low + high));
+    let value = function(at(0.5 * (low + high)));
     let edge = function(0.0);
     if edge >= value { (0.0, edge) } else { (place, value) }
 }
 
-/// Where a function of one hump about `peak` passes `level`, on either side; the end of the range
-/// where it does not.
+/// Places where a function of one hump about `peak` passes `level`, on either side; the end of the
+/// range where it does not.
 fn interval(function: impl Fn(f64) -> f64, peak: f64, level: f64) -> [f64; 2] {
     [0.0, MOST].map(|end| {
         if function(end) >= level {
             return end;
         }
-        let (mut inside, mut outside) = (peak, end);
+        let mut inside = peak;
+        let mut outside = end;
         for _ in 0..24 {
             let middle = 0.5 * (inside + outside);
             if function(middle) >= level {

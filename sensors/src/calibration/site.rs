@@ -4,7 +4,8 @@ use foxhunt_core::{
     Bearing, BearingExtractor, BearingMode, BearingModes, NoReading, Reading, Sweep, angle,
 };
 
-/// The surroundings of a receiver, whose reflections turn bearings: what no turn shows of itself.
+/// The surroundings of a receiver, whose reflections turn bearings: an error that no turn shows by
+/// itself.
 ///
 /// The values are for turns of eight boresights or more. Bearings taken by telemetrists err by
 /// published means of |error|, of which σ is √(π/2) as much; for streets and rooms σ is the azimuth
@@ -47,7 +48,7 @@ impl Site {
         }
     }
 
-    /// σ of what a site does to the bearing of a whole turn, in radians.
+    /// σ of the site's effect on the bearing of a whole turn, in radians.
     #[must_use]
     pub fn sigma(self) -> f64 {
         let deg: f64 = match self {
@@ -76,7 +77,7 @@ impl FromStr for Site {
     }
 }
 
-/// An extractor whose σ holds what a site does to bearings, σ² → σ² + site², for recordings
+/// An extractor whose σ holds the site's effect on bearings, σ² → σ² + site², for recordings
 /// without a calibration.
 ///
 /// A turn of fewer than eight boresights, those counted that are 22.5° apart or more, shows less
@@ -89,7 +90,7 @@ pub struct AtSite<X> {
     site: Site,
 }
 
-/// So many boresights are as good as any number.
+/// Number of boresights that is as good as any larger number.
 const LOOKS: usize = 8;
 
 /// Boresights nearer than this, in radians, are one look: 22.5°.
@@ -161,7 +162,7 @@ mod tests {
         deg.to_radians()
     }
 
-    /// A turn with readings along so many boresights, `step_deg` apart.
+    /// A turn with readings along `boresights` boresights, `step_deg` apart.
     fn read(extractor: &dyn BearingExtractor, boresights: u16, step_deg: f64) -> Reading {
         let sample = |i: u16| Sample {
             time: f64::from(i),
@@ -227,7 +228,8 @@ mod tests {
             libm::sqrt(0.5 * (square(los) + square(nlos)))
         };
         let half_normal = libm::sqrt(core::f64::consts::FRAC_PI_2);
-        let (umi, office) = (libm::log10(1.0 + 2.0), libm::log10(1.0 + 6.0));
+        let umi = libm::log10(1.0 + 2.0);
+        let office = libm::log10(1.0 + 6.0);
         let derived = [
             (Site::Open, 4.9 * half_normal),
             (Site::Forest, 12.6 * half_normal),

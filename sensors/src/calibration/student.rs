@@ -1,7 +1,7 @@
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-/// How many standard errors to either side hold the value with `probability`, for an error with
-/// so many degrees of freedom; `None` when `probability` is not in (0, 1).
+/// Number of standard errors to either side that hold the value with `probability`, for an error
+/// with `freedom` degrees of freedom; `None` when `probability` is not in (0, 1).
 pub(super) fn quantile(freedom: f64, probability: f64) -> Option<f64> {
     if !(probability > 0.0 && probability < 1.0) {
         return None;
@@ -10,7 +10,7 @@ pub(super) fn quantile(freedom: f64, probability: f64) -> Option<f64> {
     Some(law.inverse_cdf(0.5 + 0.5 * probability))
 }
 
-/// The probability that a Student's t with so many degrees of freedom lies beyond ±`t`.
+/// The probability that a Student's t with `freedom` degrees of freedom lies beyond ±`t`.
 pub(super) fn two_sided(freedom: f64, t: f64) -> Option<f64> {
     let law = StudentsT::new(0.0, 1.0, freedom).ok()?;
     Some(2.0 * law.cdf(-libm::fabs(t)))

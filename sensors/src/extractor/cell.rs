@@ -2,20 +2,20 @@ use foxhunt_core::angle::Resultant;
 
 use super::rounding::LEAST_RESULTANT;
 
-/// One position of a turn: what was measured there, and what its neighbours make of it.
+/// One position of a turn: its own mean, and the moving mean with its neighbours.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cell {
-    /// How many samples the position has.
+    /// Number of samples of the position.
     pub(super) count: u32,
-    /// How many measured positions the moving mean had.
+    /// Number of measured positions in the moving mean.
     pub(super) window: u16,
     /// The mean of the samples in dBm, if there is one.
     pub(super) mean_dbm: f64,
     /// The moving mean in dBm, if its window had anything.
     pub(super) smoothed_dbm: f64,
-    /// The same in whole dBm, halves away from zero.
+    /// The moving mean in whole dBm, halves away from zero.
     pub(super) rounded_dbm: f64,
-    /// Whether all samples have one boresight.
+    /// True if all samples have one boresight.
     pub(super) steady: bool,
     /// The circular mean of the samples' boresights; without samples, nominal plus yaw.
     pub(super) angle: f64,
@@ -24,7 +24,7 @@ pub struct Cell {
 }
 
 impl Cell {
-    /// How many samples the position has.
+    /// Number of samples of the position.
     #[must_use]
     pub fn count(&self) -> u32 {
         self.count
@@ -36,14 +36,14 @@ impl Cell {
         (self.count > 0).then_some(self.mean_dbm)
     }
 
-    /// Where the antenna looked, in radians in the world frame: the circular mean of its samples'
+    /// The antenna's direction, in radians in the world frame: the circular mean of its samples'
     /// boresights (Pritzl 2018, eq. 4.2); without samples, the nominal angle plus the mean yaw.
     #[must_use]
     pub fn angle(&self) -> f64 {
         self.angle
     }
 
-    /// Where the antenna looked, with a weight.
+    /// The antenna's direction, with a weight.
     pub(super) fn direction(&self, weight: f64) -> Resultant {
         if self.steady {
             return self.boresights.scaled(weight / f64::from(self.count));

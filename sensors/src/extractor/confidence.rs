@@ -7,7 +7,7 @@ use foxhunt_core::{angle::Resultant, elementary};
 
 use super::{Cell, Pattern};
 
-/// How far a turn looks like one transmitter received through one main lobe: the mean resultant
+/// Similarity of a turn to one transmitter received through one main lobe: the mean resultant
 /// length of the received power over the circle (Mardia & Jupp 2000, §2.3), times the share of the
 /// circle that was received.
 ///
@@ -22,7 +22,8 @@ pub fn resultant_confidence(pattern: &Pattern) -> f64 {
     let maximum_dbm = pattern.maximum_dbm();
     #[expect(clippy::cast_precision_loss, reason = "a turn has at most 360 positions")]
     let half_step = 0.5 * TAU / cells.len() as f64;
-    let (mut resultant, mut measured) = (Resultant::default(), 0.0);
+    let mut resultant = Resultant::default();
+    let mut measured = 0.0;
     let is_empty = |cell: &&Cell| cell.count() == 0;
     let first = cells.iter().take_while(is_empty).count();
     let mut before = first + cells.iter().rev().take_while(is_empty).count();

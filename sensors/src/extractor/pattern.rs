@@ -10,8 +10,8 @@ use super::{
     rounding::{LEAST_RESULTANT, round_half_away},
 };
 
-/// A turn of the antenna in order (Pritzl 2018, §4.1): what each position measured on average,
-/// and the moving mean around the circle, which fills gaps from their neighbours.
+/// A turn of the antenna in order (Pritzl 2018, §4.1): the mean of each position, and the moving
+/// mean around the circle, which fills gaps from their neighbours.
 ///
 /// Data only; an extractor reads it, and so may a plot. Kept in place, without an allocator.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,7 +23,7 @@ pub struct Pattern {
 }
 
 impl Pattern {
-    /// How many positions a turn may have: one for each degree.
+    /// Maximum number of positions of a turn: one for each degree.
     pub const CAPACITY: u16 = 360;
 
     /// Puts a sweep in order, with a moving mean over `window` positions: itself and as many on
@@ -63,7 +63,7 @@ impl Pattern {
         self.cells.get(..usize::from(self.positions)).unwrap_or(&self.cells)
     }
 
-    /// How many positions have samples.
+    /// Number of positions with samples.
     #[must_use]
     pub fn measured(&self) -> u16 {
         self.measured
@@ -81,8 +81,8 @@ impl Pattern {
         self.cells().iter().filter_map(Cell::rounded_dbm).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Per-position means of power and angle (Pritzl 2018, eqs. 4.1 and 4.2); whether all of them
-    /// are finite and in the turn, so that the samples are as well.
+    /// Per-position means of power and angle (Pritzl 2018, eqs. 4.1 and 4.2); returns true if all
+    /// of them are finite and in the turn, so that the samples are as well.
     fn average(&mut self, sweep: &Sweep<'_>) -> bool {
         // An antenna that stands while it is sampled has one boresight for several samples.
         let same = |a: &Sample, b: &Sample| {
@@ -168,7 +168,7 @@ impl Pattern {
     }
 }
 
-/// Where position `i` of a turn looks, in radians from the antenna's zero.
+/// Nominal direction of position `i` of a turn, in radians from the antenna's zero.
 fn nominal(i: u16, positions: u16) -> f64 {
     TAU * f64::from(i) / f64::from(positions)
 }
@@ -182,13 +182,14 @@ fn check_turn(sweep: &Sweep<'_>) -> Result<(), NoReading> {
     if sweep.samples.is_empty() { Err(NoReading::Empty) } else { Ok(()) }
 }
 
-/// Refuses what is no sweep of at most [`Pattern::CAPACITY`] positions.
+/// Refuses a sweep that is not valid or has more than [`Pattern::CAPACITY`] positions.
 pub(super) fn check(sweep: &Sweep<'_>) -> Result<(), NoReading> {
     check_turn(sweep)?;
     let positions = sweep.positions;
-    let (mut zero, mut last) = (0.0, 0);
+    let mut zero = 0.0;
+    let mut last = 0;
     for sample in sweep.samples {
-        // Zero times a number that is not finite is none.
+        // Zero times a number that is not finite is NaN.
         zero += 0.0 * sample.rss_dbm + 0.0 * sample.boresight;
         last = last.max(sample.position);
     }

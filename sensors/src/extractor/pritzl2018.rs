@@ -47,7 +47,7 @@ impl Pritzl2018 {
     ///
     /// # Errors
     ///
-    /// When the number is even or above the pattern's capacity.
+    /// If the number is even or above the pattern's capacity.
     pub fn with_window(self, positions: u16) -> Result<Self, ParameterError> {
         let valid = positions % 2 == 1 && positions <= Pattern::CAPACITY;
         require(valid, "window", positions.into(), "odd and at most 360")?;
@@ -58,7 +58,7 @@ impl Pritzl2018 {
     ///
     /// # Errors
     ///
-    /// When it is not a positive number.
+    /// If it is not a positive number.
     pub fn with_rss_sigma_db(self, sigma: f64) -> Result<Self, ParameterError> {
         Ok(Self { rss_sigma_db: positive("rss_sigma_db", sigma)?, ..self })
     }
@@ -67,7 +67,7 @@ impl Pritzl2018 {
     ///
     /// # Errors
     ///
-    /// When it is negative or not finite.
+    /// If it is negative or not finite.
     pub fn with_width_db(self, width: f64) -> Result<Self, ParameterError> {
         Ok(Self { width_db: not_negative("width_db", width)?, ..self })
     }
@@ -76,7 +76,7 @@ impl Pritzl2018 {
     ///
     /// # Errors
     ///
-    /// When it is not a positive number.
+    /// If it is not a positive number.
     pub fn with_max_sigma(self, sigma: f64) -> Result<Self, ParameterError> {
         Ok(Self { max_sigma: positive("max_sigma", sigma)?, ..self })
     }
@@ -85,7 +85,7 @@ impl Pritzl2018 {
     ///
     /// # Errors
     ///
-    /// When it is negative or not finite. At 0 a pattern with a single position on top has the
+    /// If it is negative or not finite. At 0 a pattern with a single position on top has the
     /// σ of 0, which no [`Observation`](foxhunt_core::Observation) takes.
     pub fn with_min_sigma(self, sigma: f64) -> Result<Self, ParameterError> {
         Ok(Self { min_sigma: not_negative("min_sigma", sigma)?, ..self })
@@ -95,7 +95,7 @@ impl Pritzl2018 {
     ///
     /// # Errors
     ///
-    /// When it is 0 or above the pattern's capacity.
+    /// If it is 0 or above the pattern's capacity.
     pub fn with_min_positions(self, positions: u16) -> Result<Self, ParameterError> {
         let valid = (1..=Pattern::CAPACITY).contains(&positions);
         require(valid, "min_positions", positions.into(), "1 to 360")?;
@@ -106,7 +106,7 @@ impl Pritzl2018 {
     ///
     /// # Errors
     ///
-    /// Those of [`Pattern::new`].
+    /// The errors of [`Pattern::new`].
     pub fn pattern(&self, sweep: &Sweep<'_>) -> Result<Pattern, NoReading> {
         Pattern::new(sweep, self.window)
     }

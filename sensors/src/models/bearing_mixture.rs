@@ -5,8 +5,8 @@ use foxhunt_core::{
     parameter::{self, ParameterError},
 };
 
-/// How bearings err indoors: f(e) = (1 − p₀) N(e; μ, σ²) + p₀/2π over one turn (Isaacs et al. 2014,
-/// eq. 30).
+/// Errors of bearings indoors: f(e) = (1 − p₀) N(e; μ, σ²) + p₀/2π over one turn (Isaacs et al.
+/// 2014, eq. 30).
 ///
 /// The density uses μ, although the text calls the error zero-mean. σ is meant to be small
 /// against π: the normal's tails beyond half a turn are not wrapped round.
@@ -55,7 +55,10 @@ impl BearingMixture {
         let mut fit = Self { outlier_share: 0.2, bias: 0.0, sigma: 0.3 };
         for _ in 0..MOST_ROUNDS {
             // Sums over the errors, each with the probability that it is no outlier.
-            let (mut count, mut inliers, mut first, mut second) = (0.0, 0.0, 0.0, 0.0);
+            let mut count = 0.0;
+            let mut inliers = 0.0;
+            let mut first = 0.0;
+            let mut second = 0.0;
             for error in errors {
                 let distance = angle::wrap(error - fit.bias);
                 let (density, _) = fit.about_bias(distance);

@@ -36,11 +36,11 @@ impl BearingOnly {
         Self { bias: 0.0929, outliers: OutlierMixture::new(0.19, [TAU]).ok() }
     }
 
-    /// The same with bearings that are `bias` radians counter-clockwise of the truth.
+    /// Sets the bias of bearings, in radians counter-clockwise of the truth.
     ///
     /// # Errors
     ///
-    /// When the bias is not finite.
+    /// If the bias is not finite.
     pub fn with_bias(self, bias: f64) -> Result<Self, ParameterError> {
         Ok(Self { bias: parameter::finite("bias", bias)?, ..self })
     }
@@ -49,7 +49,7 @@ impl BearingOnly {
     ///
     /// # Errors
     ///
-    /// When the share is not in [0, 1).
+    /// If the share is not in [0, 1).
     pub fn with_outliers(self, share: f64) -> Result<Self, ParameterError> {
         Ok(Self { outliers: Some(OutlierMixture::new(share, [TAU])?), ..self })
     }
@@ -76,7 +76,8 @@ impl<const N: usize> MeasurementModel<N, 1> for BearingOnly {
         odd + even
     }
 
-    /// From how range and bearing change, where that is plain: no large numbers are subtracted.
+    /// Computes them from the changes of range and bearing, where these are plain: no large numbers
+    /// are subtracted.
     #[inline(always)]
     fn expected_parts(
         &self,
@@ -105,7 +106,8 @@ impl<const N: usize> MeasurementModel<N, 1> for BearingOnly {
         receiver: &Pose,
         [out]: [&mut [f64]; 1],
     ) {
-        let (places, bearing) = ([columns[0], columns[1]], angle::wrap(z[0] - self.bias));
+        let places = [columns[0], columns[1]];
+        let bearing = angle::wrap(z[0] - self.bias);
         run(BearingResiduals { places, receiver, bearing, out });
     }
 

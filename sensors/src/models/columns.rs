@@ -6,13 +6,13 @@ use foxhunt_core::{Pose, elementary, vectorised::Kernel};
 
 use super::LevelLaw;
 
-/// So many targets are worked on at once: what lies between two loops stays in the nearest cache.
+/// Number of targets that are worked on at once: data between two loops stay in the nearest cache.
 pub(super) const BLOCK: usize = 512;
 
-/// A measured level less those that are expected of many targets; sets `out`.
+/// A measured level less the levels expected of many targets; sets `out`.
 pub(super) struct LevelResiduals<'a, L, const P: usize> {
     pub(super) law: &'a L,
-    /// Of the law, a column each.
+    /// Parameters of the law, a column each.
     pub(super) parameters: [&'a [f64]; P],
     /// East and North.
     pub(super) places: [&'a [f64]; 2],
@@ -33,7 +33,8 @@ impl<L: LevelLaw<P>, const P: usize> Kernel for LevelResiduals<'_, L, P> {
             let rows = block * BLOCK..block * BLOCK + out.len();
             let [east, north] = self.places.map(|column| &column[rows.clone()]);
             for ((out, east), north) in out.iter_mut().zip(east).zip(north) {
-                let (x, y) = (east - place.x, north - place.y);
+                let x = east - place.x;
+                let y = north - place.y;
                 *out = x * x + y * y + up * up;
             }
             self.law.levels_dbm(self.parameters.map(|column| &column[rows.clone()]), out);
@@ -42,7 +43,7 @@ impl<L: LevelLaw<P>, const P: usize> Kernel for LevelResiduals<'_, L, P> {
     }
 }
 
-/// A measured bearing less those of many targets, from −π to π; sets `out`.
+/// A measured bearing less the bearings of many targets, from −π to π; sets `out`.
 pub(super) struct BearingResiduals<'a> {
     /// East and North.
     pub(super) places: [&'a [f64]; 2],

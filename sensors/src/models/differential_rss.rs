@@ -12,8 +12,8 @@ use super::{
 };
 use crate::{LogDistance, Propagation};
 
-/// How much stronger the signal is at the receiver than at a reference receiver: z = P(d) − P(d₀) =
-/// −10 γ log₁₀(d / d₀) in dB.
+/// The level at the receiver less the level at a reference receiver: z = P(d) − P(d₀) = −10 γ
+/// log₁₀(d / d₀) in dB.
 ///
 /// The transmitter's power cancels out, and with it whatever alters both levels alike; only the
 /// exponent must be known (Pritzl 2018, ch. 8; Wang, Chen & Yin 2009). σ is √2 times that of one
@@ -35,7 +35,7 @@ impl DifferentialRss {
     ///
     /// # Errors
     ///
-    /// When the place is not finite or the exponent not a positive number.
+    /// If the place is not finite or the exponent not a positive number.
     pub fn new(reference: Vector3<f64>, exponent: f64) -> Result<Self, ParameterError> {
         let loss = LogDistance::new(0.0, exponent)?;
         Ok(Self { reference: reference_at(reference)?, loss, target_up: 0.0 })
@@ -45,14 +45,14 @@ impl DifferentialRss {
     ///
     /// # Errors
     ///
-    /// When the height is not finite.
+    /// If the height is not finite.
     pub fn with_target_up(self, target_up: f64) -> Result<Self, ParameterError> {
         Ok(Self { target_up: parameter::finite("target_up", target_up)?, ..self })
     }
 }
 
 impl DifferentialRss {
-    /// A level less those that a receiver would have of many targets.
+    /// A level less the levels that a receiver would have of many targets.
     fn levels<'a>(
         &'a self,
         places: [&'a [f64]; 2],
@@ -60,7 +60,8 @@ impl DifferentialRss {
         level: f64,
         out: &'a mut [f64],
     ) -> LevelResiduals<'a, LogDistance, 0> {
-        let (law, target_up) = (&self.loss, self.target_up);
+        let law = &self.loss;
+        let target_up = self.target_up;
         LevelResiduals { law, parameters: [], places, target_up, receiver, level, out }
     }
 }

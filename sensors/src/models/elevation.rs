@@ -62,7 +62,7 @@ impl<H> WithElevationPattern<H> {
     ///
     /// # Errors
     ///
-    /// When the height is not finite.
+    /// If the height is not finite.
     pub fn with_target_up(self, target_up: f64) -> Result<Self, ParameterError> {
         Ok(Self { target_up: parameter::finite("target_up", target_up)?, ..self })
     }
@@ -100,7 +100,7 @@ where
         let mut expected = self.model.expected(state, receiver);
         let Some(pattern) = &self.pattern else { return expected };
         let (elevation, _) = elevation(&self.sight(state, receiver));
-        // Beyond the largest numbers the sight is none.
+        // Beyond the largest numbers the elevation is not finite.
         if elevation.is_finite() {
             expected[0] += pattern.gain_db(elevation);
         }
@@ -145,7 +145,8 @@ where
         if level >= OVERHEAD && range.is_finite() {
             let slope = pattern.slope(elevation);
             // ∂e/∂(forward, left, up), then over East and North.
-            let (rise, run) = (sight.z / range, level / range);
+            let rise = sight.z / range;
+            let run = level / range;
             let gradient = Vector3::new(
                 -rise * (sight.x / level) / range,
                 -rise * (sight.y / level) / range,

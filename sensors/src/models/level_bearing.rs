@@ -52,7 +52,7 @@ impl<L: Propagation> LevelBearing<L, 0> {
         Self::with_law(propagation)
     }
 
-    /// How power falls with range.
+    /// The law of received power over range.
     #[must_use]
     pub fn propagation(&self) -> &L {
         &self.law
@@ -64,7 +64,7 @@ impl LevelBearing<FreePower, 1> {
     ///
     /// # Errors
     ///
-    /// When the exponent is not a positive number.
+    /// If the exponent is not a positive number.
     pub fn new(exponent: f64) -> Result<Self, ParameterError> {
         Ok(Self::with_law(FreePower::new(exponent)?))
     }
@@ -78,7 +78,7 @@ impl LevelBearing<FreePathLoss, 2> {
     }
 }
 
-/// That of [`new`](FreePathLossRssBearing::new).
+/// The model of [`new`](FreePathLossRssBearing::new).
 impl Default for LevelBearing<FreePathLoss, 2> {
     fn default() -> Self {
         Self::new()
@@ -103,7 +103,7 @@ impl<L: LevelLaw<P>, const P: usize> LevelBearing<L, P> {
     ///
     /// # Errors
     ///
-    /// When the height is not finite.
+    /// If the height is not finite.
     pub fn with_target_up(self, target_up: f64) -> Result<Self, ParameterError> {
         Ok(Self { target_up: parameter::finite("target_up", target_up)?, ..self })
     }
@@ -151,7 +151,8 @@ impl<L: LevelLaw<P>, const P: usize, const N: usize> MeasurementModel<N, 2> for 
         odd + even
     }
 
-    /// From how range and bearing change, where that is plain: no large numbers are subtracted.
+    /// Computes them from the changes of range and bearing, where these are plain: no large numbers
+    /// are subtracted.
     #[inline(always)]
     fn expected_parts(
         &self,
@@ -164,7 +165,8 @@ impl<L: LevelLaw<P>, const P: usize, const N: usize> MeasurementModel<N, 2> for 
         let (Some((logs, turns)), Some(slope)) = (parts, self.law.log_slope()) else {
             return differences(self, *state, *expected, *offset, receiver);
         };
-        let (mut odd, even) = (slope * logs[0], slope * logs[1]);
+        let mut odd = slope * logs[0];
+        let even = slope * logs[1];
         if P > 0 {
             // Linear in the parameters, at any of them and at any range.
             let weights = self.law.sensitivity(&parameters::<N, P, _>(|i| state[i]), 1.0);
@@ -226,7 +228,8 @@ impl<L: LevelLaw<P>, const P: usize> LevelBearing<L, P> {
         level: f64,
         out: &'a mut [f64],
     ) -> LevelResiduals<'a, L, P> {
-        let (law, target_up) = (&self.law, self.target_up);
+        let law = &self.law;
+        let target_up = self.target_up;
         LevelResiduals { law, parameters, places, target_up, receiver, level, out }
     }
 }
@@ -263,7 +266,8 @@ impl<L: LevelLaw<P>, const P: usize> Kernel for LogLikelihoods<'_, L, P> {
             let whiten_rss = present[0] / root[(0, 0)];
             let whiten_bearing = present[1] / root[(1, 1)];
             let coupling = root[(1, 0)];
-            let (level, bearing) = (one.value()[0], angle::wrap(one.value()[1]));
+            let level = one.value()[0];
+            let bearing = angle::wrap(one.value()[1]);
             for (block, out) in out.chunks_mut(BLOCK).enumerate() {
                 let rows = block * BLOCK..block * BLOCK + out.len();
                 let places = places.map(|column| &column[rows.clone()]);

@@ -116,7 +116,7 @@ impl FreePower {
     ///
     /// # Errors
     ///
-    /// When the exponent is not a positive number.
+    /// If the exponent is not a positive number.
     pub fn new(exponent: f64) -> Result<Self, ParameterError> {
         Ok(Self { loss: LogDistance::new(0.0, exponent)? })
     }

@@ -17,7 +17,7 @@ use nalgebra::{Matrix3, SMatrix, Vector2, Vector3};
 /// out: a tenth there.
 ///
 /// A receiver that knows no phase of the transmitter finds the field up to its sign, so that
-/// residuals are those of the sign that fits better.
+/// residuals take the sign that fits better.
 ///
 /// Works on every state whose first components are the target's East and North, then the moment's
 /// East, North and Up in milliampere square metres.
@@ -47,7 +47,7 @@ impl MagneticDipole {
     ///
     /// # Errors
     ///
-    /// When the height is not finite.
+    /// If the height is not finite.
     pub fn with_target_up(self, target_up: f64) -> Result<Self, ParameterError> {
         Ok(Self { target_up: parameter::finite("target_up", target_up)? })
     }
@@ -153,7 +153,10 @@ mod tests {
     #[test]
     fn its_divergence_and_curl_are_zero() {
         let at = |x: f64, y: f64, z: f64| field([3.0, -5.0, 8.0], [x, y, z]);
-        let (x, y, z, step) = (4.0, 7.0, -3.0, 1e-4);
+        let x = 4.0;
+        let y = 7.0;
+        let z = -3.0;
+        let step = 1e-4;
         let slope = |a: Vector3<f64>, b: Vector3<f64>| (a - b) / (2.0 * step);
         let dx = slope(at(x + step, y, z), at(x - step, y, z));
         let dy = slope(at(x, y + step, z), at(x, y - step, z));
@@ -166,7 +169,8 @@ mod tests {
     #[test]
     fn the_sign_of_a_field_is_not_measured() {
         let model = MagneticDipole::new();
-        let (z, expected) = (Vector3::new(1.0, 2.0, -0.5), Vector3::new(-0.9, -2.1, 0.4));
+        let z = Vector3::new(1.0, 2.0, -0.5);
+        let expected = Vector3::new(-0.9, -2.1, 0.4);
         let residual = |z: &Vector3<f64>| MeasurementModel::<5, 3>::residual(&model, z, &expected);
         assert!((residual(&z) - residual(&-z)).norm() < 1e-12);
         assert!(residual(&z).norm() < 0.2);

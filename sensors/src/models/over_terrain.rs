@@ -10,8 +10,8 @@ use super::WithElevationPattern;
 use super::sight::differences;
 use crate::TerrainLoss;
 
-/// A model of a level over terrain: what the ground between receiver and target takes away by
-/// diffraction comes off.
+/// A model of a level over terrain: the loss by diffraction over the ground between receiver and
+/// target is subtracted.
 ///
 /// The model inside expects the level over level ground in its first component, in dB; from that
 /// the [`TerrainLoss`] is taken; without one it is the model inside. The receiver's Up, and the
@@ -56,7 +56,7 @@ impl<H, G> OverTerrain<H, G> {
         &self.model
     }
 
-    /// What the terrain takes; `None` where the ground is taken for level.
+    /// Loss by the terrain; `None` where the ground is taken for level.
     #[must_use]
     pub fn loss(&self) -> Option<&TerrainLoss<G>> {
         self.loss.as_ref()
@@ -74,7 +74,7 @@ impl<H, G> OverTerrain<H, G> {
     ///
     /// # Errors
     ///
-    /// When the height is not finite.
+    /// If the height is not finite.
     pub fn with_target_up(self, target_up: f64) -> Result<Self, ParameterError> {
         Ok(Self { target_up: parameter::finite("target_up", target_up)?, ..self })
     }

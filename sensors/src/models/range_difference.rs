@@ -7,8 +7,8 @@ use nalgebra::{SMatrix, Vector1, Vector3};
 
 use super::Sight;
 
-/// How much farther the target is from the receiver than from a reference receiver: z = d − d₀ in
-/// metres, both slant ranges.
+/// The target's distance from the receiver less its distance from a reference receiver: z = d − d₀
+/// in metres, both slant ranges.
 ///
 /// It follows from a time difference of arrival: z = c τ with c the
 /// [`SPEED_OF_LIGHT`](Self::SPEED_OF_LIGHT) and τ the arrival at the receiver less that at the
@@ -33,7 +33,7 @@ impl RangeDifference {
     ///
     /// # Errors
     ///
-    /// When the place is not finite.
+    /// If the place is not finite.
     pub fn new(reference: Vector3<f64>) -> Result<Self, ParameterError> {
         Ok(Self { reference: reference_at(reference)?, target_up: 0.0 })
     }
@@ -42,7 +42,7 @@ impl RangeDifference {
     ///
     /// # Errors
     ///
-    /// When the height is not finite.
+    /// If the height is not finite.
     pub fn with_target_up(self, target_up: f64) -> Result<Self, ParameterError> {
         Ok(Self { target_up: parameter::finite("target_up", target_up)?, ..self })
     }
@@ -77,18 +77,19 @@ impl<const N: usize> MeasurementModel<N, 1> for RangeDifference {
         receiver: &Pose,
         [out]: [&mut [f64]; 1],
     ) {
-        let (places, target_up) = ([columns[0], columns[1]], self.target_up);
+        let places = [columns[0], columns[1]];
+        let target_up = self.target_up;
         let receivers = [receiver, &self.reference].map(|pose| pose.position);
         run(Differences { places, target_up, receivers, difference: z[0], out });
     }
 }
 
-/// A measured difference of ranges less those of many targets; sets `out`.
+/// A measured difference of ranges less the differences of many targets; sets `out`.
 struct Differences<'a> {
     /// East and North.
     places: [&'a [f64]; 2],
     target_up: f64,
-    /// Where the receiver and the reference are.
+    /// Places of the receiver and the reference.
     receivers: [Vector3<f64>; 2],
     difference: f64,
     out: &'a mut [f64],
@@ -102,7 +103,8 @@ impl Kernel for Differences<'_> {
         let ups = self.receivers.map(|place| self.target_up - place.z);
         for ((out, east), north) in self.out.iter_mut().zip(self.places[0]).zip(self.places[1]) {
             let range = |i: usize| {
-                let (x, y) = (east - self.receivers[i].x, north - self.receivers[i].y);
+                let x = east - self.receivers[i].x;
+                let y = north - self.receivers[i].y;
                 libm::sqrt(x * x + y * y + ups[i] * ups[i])
             };
             let expected = range(0) - range(1);

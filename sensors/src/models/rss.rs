@@ -28,12 +28,12 @@ impl<P: Propagation> Rss<P> {
     ///
     /// # Errors
     ///
-    /// When the height is not finite.
+    /// If the height is not finite.
     pub fn with_target_up(self, target_up: f64) -> Result<Self, ParameterError> {
         Ok(Self { target_up: parameter::finite("target_up", target_up)?, ..self })
     }
 
-    /// How power falls with range.
+    /// The law of received power over range.
     #[must_use]
     pub fn propagation(&self) -> &P {
         &self.propagation
@@ -62,7 +62,8 @@ impl<P: Propagation, const N: usize> MeasurementModel<N, 1> for Rss<P> {
         odd + even
     }
 
-    /// From how range and bearing change, where that is plain: no large numbers are subtracted.
+    /// Computes them from the changes of range and bearing, where these are plain: no large numbers
+    /// are subtracted.
     #[inline(always)]
     fn expected_parts(
         &self,

@@ -28,12 +28,13 @@ pub(super) fn differences<const N: usize, const M: usize>(
     receiver: &Pose,
 ) -> [SVector<f64, M>; 2] {
     let change = |offset| model.residual(&model.expected(&(state + offset), receiver), &expected);
-    let (ahead, behind) = (change(offset), change(-offset));
+    let ahead = change(offset);
+    let behind = change(-offset);
     [(ahead - behind) * 0.5, (ahead + behind) * 0.5]
 }
 
 impl Sight {
-    /// From `receiver` to the target in `state` at the height `target_up`.
+    /// The sight from `receiver` to the target in `state` at the height `target_up`.
     #[inline]
     pub(super) fn new<const N: usize>(state: &State<N>, receiver: &Pose, target_up: f64) -> Self {
         const { assert!(N >= 2, "a state holds East and North") };
@@ -76,30 +77,36 @@ impl Sight {
     /// The direction, counter-clockwise from East; 0 exactly overhead.
     #[inline]
     pub(super) fn bearing(&self) -> f64 {
-        let (x, y) = (self.0.x, self.0.y);
+        let x = self.0.x;
+        let y = self.0.y;
         if x.abs() + y.abs() < 1e300 { elementary::atan2(y, x) } else { libm::atan2(y, x) }
     }
 
-    /// What becomes of ln d² and of the bearing when the target moves by so much, each as its odd
-    /// and its even part in the offset. `None` where the places had better be looked at one by one:
-    /// near overhead, beyond the largest numbers, and where the target goes more than half as far
-    /// as it is away over ground.
+    /// Changes of ln d² and of the bearing when the target moves by `east` and `north`, each as its
+    /// odd and its even part in the offset. `None` where the places had better be looked at one by
+    /// one: near overhead, beyond the largest numbers, and where the target goes more than half as
+    /// far as it is away over ground.
     ///
     /// With m the square of the offset δ, f = 2 d·δ and s = d², ln d² changes by
     /// ln((s + m ± f) / s), so the parts are artanh(f / (s + m)) and
     /// artanh(q / (2 s² + q)), q = (2 s + m) m − f². Over ground, with a = 2 d × δ and
-    /// g = d², the bearing turns by ± arctan(½ a / (g ± f/2)); the parts are those of sums of
+    /// g = d², the bearing turns by ± arctan(½ a / (g ± f/2)); the parts follow from sums of
     /// two arctangents.
     #[inline(always)]
     pub(super) fn parts(&self, east: f64, north: f64) -> Option<([f64; 2], [f64; 2])> {
-        let (x, y) = (self.0.x, self.0.y);
-        let (ground, square) = (self.ground_squared(), self.0.norm_squared());
+        let x = self.0.x;
+        let y = self.0.y;
+        let ground = self.ground_squared();
+        let square = self.0.norm_squared();
         let moved = east * east + north * north;
         let plain = ground >= 4.0 * OVERHEAD * OVERHEAD && square < 1e150;
-        let (forth, across) = (2.0 * (x * east + y * north), 2.0 * (x * north - y * east));
-        let (forth_squared, across_squared) = (forth * forth, across * across);
+        let forth = 2.0 * (x * east + y * north);
+        let across = 2.0 * (x * north - y * east);
+        let forth_squared = forth * forth;
+        let across_squared = across * across;
         let bent = (square + square + moved) * moved - forth_squared;
-        let (twice, whole) = (across + across, 2.0 * square * square);
+        let twice = across + across;
+        let whole = 2.0 * square * square;
         let grown = [forth / (square + moved), bent / (whole + bent)];
         let turned = [
             across / (ground - moved),

@@ -55,7 +55,7 @@ fn join<const MA: usize, const MB: usize, const M: usize, const C: usize>(
     SMatrix::from_fn(|i, j| if i < MA { first[(i, j)] } else { second[(i - MA, j)] })
 }
 
-/// Whether noise is shared by a component of each part.
+/// Returns true if noise is shared by a component of each part.
 fn is_coupled<const M: usize>(observation: &Observation<M>, first: usize) -> bool {
     let noise = observation.noise();
     noise.view((first, 0), (M - first, first)).iter().any(|c| c.abs() > 0.0)
@@ -149,7 +149,8 @@ where
         let (first, second) = split(z);
         let mut out = out.into_iter();
         let mut next = || out.next().expect("a stack has the components of both models");
-        let (above, below) = (core::array::from_fn(|_| next()), core::array::from_fn(|_| next()));
+        let above = core::array::from_fn(|_| next());
+        let below = core::array::from_fn(|_| next());
         self.first.residuals(columns, &first, receiver, above);
         self.second.residuals(columns, &second, receiver, below);
     }

@@ -4,18 +4,18 @@ use foxhunt_core::parameter::{
 
 use crate::interrogation::Timing;
 
-/// How many samples an omnidirectional source takes at a place.
+/// Sampling of an omnidirectional source at a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct OmnidirectionalConfig {
-    /// How many requests each beacon is sent.
+    /// Number of requests to each beacon.
     pub questions: u16,
-    /// From one request to the next, at least, in seconds.
+    /// Least time from one request to the next, in seconds.
     pub spacing_s: f64,
     /// A request without an answer after this long, in seconds, is given up.
     pub answer_timeout_s: f64,
-    /// When between request (0) and answer (1) the radio measured the power.
+    /// Time of the radio's measurement of the power between request (0) and answer (1).
     pub measured_at: f64,
     /// The receiver's weakest reading in dBm, where that is known.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
@@ -37,11 +37,11 @@ impl Default for OmnidirectionalConfig {
 }
 
 impl OmnidirectionalConfig {
-    /// Whether every number can be what it is.
+    /// Checks the ranges of all numbers.
     ///
     /// # Errors
     ///
-    /// [`ParameterError`] names the first that cannot.
+    /// [`ParameterError`] names the first that is out of its range.
     pub fn check(&self) -> Result<(), ParameterError> {
         at_least_one("questions", self.questions.into())?;
         not_negative("spacing_s", self.spacing_s)?;

@@ -18,7 +18,7 @@ pub struct OmnidirectionalSource<R, V, C> {
     radio: R,
     vehicle: V,
     clock: C,
-    /// How many requests are left of the sweep that is under way.
+    /// Number of requests left of the sweep that is under way.
     left: usize,
     /// Since when the present request is due.
     since: Option<f64>,
@@ -55,8 +55,8 @@ impl<R: Radio, V: Vehicle, C: Clock> OmnidirectionalSource<R, V, C> {
         })
     }
 
-    /// How many answers of this sweep, or of the last one, were dropped because the power or the
-    /// place was not finite; of all its beacons together.
+    /// Number of answers of this sweep, or of the last one, that were dropped because the power or
+    /// the place was not finite; of all its beacons together.
     #[must_use]
     pub fn dropped(&self) -> u32 {
         self.interrogation.dropped
@@ -82,7 +82,8 @@ impl<R: Radio, V: Vehicle, C: Clock> OmnidirectionalSource<R, V, C> {
             _ => None,
         };
         while self.left > 0 {
-            let (radio, recorder) = (&mut self.radio, &mut self.recorder);
+            let radio = &mut self.radio;
+            let recorder = &mut self.recorder;
             let stepped = if self.interrogation.is_pending() {
                 let settled = self.interrogation.poll(radio, recorder, &timing, now, here);
                 // One that is given up is settled even where the radio has failed.

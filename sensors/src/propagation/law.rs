@@ -93,14 +93,14 @@ const RANGES: RangeInclusive<f64> = 1e-3..=1e300;
 /// The squares of these, up to the largest number.
 pub(crate) const SQUARES: RangeInclusive<f64> = 1e-6..=f64::MAX;
 
-/// `range` within [`RANGES`], and whether it was there already.
+/// `range` within [`RANGES`], and true if it was there already.
 #[inline]
 pub(crate) fn clamp(range: f64) -> (f64, bool) {
     (range.clamp(*RANGES.start(), *RANGES.end()), RANGES.contains(&range))
 }
 
-/// P₁ − 10 γ log₁₀ d of many ranges, in the place of the squares of these: what is received at one
-/// metre, and γ.
+/// P₁ − 10 γ log₁₀ d of many ranges, in the place of their squares, from the power P₁ at one metre
+/// and γ.
 #[inline(always)]
 pub(crate) fn many_log_distance(squares: &mut [f64], at_one_metre: f64, exponent: f64) {
     let scale = 5.0 / LN_10 * exponent;

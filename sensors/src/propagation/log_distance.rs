@@ -27,7 +27,7 @@ pub struct LogDistance {
 }
 
 impl LogDistance {
-    /// P₀ = 0, γ = 1: what one unit of the exponent does.
+    /// P₀ = 0, γ = 1: the effect of one unit of the exponent.
     pub(crate) const UNIT: Self = Self { reference_dbm: 0.0, exponent: 1.0 };
 
     /// The law with the power P₀ at one metre, in dBm, and the exponent γ: 2 in free space, more
@@ -61,13 +61,13 @@ impl LogDistance {
         self.reference_dbm
     }
 
-    /// γ: how many tens of dB the power falls for each tenfold range.
+    /// γ: the fall of the power for each tenfold range, in tens of dB.
     #[must_use]
     pub fn exponent(&self) -> f64 {
         self.exponent
     }
 
-    /// The same with P₀ = 0: the loss alone.
+    /// Sets P₀ = 0: the loss alone.
     pub(crate) fn without_reference(self) -> Self {
         Self { reference_dbm: 0.0, ..self }
     }

@@ -1,4 +1,4 @@
-//! How received power falls with range.
+//! Laws of received power over range.
 
 mod friis;
 mod law;

@@ -3,7 +3,7 @@ use core::f64::consts::{LN_10, PI, TAU};
 use super::{Propagation, clamp};
 use foxhunt_core::parameter::{self, ParameterError};
 
-/// How a wave's electric field lies to the ground that reflects it.
+/// Direction of a wave's electric field to the ground that reflects it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
@@ -26,13 +26,13 @@ pub enum Polarisation {
 pub struct TwoRay {
     power_dbm: f64,
     wavelength: f64,
-    /// Of the transmitter and the receiver.
+    /// Heights of the transmitter and the receiver.
     heights: [f64; 2],
     permittivity: f64,
     polarisation: Polarisation,
 }
 
-/// What the two waves add up to, relative to the direct one, and what it changes by per metre.
+/// Sum of the two waves, relative to the direct one, and its change per metre.
 struct Sum {
     value: [f64; 2],
     slope: [f64; 2],
@@ -67,12 +67,11 @@ impl TwoRay {
         })
     }
 
-    /// The same over a ground with another relative permittivity, 1 for none, or with another
-    /// polarisation.
+    /// Replaces the ground's relative permittivity, 1 for no ground, and the polarisation.
     ///
     /// # Errors
     ///
-    /// When the permittivity is not a number of at least 1.
+    /// If the permittivity is not a number of at least 1.
     pub fn with_ground(
         self,
         permittivity: f64,
@@ -98,7 +97,8 @@ impl TwoRay {
         let ratio = range / other;
         let ratio_slope = (excess / other) * (1.0 + ratio) / other;
         let phase = TAU / self.wavelength * excess;
-        let (sin, cos) = (libm::sin(phase), libm::cos(phase));
+        let sin = libm::sin(phase);
+        let cos = libm::cos(phase);
         // 1 + Γ r c = (1 + Γ) + Γ (r c − 1), each without cancellation.
         let half = libm::sin(0.5 * phase);
         let short = -excess / other - ratio * 2.0 * half * half;

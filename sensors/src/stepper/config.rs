@@ -1,6 +1,6 @@
 use foxhunt_core::parameter::{ParameterError, at_least_one, finite, positive};
 
-/// How a stepped antenna goes through a turn.
+/// Positions, samples and time-outs of a stepped antenna's turn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(try_from = "Fields", into = "Fields"))]
@@ -13,7 +13,7 @@ pub struct StepperConfig {
     floor_dbm: Option<f64>,
 }
 
-/// That of the source, [`pritzl2018`](StepperConfig::pritzl2018).
+/// The configuration of the source, [`pritzl2018`](StepperConfig::pritzl2018).
 impl Default for StepperConfig {
     fn default() -> Self {
         Self::pritzl2018()
@@ -39,7 +39,7 @@ impl StepperConfig {
     ///
     /// # Errors
     ///
-    /// When it is 0.
+    /// If it is 0.
     pub fn with_positions(self, positions: u16) -> Result<Self, ParameterError> {
         at_least_one("positions", positions.into())?;
         Ok(Self { positions, ..self })
@@ -49,7 +49,7 @@ impl StepperConfig {
     ///
     /// # Errors
     ///
-    /// When it is 0.
+    /// If it is 0.
     pub fn with_samples_per_position(self, samples: u16) -> Result<Self, ParameterError> {
         at_least_one("samples_per_position", samples.into())?;
         Ok(Self { samples_per_position: samples, ..self })
@@ -60,7 +60,7 @@ impl StepperConfig {
     ///
     /// # Errors
     ///
-    /// When one is not a positive number.
+    /// If one is not a positive number.
     pub fn with_timeouts(self, position: f64, first: f64) -> Result<Self, ParameterError> {
         Ok(Self {
             position_timeout: positive("position_timeout", position)?,
@@ -74,7 +74,7 @@ impl StepperConfig {
     ///
     /// # Errors
     ///
-    /// When it is not finite.
+    /// If it is not finite.
     pub fn with_mount_offset(self, offset: f64) -> Result<Self, ParameterError> {
         Ok(Self { mount_offset: finite("mount_offset", offset)?, ..self })
     }
@@ -83,18 +83,18 @@ impl StepperConfig {
     ///
     /// # Errors
     ///
-    /// When it is not finite.
+    /// If it is not finite.
     pub fn with_floor_dbm(self, floor: f64) -> Result<Self, ParameterError> {
         Ok(Self { floor_dbm: Some(finite("floor_dbm", floor)?), ..self })
     }
 
-    /// How many positions make a turn.
+    /// Number of positions in a turn.
     #[must_use]
     pub fn positions(&self) -> u16 {
         self.positions
     }
 
-    /// How many samples are requested at each position.
+    /// Number of samples requested at each position.
     #[must_use]
     pub fn samples_per_position(&self) -> u16 {
         self.samples_per_position
@@ -112,7 +112,7 @@ impl StepperConfig {
         self.first_timeout
     }
 
-    /// Where the antenna looks at the rotator's 0, in radians from the nose.
+    /// The antenna's direction at the rotator's 0, in radians from the nose.
     #[must_use]
     pub fn mount_offset(&self) -> f64 {
         self.mount_offset
@@ -124,8 +124,8 @@ impl StepperConfig {
         self.floor_dbm
     }
 
-    /// The most a turn for so many beacons takes, in seconds, if it is polled often enough: every
-    /// position has its time-out for each of them.
+    /// Maximum duration of a turn for `beacons` beacons, in seconds, if it is polled often enough:
+    /// every position has its time-out for each of them.
     #[must_use]
     pub fn longest_turn(&self, beacons: u16) -> f64 {
         let later = f64::from(self.positions) * f64::from(beacons.max(1)) - 1.0;

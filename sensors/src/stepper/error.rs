@@ -1,4 +1,4 @@
-/// Which of a stepper source's devices failed, and why.
+/// Failure of one of a stepper source's devices.
 ///
 /// The source may be polled again; nothing that it has collected is lost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]

@@ -34,7 +34,7 @@ pub struct StepperSource<R, T, V, C> {
     vehicle: V,
     clock: C,
     turn: Turn,
-    /// Where the antenna was last sent, in the turn's positions.
+    /// The place to which the antenna was last sent, in the turn's positions.
     stands_at: f64,
     recorder: TurnRecorder,
     /// The present position's answers: when each came, and its power in dBm.
@@ -45,21 +45,21 @@ pub struct StepperSource<R, T, V, C> {
     goal: Option<TurnGoal>,
 }
 
-/// Where the antenna looks: the same for all samples at a position of a drone that hovers.
+/// Direction of the antenna: the same for all samples at a position of a drone that hovers.
 #[derive(Clone, Copy, Debug)]
 struct Aim {
-    /// From the nose, and the nose itself, in radians.
+    /// Angle from the nose, and the nose's heading, in radians.
     angle: f64,
     heading: f64,
-    /// In the world.
+    /// The boresight in the world frame, in radians.
     boresight: f64,
     position: u16,
 }
 
-/// A turn begins with room for at most so many samples of each beacon; it may have more.
+/// Maximum number of samples of each beacon that a turn begins with room for; it may have more.
 const MOST_RESERVED: usize = 4096;
 
-/// Whether a step was taken.
+/// Result of trying a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Progress {
     Stepped,
@@ -91,21 +91,21 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
         }
     }
 
-    /// The same that goes on, after a round of all positions, to positions between them until its
+    /// Sets a goal: after a round of all positions it goes on to positions between them until its
     /// bearings are as certain as wanted or the goal's longest time is up.
     #[must_use]
     pub fn with_goal(self, goal: TurnGoal) -> Self {
         Self { goal: Some(goal), ..self }
     }
 
-    /// How it goes through a turn.
+    /// Configuration of its turns.
     #[must_use]
     pub fn config(&self) -> &StepperConfig {
         &self.config
     }
 
-    /// How many answers of this turn, or of the last one, were dropped because the power or the
-    /// place was not finite, or the place not to be had in time; of all its beacons together.
+    /// Number of answers of this turn, or of the last one, that were dropped because the power or
+    /// the place was not finite, or the place not to be had in time; of all its beacons together.
     #[must_use]
     pub fn dropped(&self) -> u32 {
         self.dropped
@@ -223,7 +223,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
         Ok(Progress::Stepped)
     }
 
-    /// When the device that is waited for, or the time-out, may next have it take a step.
+    /// Time at which the device that is waited for, or the time-out, may next have it take a step.
     fn event(&self) -> Option<f64> {
         let device = match self.turn.phase {
             Phase::Turn => self.rotator.next_event(),
@@ -233,7 +233,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
         device.map(|event| self.turn.deadline.map_or(event, |deadline| deadline.min(event)))
     }
 
-    /// Where the antenna looks that is turned by `angle` from a nose at `heading`.
+    /// Direction of an antenna that is turned by `angle` from a nose at `heading`.
     fn aim(&mut self, angle: f64, heading: f64) -> Aim {
         let bits = |angle: f64, heading: f64| [angle.to_bits(), heading.to_bits()];
         let same = |aim: &Aim| bits(aim.angle, aim.heading) == bits(angle, heading);
@@ -245,12 +245,13 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
         *self.aim.insert(Aim { angle, heading, boresight, position })
     }
 
-    /// Whether the goal is not reached, and there is time for another position.
+    /// Returns true if the goal is not reached, and there is time for another position.
     fn goes_on(&mut self, now: f64) -> bool {
         let (Some(goal), Some(begun)) = (&self.goal, self.turn.begun) else { return false };
         let position_s = self.turn.beacons() * self.config.position_timeout();
         let late = now + position_s > begun + goal.longest_s();
-        let (positions, floor_dbm) = (self.config.positions(), self.config.floor_dbm());
+        let positions = self.config.positions();
+        let floor_dbm = self.config.floor_dbm();
         !late && !self.recorder.reaches(goal, positions, floor_dbm, true)
     }
 

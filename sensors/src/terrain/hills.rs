@@ -16,13 +16,13 @@ pub struct Hill {
     pub east_m: f64,
     /// North of its top in metres.
     pub north_m: f64,
-    /// How much higher its top is than the plain, in metres.
+    /// Height of its top above the plain, in metres.
     pub height_m: f64,
-    /// Where it has fallen to 1/e of that, in metres from its top.
+    /// Distance from its top at which it has fallen to 1/e of that, in metres.
     pub radius_m: f64,
 }
 
-/// Beyond so many squared radii a hill is 10⁻¹⁵ of its height.
+/// Squared radii beyond which a hill is less than 10⁻¹⁵ of its height.
 const NOTHING: f64 = 36.0;
 
 /// A plain with hills on it, which add up.
@@ -37,7 +37,7 @@ impl Hills {
     ///
     /// # Errors
     ///
-    /// When a place or a height is not finite, or a radius not a positive number.
+    /// If a place or a height is not finite, or a radius not a positive number.
     pub fn new(hills: Vec<Hill>) -> Result<Self, ParameterError> {
         let mut least = f64::INFINITY;
         for hill in &hills {

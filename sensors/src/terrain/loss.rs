@@ -9,23 +9,22 @@ use super::diffraction::{Bullington, level_ground, path_loss_db};
 /// Nearer to each other than this nothing stands between two antennas, in metres.
 const LEAST_M: f64 = 0.1;
 
-/// Farther than this there is no telling, in metres.
+/// Maximum distance for which a loss is computed, in metres.
 const MOST_M: f64 = 1e7;
 
-/// How many heights of a profile are looked at, at most.
+/// Maximum number of heights of a profile that are looked at.
 const MOST_HEIGHTS: f64 = 512.0;
 
 /// The loss by diffraction over the terrain between two antennas, beyond that over level ground.
 ///
-/// The profile is replaced by Bullington's equivalent knife edge,
-/// L = J(ν) + (1 − e^(−J/6)) (10 + 0.02 d) with d in km (ITU-R P.526-15, §4.5.1). From that
-/// comes off the same loss over level ground under the same antennas, as in the delta-Bullington
-/// method (§4.5.2): a law of propagation that was measured over open ground has that loss already.
-/// So terrain that rises evenly from one
+/// The profile is replaced by Bullington's equivalent knife edge, L = J(ν) + (1 − e^(−J/6)) (10 +
+/// 0.02 d) with d in km (ITU-R P.526-15, §4.5.1). The loss over level ground under the same
+/// antennas is subtracted, as in the delta-Bullington method (§4.5.2): a law of propagation that
+/// was measured over open ground has that loss already. So terrain that rises evenly from one
 /// antenna to the other takes nothing, and no terrain adds to a level.
 ///
 /// Heights of antennas are above the ground below them, never less than 0. Nothing is lost where
-/// the ground below an antenna is not known; where it is not known in between, none is there. The
+/// the ground below an antenna is not known; ground that is not known in between is left out. The
 /// Earth's curvature is left out, which in the middle of 10 km is 1.5 m.
 ///
 /// ```
@@ -55,7 +54,7 @@ impl<G: Terrain> TerrainLoss<G> {
     ///
     /// # Errors
     ///
-    /// When the wavelength or the terrain's step is not a positive number.
+    /// If the wavelength or the terrain's step is not a positive number.
     pub fn new(terrain: G, wavelength: f64) -> Result<Self, ParameterError> {
         let step = positive("step_m", terrain.step_m())?;
         Ok(Self { terrain, wavelength: positive("wavelength", wavelength)?, step })
@@ -71,7 +70,8 @@ impl<G: Terrain> TerrainLoss<G> {
     /// below it, in metres.
     #[must_use]
     pub fn loss_db(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> f64 {
-        let (start, way) = (from.xy(), to.xy() - from.xy());
+        let start = from.xy();
+        let way = to.xy() - from.xy();
         let range = way.norm();
         if !(LEAST_M..=MOST_M).contains(&range) {
             return 0.0;

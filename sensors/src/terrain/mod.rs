@@ -1,4 +1,4 @@
-//! What the ground between two antennas takes away from the level.
+//! Loss of level by the ground between two antennas.
 
 mod diffraction;
 #[cfg(feature = "alloc")]

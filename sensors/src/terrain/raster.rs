@@ -17,7 +17,7 @@ const MOST_STEPS: f64 = 2000.0;
 pub struct HeightRaster {
     reach_m: f64,
     step_m: f64,
-    /// How many to a side.
+    /// Number of heights to a side.
     side: usize,
     /// Rows from the South, each from the West; NaN where unknown.
     heights: Vec<f32>,
@@ -29,7 +29,7 @@ impl HeightRaster {
     ///
     /// # Errors
     ///
-    /// When the reach or the terrain's step is not a positive number.
+    /// If the reach or the terrain's step is not a positive number.
     pub fn read(terrain: &impl Terrain, reach_m: f64) -> Result<Self, ParameterError> {
         positive("reach_m", reach_m)?;
         let steps = libm::ceil(reach_m / positive("step_m", terrain.step_m())?).min(MOST_STEPS);
@@ -62,8 +62,10 @@ impl Terrain for HeightRaster {
             let last = (self.side - 1) as f64;
             (at >= 0.0 && at <= last).then(|| floor.min(last - 1.0))
         };
-        let (column, row) = (whole(at.x)?, whole(at.y)?);
-        let (right, up) = (at.x - column, at.y - row);
+        let column = whole(at.x)?;
+        let row = whole(at.y)?;
+        let right = at.x - column;
+        let up = at.y - row;
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,

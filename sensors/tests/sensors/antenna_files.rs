@@ -88,7 +88,7 @@ fn vendor_files_have_the_figures_of_their_own_headers() {
     assert!((lobe.gain_dbi - 19.10).abs() < 0.05, "{lobe:?}");
 }
 
-/// The same NEC model as a table over the angle, as one over both angles, and as two cuts.
+/// Agreement of one NEC model's table over the angle, its table over both angles, and its two cuts.
 #[test]
 fn the_forms_of_one_antenna_agree() {
     for (name, rms_front) in [("nec_panel8_2g4", 0.60), ("nec_yagi5_2g4", 2.00)] {
@@ -364,7 +364,7 @@ fn recordings() -> [(&'static str, String); 4] {
 }
 
 /// Files that a clone has, so that every reader of antennas is tried without recordings beside it.
-/// Each is what the generator writes (`FOXHUNT_WRITE_RECORDINGS=1` writes them anew).
+/// Each is what the generator writes (`FOXHUNT_WRITE_RECORDINGS=1` rewrites them).
 #[test]
 fn the_recordings_of_the_repository_are_one_antenna() {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/data");

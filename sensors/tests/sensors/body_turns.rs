@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 
 use crate::devices::{Body, Failed, Handle, Health};
 
-/// What became of a turn of one beacon.
+/// Result of a turn of one beacon.
 struct Turn {
     samples: Vec<Sample>,
     unanswered: Vec<Unanswered>,

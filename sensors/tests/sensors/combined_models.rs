@@ -160,7 +160,7 @@ fn a_stack_keeps_its_parts_likelihoods() {
     assert!((stack.log_likelihood(&state, &z) - outlier).abs() < 1e-9);
 }
 
-/// What is fed to a model is matched by these.
+/// Models state the quantities that their data are checked against.
 #[test]
 fn models_name_what_they_measure() {
     fn of<const N: usize, const M: usize>(model: &impl MeasurementModel<N, M>) -> [Quantity; M] {

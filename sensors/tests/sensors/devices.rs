@@ -9,7 +9,7 @@ use foxhunt_sensors::{
 };
 use nalgebra::Vector3;
 
-/// How a device behaves.
+/// Behaviour of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Health {
     Good,
@@ -27,11 +27,11 @@ pub(crate) struct World {
     pub(crate) rotator: Health,
     pub(crate) vehicle: Health,
     pub(crate) pose: Pose,
-    /// How fast the body turns, in radians per second.
+    /// Rate at which the body turns, in radians per second.
     pub(crate) rate: f64,
     /// The share of an ordered rate that it follows with.
     pub(crate) follows: f64,
-    /// How fast it drifts.
+    /// Velocity of its drift.
     pub(crate) drift: Vector3<f64>,
     /// The rates ordered.
     pub(crate) spins: Vec<Option<f64>>,
@@ -39,13 +39,13 @@ pub(crate) struct World {
     pub(crate) latency: f64,
     /// Seconds from an order to standstill.
     pub(crate) turning: f64,
-    /// Where the motor stands in spite of orders.
+    /// The angle at which the motor stands in spite of orders.
     pub(crate) stuck_at: Option<f64>,
-    /// Every so-manieth question stays without an answer.
+    /// Every n-th question stays without an answer.
     pub(crate) lose_every: usize,
     /// A beacon that never answers.
     pub(crate) mute: Option<BeaconId>,
-    /// Every so-manieth answer is not a number.
+    /// Every n-th answer is not a number.
     pub(crate) nan_every: usize,
     /// The angles ordered, and when.
     pub(crate) orders: Vec<(f64, f64)>,
@@ -139,7 +139,7 @@ pub(crate) type Source = StepperSource<Handle, Handle, Handle, Clock>;
 pub(crate) type Body = BodySource<Handle, Handle, Clock>;
 pub(crate) type Omnidirectional = OmnidirectionalSource<Handle, Handle, Clock>;
 
-/// What a device of that health makes of its answer.
+/// The result of a device of that health for its answer.
 fn report<T>(health: Health, answer: Option<T>) -> Result<Option<T>, Failed> {
     match health {
         Health::Good => Ok(answer),

@@ -1,4 +1,4 @@
-//! What holds for every extractor: the exported laws, refusals, errors as large as their σ.
+//! Properties of every extractor: the exported laws, refusals, errors as large as their σ.
 
 use core::f64::consts::{PI, TAU};
 
@@ -172,7 +172,7 @@ fn clean_turns_cost_what_was_published() {
     }
 }
 
-/// One reflector at half amplitude, its direction and phase drawn anew for each of 200 turns, seed
+/// One reflector at half amplitude, its direction and phase drawn for each of 200 turns, seed
 /// 20. A single path errs by 10° and more than its σ; two paths by 1.4° rms in 2000 turns, of
 /// which 95 % lie within 1.96 σ. The rms is made by few: it stays below 3°; a share of 0.95 in 200
 /// scatters by 1.5 %, and 5 of that are 87 %.

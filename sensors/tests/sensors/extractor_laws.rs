@@ -212,7 +212,7 @@ fn confidence_weighs_arcs() {
     assert!((uneven - 0.5 / 1.001).abs() < 0.01, "{uneven}");
 }
 
-/// What was not received counts against it: an arc is 45° at most.
+/// Missing readings count against the confidence: an arc is 45° at most.
 #[test]
 fn confidence_counts_what_was_not_received() {
     let half = cardioid_confidence(128, |position| position < 64);

@@ -19,7 +19,7 @@ struct Turn {
     /// A stepper's, which looks along each for a whole interval; a body turns evenly.
     positions: Option<u16>,
     floor_dbm: f64,
-    /// Whether the extractor is given the pulses that did not come.
+    /// True if the extractor is given the pulses that did not come.
     with_misses: bool,
 }
 
@@ -126,7 +126,7 @@ fn few_pulses_reach_the_bound_over_pulses() {
     }
 }
 
-/// What the pulses that were due and did not come are worth.
+/// Worth of the pulses that were due and did not come.
 #[test]
 fn misses_are_in_the_likelihood() {
     let with = body(20, -63.0);

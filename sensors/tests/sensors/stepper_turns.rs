@@ -254,7 +254,8 @@ fn settings_are_checked() {
     assert!((config.longest_turn(1) - 52.8).abs() < 1e-12);
 }
 
-/// Of every five questions one has no answer. It ends its position, so that none has two of them.
+/// One of every five questions has no answer. It ends its position, so that no position has two of
+/// them.
 #[test]
 fn requests_without_an_answer_are_reported() {
     let handle = Handle::default();

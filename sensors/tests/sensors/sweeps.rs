@@ -9,7 +9,7 @@ use rand_distr::{Distribution, Normal};
 
 pub(crate) const POSITIONS: u16 = 128;
 
-/// What a simulated turn is like.
+/// Conditions of a simulated turn.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Conditions {
     /// The transmitter's direction in radians.

@@ -1,4 +1,4 @@
-//! Diffraction over terrain, and models with it. The losses expected are those of a program apart
+//! Diffraction over terrain, and models with it. The losses expected come from a separate program
 //! that follows ITU-R P.526-15, §4.1 and §4.5.1, in kilometres, with heights every 5 cm.
 
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use foxhunt_sensors::{
 use nalgebra::{Matrix1, Matrix2, Vector1, Vector2, Vector3, Vector4};
 use proptest::prelude::*;
 
-/// Of 2.44 GHz, in metres.
+/// Wavelength of 2.44 GHz, in metres.
 const WAVELENGTH: f64 = 0.123;
 
 fn law() -> LogDistance {
@@ -166,9 +166,9 @@ proptest! {
     }
 }
 
-/// Whether the slope of the loss changes more within a numeric derivative's step than the law's
-/// quadrature can follow, as where a height of the profile comes to lie a few decimetres from the
-/// target: one place in 2000.
+/// Returns true if the slope of the loss changes more within a numeric derivative's step than the
+/// law's quadrature can follow, as where a height of the profile comes to lie a few decimetres from
+/// the target: one place in 2000.
 fn bends_within_a_step(pose: &Pose, place: &Vector2<f64>, up: f64) -> bool {
     let loss = loss(two(), WAVELENGTH);
     let lost = |place: &Vector2<f64>| Vector1::new(loss.loss_db(&pose.position, &place.push(up)));

@@ -11,13 +11,13 @@ use super::{
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Candidate {
     pub(super) channel: usize,
-    /// Which window of the bank.
+    /// Index of the window in the bank.
     pub(super) width: usize,
     /// The window's first sample, as the channel counts.
     pub(super) start: u64,
-    /// About the channel's middle, over its rate.
+    /// Frequency about the channel's middle, over its rate.
     pub(super) frequency: f64,
-    /// Over the noise's power density.
+    /// Energy over the noise's power density.
     pub(super) energy: f32,
 }
 
@@ -31,7 +31,7 @@ pub(super) struct Window {
     buffer: Vec<Complex32>,
     /// The bins of each channel that are its own and one more on each side, ascending.
     bins: Vec<Vec<usize>>,
-    /// The same as stretches of the transform.
+    /// The bins of each channel as contiguous ranges of the transform.
     runs: Vec<Vec<Range<usize>>>,
     /// The first frame not yet looked at, as the channels count.
     pub(super) next: u64,
@@ -57,7 +57,7 @@ pub(super) struct Stretch<'a> {
     pub(super) samples: &'a [Complex32],
     /// The first sample's index, as the channel counts.
     pub(super) origin: u64,
-    /// Whether nothing follows.
+    /// True if nothing follows.
     pub(super) last: bool,
 }
 
@@ -87,7 +87,7 @@ impl Window {
         }
     }
 
-    /// Where the next frame after those of a stretch will begin.
+    /// Moves to the first frame after the frames of a stretch that ends at `end`.
     pub(super) fn advance(&mut self, end: u64, last: bool) {
         // A frame is looked at when the one after it is there.
         let needed = (self.length + if last { 0 } else { self.hop }) as u64;
@@ -187,8 +187,8 @@ impl Window {
     }
 }
 
-/// Whether a frame is above the threshold nearly everywhere and has no line that stands out, as
-/// clicks have: the lines of a pulse stand far above its own side lobes.
+/// Returns true if a frame is above the threshold nearly everywhere and has no line that stands
+/// out, as clicks have: the lines of a pulse stand far above its own side lobes.
 fn is_burst(row: &[f32], threshold: f32) -> bool {
     let top = row.iter().fold(0.0_f32, |top, power| top.max(*power));
     let above = row.iter().filter(|power| **power > threshold).count();
@@ -205,7 +205,7 @@ pub(super) fn transform_size(length: usize) -> usize {
     (2 * length..).find(|size| smooth(*size)).unwrap_or(2 * length)
 }
 
-/// Whether a transform of this size is quick: even, of small factors.
+/// Returns true if a transform of this size is quick: even, of small factors.
 fn smooth(mut size: usize) -> bool {
     if !size.is_multiple_of(2) {
         return false;

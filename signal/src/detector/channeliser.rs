@@ -13,9 +13,9 @@ const KAISER_BETA: f64 = 6.2;
 /// Channels are `spacing_hz` apart and have 1.5 times that rate, so that a channel is flat over its
 /// own part of the band. A band that is not wider than a few channels is passed on as it is.
 pub(super) struct Channeliser {
-    /// How many channels there are in the whole band; 1 if samples are passed on.
+    /// The number of channels in the whole band; 1 if samples are passed on.
     count: usize,
-    /// How many samples make one of a channel.
+    /// The number of samples that make one of a channel.
     decimation: usize,
     rate_hz: f64,
     prototype: Vec<f32>,
@@ -25,7 +25,7 @@ pub(super) struct Channeliser {
     /// Samples not yet behind the filter; the first `used` are done with.
     history: Vec<Complex32>,
     used: usize,
-    /// Where the next output begins among the folded samples.
+    /// Place of the next output's beginning among the folded samples.
     turn: usize,
     /// The channels wanted, as places in the transform.
     wanted: Vec<usize>,
@@ -82,7 +82,7 @@ impl Channeliser {
         self.wanted.iter().map(|place| self.offset_hz(*place)).collect()
     }
 
-    /// How wide the part of a channel is that is its own.
+    /// Width of the part of a channel that is its own, in hertz.
     pub(super) fn spacing_hz(&self) -> f64 {
         self.rate_hz / float(self.count)
     }
@@ -97,7 +97,7 @@ impl Channeliser {
         self.decimation
     }
 
-    /// Where the middle of the filter is, in samples of the input after the first of an output.
+    /// Place of the filter's middle, in samples of the input after the first of an output.
     pub(super) fn delay(&self) -> f64 {
         if self.count == 1 { 0.0 } else { (float(self.prototype.len()) - 1.0) / 2.0 }
     }

@@ -1,4 +1,5 @@
-/// What is searched, and how often noise may be taken for a pulse.
+/// Settings of a detector: the samples, the band, the widths of pulses and the rate of false
+/// alarms.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct DetectorConfig {
@@ -9,10 +10,10 @@ pub struct DetectorConfig {
     /// The lowest and highest frequency searched, in the terms of `center_hz`; without it all but
     /// the outermost 1 % on each side.
     pub band_hz: Option<[f64; 2]>,
-    /// How long pulses may be; each is found by the window nearest to its length, and one that is
-    /// √2 longer or shorter loses 1.5 dB.
+    /// The durations of pulses; each pulse is found by the window nearest to its length, and one
+    /// that is √2 longer or shorter loses 1.5 dB.
     pub widths_s: Vec<f64>,
-    /// How many times an hour noise may be taken for a pulse, over all frequencies and widths.
+    /// The rate per hour at which noise may be taken for a pulse, over all frequencies and widths.
     pub false_alarms_per_hour: f64,
     /// The least power of noise in a sample, over that of a tone at full scale: that of the steps
     /// of the samples' numbers, below which nothing is known. Recordings that are muted between
@@ -20,13 +21,14 @@ pub struct DetectorConfig {
     pub least_noise: f64,
     /// The power of a tone at full scale, in dBm; 0 where it is not known, for dB of full scale.
     pub full_scale_dbm: f64,
-    /// How often what has come is searched, in seconds, once the noise is known: a pulse is given
-    /// that much and three of the longest windows later. With the noise, each second, where absent.
+    /// Time from one search to the next, in seconds, once the noise is known: a pulse is given that
+    /// much and three of the longest windows later. If absent, searches come with the noise, each
+    /// second.
     pub search_every_s: Option<f64>,
 }
 
-/// How far from the centre is searched unless a band is given, over the rate: at the very edges
-/// receivers' filters cut, and their clocks leave lines at half the rate.
+/// Half-width of the band that is searched by default, over the rate: at the very edges receivers'
+/// filters cut, and their clocks leave lines at half the rate.
 const EDGE: f64 = 0.49;
 
 impl DetectorConfig {
@@ -103,7 +105,7 @@ impl DetectorConfig {
         (each().fold(f64::INFINITY, f64::min), each().fold(0.0, f64::max))
     }
 
-    /// What is searched, relative to the centre.
+    /// The band that is searched, relative to the centre.
     pub(super) fn band_about_center(&self) -> [f64; 2] {
         let center = self.center_hz.unwrap_or(0.0);
         match self.band_hz {
@@ -113,26 +115,26 @@ impl DetectorConfig {
     }
 }
 
-/// Why samples cannot be searched.
+/// The reason why samples cannot be searched.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DetectorError {
     /// A setting out of its range.
     #[error("{setting} is {value}, and must be {requirement}")]
     Setting {
-        /// Which.
+        /// The setting.
         setting: &'static str,
         /// Its value.
         value: f64,
-        /// What it must be.
+        /// The requirement on the value.
         requirement: &'static str,
     },
     /// Samples that were searched already.
     #[error("samples begin at {first}, and those up to {expected} were searched already")]
     Backwards {
-        /// Where they begin.
+        /// Index of their first sample.
         first: u64,
-        /// Where they may begin.
+        /// The least index that they may begin at.
         expected: u64,
     },
 }

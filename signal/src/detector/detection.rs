@@ -9,13 +9,13 @@ pub struct Detection {
     /// The pulse.
     #[serde(flatten)]
     pub pulse: Pulse,
-    /// How many times an hour noise alone is at least as strong, anywhere in what is searched.
+    /// The rate per hour at which noise alone is at least as strong, anywhere in what is searched.
     pub false_alarms_per_hour: f64,
 }
 
 impl Detection {
-    /// The probability that noise alone gives a detection at least as strong while so many seconds
-    /// are searched, over all frequencies and widths.
+    /// The probability that noise alone gives a detection at least as strong while `searched_s`
+    /// seconds are searched, over all frequencies and widths.
     #[must_use]
     pub fn p_value(&self, searched_s: f64) -> f64 {
         -(-self.false_alarms_per_hour * searched_s / 3600.0).exp_m1()

@@ -7,14 +7,14 @@ use super::{
     refine::View,
 };
 
-/// What all detectors begin with: a stream of samples divided into channels, in blocks of about a
+/// The front end of all detectors: a stream of samples divided into channels, in blocks of about a
 /// second, and the level of the noise in each.
 #[derive(Debug)]
 pub(super) struct Front {
     pub(super) config: DetectorConfig,
     channeliser: Channeliser,
     centers_hz: Vec<f64>,
-    /// Of each channel what is its own, over its rate.
+    /// The range of frequencies that each channel has of its own, over its rate.
     pub(super) ranges: Vec<[f64; 2]>,
     /// Samples of a channel in a pulse of each width, ascending.
     pub(super) lengths: Vec<usize>,
@@ -22,9 +22,9 @@ pub(super) struct Front {
     pub(super) channels: Vec<Vec<Complex32>>,
     /// The index of the channels' first kept sample, from the last gap.
     pub(super) origin: u64,
-    /// From where the noise is not measured yet, from the last gap.
+    /// Index from which on the noise is not measured yet, from the last gap.
     pub(super) measured: u64,
-    /// From where nothing was searched yet, from the last gap.
+    /// Index from which on nothing was searched yet, from the last gap.
     looked: u64,
     /// The input's index of the first sample after the last gap, and of the next one.
     segment: u64,
@@ -44,7 +44,8 @@ impl Front {
         let spacing_hz = (10.0 / narrow).max(4e3);
         let channeliser = Channeliser::new(config.rate_hz, spacing_hz, band);
         let centers_hz = channeliser.centers_hz();
-        let (rate, half) = (channeliser.channel_rate_hz(), channeliser.spacing_hz() / 2.0);
+        let rate = channeliser.channel_rate_hz();
+        let half = channeliser.spacing_hz() / 2.0;
         let range = |center: &f64| {
             [band[0].max(center - half), band[1].min(center + half)].map(|f| (f - center) / rate)
         };
@@ -75,7 +76,7 @@ impl Front {
         })
     }
 
-    /// How many seconds were searched; gaps do not count.
+    /// The time that was searched, in seconds; gaps do not count.
     pub(super) fn searched_s(&self) -> f64 {
         let searched = index(self.searched);
         searched / self.rate_hz()
@@ -86,7 +87,7 @@ impl Front {
         self.channeliser.channel_rate_hz()
     }
 
-    /// How many hertz are searched.
+    /// Width of the band that is searched, in hertz.
     pub(super) fn band_hz(&self) -> f64 {
         let [low, high] = self.config.band_about_center();
         high - low
@@ -97,7 +98,7 @@ impl Front {
         self.lengths.last().copied().unwrap_or(1)
     }
 
-    /// How many samples of the channels are searched at once.
+    /// The number of samples of the channels that are searched at once.
     pub(super) fn block(&self) -> u64 {
         samples(self.rate_hz()).max(20 * self.longest()) as u64
     }
@@ -107,7 +108,7 @@ impl Front {
         self.origin + self.channels[0].len() as u64
     }
 
-    /// Whether samples from index `first` on follow those before, and not a gap.
+    /// Returns true if samples from index `first` on follow those before, and false after a gap.
     pub(super) fn follows(&self, first: u64) -> Result<bool, DetectorError> {
         match self.expected {
             Some(expected) if first < expected => Err(DetectorError::Backwards { first, expected }),
@@ -115,7 +116,7 @@ impl Front {
         }
     }
 
-    /// Announces so many samples from index `first` on.
+    /// Announces `count` samples from index `first` on.
     pub(super) fn expect(&mut self, first: u64, count: usize, follows: bool) {
         if !follows {
             self.segment = first;
@@ -140,7 +141,7 @@ impl Front {
         self.is_whole() || early.is_some_and(|every| self.end() >= self.looked + every)
     }
 
-    /// Whether a block is complete.
+    /// Returns true if a block is complete.
     fn is_whole(&self) -> bool {
         self.end() >= self.measured + self.block()
     }
@@ -224,7 +225,7 @@ pub(super) fn index(index: u64) -> f64 {
     index as f64
 }
 
-/// Where an index is among what begins with another.
+/// The offset of an index from `origin`; 0 if it is before.
 pub(super) fn place(index: u64, origin: u64) -> usize {
     usize::try_from(index.saturating_sub(origin)).unwrap_or(usize::MAX)
 }

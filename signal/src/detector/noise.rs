@@ -4,12 +4,12 @@ use rustfft::{Fft, FftPlanner, num_complex::Complex32};
 
 use super::channeliser::float;
 
-/// Which part of a bin's powers, sorted, is taken for its level: pulses may last three quarters of
+/// The quantile of a bin's powers that is taken for its level: pulses may last three quarters of
 /// the time.
 const QUANTILE: f64 = 0.25;
-/// How many blocks are remembered.
+/// The number of blocks that are remembered.
 const BLOCKS: usize = 4;
-/// How many bins on each side are looked at.
+/// The number of bins on each side that are looked at.
 const NEIGHBOURS: usize = 10;
 
 /// The noise's level in each channel over frequency, by ordered statistics that leave pulses and
@@ -23,11 +23,11 @@ pub(super) struct Noise {
     window: Vec<f32>,
     /// The bins of each channel that are its own, from the lowest frequency.
     bins: Vec<Vec<usize>>,
-    /// Where each channel begins among all bins.
+    /// Place of each channel's first bin among all bins.
     offsets: Vec<usize>,
     /// The least level.
     least: f32,
-    /// Of each block the levels of all bins, and from how many frames.
+    /// The levels of all bins in each block, and the number of frames that they are from.
     blocks: VecDeque<(Vec<f32>, usize)>,
     /// Powers of one channel, bin by bin.
     powers: Vec<Vec<f32>>,
@@ -115,7 +115,7 @@ impl Noise {
         self.smooth();
     }
 
-    /// Whether any block was measured.
+    /// Returns true if any block was measured.
     pub(super) fn is_known(&self) -> bool {
         !self.blocks.is_empty()
     }
@@ -144,7 +144,7 @@ impl Noise {
         }
     }
 
-    /// How many exponentials the level is worth.
+    /// The number of exponentials that the level is worth.
     ///
     /// The lower quartile of n exponentials has the relative variance 4.03/n; frames of Hann's
     /// window that overlap by half are worth 0.8 each, a bin 1/1.5 of one and the mean of the
@@ -165,7 +165,7 @@ impl Noise {
         self.level_of(&self.levels, channel, frequency)
     }
 
-    /// The same of levels at another time.
+    /// The noise's power in a sample by levels at another time.
     pub(super) fn level_of(&self, levels: &[f32], channel: usize, frequency: f64) -> f32 {
         let before = self.offsets[channel];
         let bins = &self.bins[channel];

@@ -19,23 +19,25 @@ pub(super) struct View<'a> {
 pub(super) struct Peak {
     pub(super) start: usize,
     pub(super) length: usize,
-    /// Over the channel's rate.
+    /// Frequency over the channel's rate.
     pub(super) frequency: f64,
-    /// Over the noise's power density: exponential with mean 1 where there is noise alone.
+    /// Energy over the noise's power density: exponential with mean 1 where there is noise alone.
     pub(super) energy: f64,
 }
 
-/// What a change of both ends must win, in units of the noise, as two numbers are fitted.
+/// The least energy that a change of both ends must win, in units of the noise, as two numbers are
+/// fitted.
 const EDGES_WORTH: f64 = 2.5;
 /// Reference cells on each side.
 const REFERENCES: usize = 8;
 /// Above this, a median of reference cells is not noise: one of seven is with probability 0.002.
 const LIT: f64 = 2.5;
-/// The same of cells beside a peak, where there are fewer than twelve: of five with probability
-/// 6e-5.
+/// Limit of the median of fewer than twelve cells beside a peak: noise exceeds it with probability
+/// 6e-5 for five cells.
 const LIT_FEW: f64 = 4.0;
-/// Where there are more, above that of noise by this over the root of their number: noise is with
-/// probability 0.002, by the binomial distribution of those above, of 12 as of 32.
+/// Limit of the median of twelve cells or more, above the median of noise, times the root of their
+/// number: noise exceeds it with probability 0.002, by the binomial distribution of the cells
+/// above, for 12 cells as for 32.
 const LIT_MANY: f64 = 4.6;
 
 impl View<'_> {
@@ -129,7 +131,8 @@ impl View<'_> {
             let highest = |range: &mut dyn Iterator<Item = (usize, usize)>| {
                 range.max_by(|x, y| energy(x.0, x.1).total_cmp(&energy(y.0, y.1)))
             };
-            let (mut a, mut b) = (best.start - from, best.start + best.length - from);
+            let mut a = best.start - from;
+            let mut b = best.start + best.length - from;
             for _ in 0..2 {
                 let ends = a + shortest.max(1)..sums.len();
                 (a, b) = highest(&mut ends.map(|end| (a, end))).unwrap_or((a, b));
@@ -146,8 +149,9 @@ impl View<'_> {
         if best.energy > peak.energy + EDGES_WORTH { best } else { peak }
     }
 
-    /// Whether it goes on beyond both ends, or, where that is clear, beyond one: then it is part of
-    /// something longer than the bank's windows. What is beyond the limits is another pulse.
+    /// Returns true if it goes on beyond both ends, or, if it is strong, beyond one: then it is
+    /// part of something longer than the bank's windows. What is beyond the limits is another
+    /// pulse.
     pub(super) fn goes_on(&self, peak: &Peak, limits: &Range<usize>) -> bool {
         let flank = (peak.length / 4).max(1);
         let guard = (peak.length / 16).max(2);
@@ -163,9 +167,9 @@ impl View<'_> {
         (before && after) || (peak.energy > 60.0 && (before || after))
     }
 
-    /// What is left of a peak's energy over what its bin holds at other times (OS-CFAR: Rohling
-    /// 1983): where the median there is above that of noise there is a carrier, and only the
-    /// amplitude above the carrier's counts.
+    /// The part of a peak's energy that is above what its bin holds at other times (OS-CFAR:
+    /// Rohling 1983): where the median there is above that of noise there is a carrier, and only
+    /// the amplitude above the carrier's counts.
     pub(super) fn above_carrier(&self, peak: &Peak) -> f64 {
         let Peak { start, length, frequency, energy } = *peak;
         let mut times = Vec::with_capacity(2 * REFERENCES);
@@ -182,14 +186,14 @@ impl View<'_> {
         (energy.sqrt() - carrier.sqrt()).max(0.0).powi(2)
     }
 
-    /// What a stretch holds.
+    /// The energy of a stretch.
     pub(super) fn energy_of(&self, peak: &Peak) -> f64 {
         self.energy(peak.start, peak.length, peak.frequency)
     }
 }
 
-/// Where to look for what is on air beside a peak, at its time and at other frequencies of its
-/// channel.
+/// The cells to look at for what is on air beside a peak, at its time and at other frequencies of
+/// its channel.
 ///
 /// A rectangular pulse has zeros at multiples of its inverse length. A channel is flat over two
 /// thirds of its rate.
@@ -203,10 +207,10 @@ pub(super) fn beside(peak: &Peak) -> impl Iterator<Item = Peak> {
         .filter(|cell| cell.frequency.abs() < 0.34)
 }
 
-/// What a statistic is worth over cells beside it. Where their median is that of noise, itself;
-/// otherwise there is a burst over all frequencies, which is its noise, of a level that so few
-/// cells give: an exponential over the mean of k has (1 + x/k)^−k where one over its own level has
-/// e^−x. A median of 2k is worth about k.
+/// The worth of a statistic over cells beside it. If their median is that of noise, the statistic
+/// itself; otherwise there is a burst over all frequencies, which is its noise. Few cells give its
+/// level: an exponential over the mean of k has (1 + x/k)^−k where one over its own level has e^−x.
+/// A median of 2k is worth about k.
 pub(super) fn over_burst(statistic: f64, cells: &mut [f64]) -> f64 {
     let count = float(cells.len());
     let known = 0.5 * count;

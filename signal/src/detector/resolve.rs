@@ -7,14 +7,14 @@ pub(super) struct Extent {
     pub(super) start: f64,
     pub(super) length: f64,
     pub(super) frequency: f64,
-    /// Over the noise's power density.
+    /// Energy over the noise's power density.
     pub(super) energy: f64,
 }
 
-/// How far the filter of a channel smears a pulse's ends, in samples.
+/// Length by which the filter of a channel smears a pulse's ends, in samples.
 pub(super) const SMEAR: f64 = 3.0;
-/// What is taken for leakage near a pulse's frequency, up to this many of its inverse length: 6 dB
-/// above the bound, as pulses have no exact shape. Farther off their ends are softer.
+/// Near a pulse's frequency, up to `NEAR` of its inverse length, up to this factor above the bound
+/// is taken for leakage: 6 dB, as pulses have no exact shape. Farther off their ends are softer.
 const MARGIN: f64 = 4.0;
 const NEAR: f64 = 10.0;
 
@@ -23,8 +23,8 @@ impl Extent {
         self.start + self.length
     }
 
-    /// What a window of another one's place, length and frequency holds of a rectangular pulse like
-    /// this, at most.
+    /// The most energy that a rectangular pulse like this has in a window of another one's place,
+    /// length and frequency.
     ///
     /// Over an overlap o of both, at a distance Δ in frequency, a tone's sum is at most
     /// min(o, 1/(πΔ)) amplitudes.
@@ -40,8 +40,8 @@ impl Extent {
         (other.end().min(self.end() + SMEAR) - first).max(0.0)
     }
 
-    /// Whether another, weaker one is part of this one: it is not above what leaks, or what is
-    /// above that is below the threshold.
+    /// Returns true if another, weaker one is part of this one: it is not above what leaks, or what
+    /// is above that is below the threshold.
     pub(super) fn hides(&self, other: &Self, threshold: f64) -> bool {
         let overlap = self.overlap(other);
         if overlap <= 0.0 {

@@ -13,14 +13,15 @@ use super::{
 };
 use crate::Pulse;
 
-/// What is screened at a grid's points, over the threshold: between them a peak has lost at most
-/// 2.1 dB.
+/// A grid's points are screened above this share of the threshold: between them a peak has lost at
+/// most 2.1 dB.
 const SCREENED: f64 = 0.55;
-/// How much of a channel is kept for reference cells, in windows of the widest.
+/// Length of a channel that is kept for reference cells, in windows of the widest.
 const KEPT: usize = 15;
-/// How close to the end a candidate may begin, in windows of the widest, until more samples come.
+/// A candidate that begins nearer to the end than this, in windows of the widest, waits for more
+/// samples.
 const OPEN: u64 = 3;
-/// How many other channels are looked at for what is on air at a pulse's time.
+/// The most other channels that are looked at for what is on air at a pulse's time.
 const OTHER_CHANNELS: usize = 16;
 /// The bias of the highest energy near a pulse: 1 of the noise in the sum, and about 1 from taking
 /// the highest over time and frequency.
@@ -53,7 +54,7 @@ pub struct Detector {
     settled: Vec<Extent>,
 }
 
-/// What becomes of a candidate.
+/// The verdict on a candidate.
 enum Verdict {
     Nothing,
     /// A signal that is no pulse, which hides weaker ones as a pulse does.
@@ -75,7 +76,7 @@ impl Detector {
         Ok(Self { front, windows, alarms, pending: Vec::new(), settled: Vec::new() })
     }
 
-    /// How many seconds were searched; gaps do not count.
+    /// The time that was searched, in seconds; gaps do not count.
     #[must_use]
     pub fn searched_s(&self) -> f64 {
         self.front.searched_s()
@@ -118,8 +119,8 @@ impl Detector {
         Ok(())
     }
 
-    /// Searches what is left, and appends the last pulses. What is pushed after it is taken for
-    /// what comes after a gap.
+    /// Searches the samples not searched yet, and appends the last pulses. Samples pushed later are
+    /// taken to come after a gap.
     pub fn finish(&mut self, found: &mut Vec<Detection>) {
         self.search(true, found);
         self.front.reset();
@@ -199,7 +200,7 @@ impl Detector {
         }
     }
 
-    /// How far a pulse may reach until another begins, in the kept samples.
+    /// The range of the kept samples that a pulse may reach over until another begins.
     fn limits(&self, extent: &Extent, pulses: &[Extent]) -> Range<usize> {
         let origin = index(self.front.origin);
         let middle = extent.start + extent.length / 2.0;
@@ -244,7 +245,7 @@ impl Detector {
         Verdict::Pulse(extent, self.detection(channel, &peak, statistic, view.noise))
     }
 
-    /// What is on air at a peak's time, at other frequencies of its channel and in other channels,
+    /// The energies at a peak's time, at other frequencies of its channel and in other channels,
     /// where no pulse that was found leaks.
     fn beside(&self, channel: usize, peak: &Peak, pulses: &[Extent]) -> Vec<f64> {
         let count = self.front.channels.len();

@@ -1,7 +1,7 @@
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
-/// How often noise alone exceeds a threshold somewhere, when a pulse-long window slides over all
-/// times and frequencies.
+/// The rate at which noise alone exceeds a threshold somewhere, when a pulse-long window slides
+/// over all times and frequencies.
 ///
 /// The statistic is a window's energy over the noise's, X = |Σ x e^{−iωt}|² / (n N), exponential
 /// under noise. Its maxima above a high T come at a rate that the correlation of neighbours gives:
@@ -23,7 +23,7 @@ impl FalseAlarms {
         Self { band_hz, windows }
     }
 
-    /// How many maxima of noise are above the threshold, a second; the level of the noise is worth
+    /// The number of noise's maxima above the threshold, a second; the level of the noise is worth
     /// `known` exponentials.
     pub(super) fn rate_hz(&self, threshold: f64, known: f64) -> f64 {
         let nu = |n: &usize| discrete((4.0 * threshold / super::channeliser::float(*n)).sqrt());
@@ -32,10 +32,11 @@ impl FalseAlarms {
         self.band_hz * 2.0 * (PI / 3.0).sqrt() * threshold.powf(1.5) * beyond * each
     }
 
-    /// The threshold that noise exceeds so many times a second.
+    /// The threshold that noise exceeds `rate_hz` times a second.
     pub(super) fn threshold(&self, rate_hz: f64, known: f64) -> f64 {
         // The rate falls above 1.5, where T^{3/2} e^−T is highest.
-        let (mut low, mut high) = (2.0, 2000.0);
+        let mut low = 2.0;
+        let mut high = 2000.0;
         for _ in 0..60 {
             let middle = (low + high) / 2.0;
             if self.rate_hz(middle, known) > rate_hz {
@@ -48,8 +49,8 @@ impl FalseAlarms {
     }
 }
 
-/// How much rarer a random walk of steps x exceeds a level than a continuous one does (Siegmund
-/// 1985; the closed form of Siegmund & Yakir 2007).
+/// The rate at which a random walk of steps x exceeds a level, over that of a continuous one
+/// (Siegmund 1985; the closed form of Siegmund & Yakir 2007).
 pub(super) fn discrete(x: f64) -> f64 {
     let half = x / 2.0;
     let above = 0.5 * libm::erf(half * FRAC_1_SQRT_2);

@@ -1,6 +1,6 @@
 use std::io;
 
-/// Why samples cannot be read.
+/// The reason why samples cannot be read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SampleError {
@@ -9,7 +9,7 @@ pub enum SampleError {
     Open {
         /// The file.
         file: String,
-        /// Why.
+        /// The cause.
         source: io::Error,
     },
     /// A file or stream that cannot be read any further.
@@ -17,9 +17,9 @@ pub enum SampleError {
     Read {
         /// The file.
         file: String,
-        /// How many samples came before.
+        /// The number of samples that came before.
         samples: u64,
-        /// Why.
+        /// The cause.
         source: io::Error,
     },
     /// A value that cannot be used.
@@ -27,11 +27,11 @@ pub enum SampleError {
     Field {
         /// The file.
         file: String,
-        /// What the value is of.
+        /// The name of the value.
         field: String,
         /// The value.
         value: String,
-        /// What it must be.
+        /// The requirement on the value.
         requirement: String,
     },
 }

@@ -1,6 +1,6 @@
 use rustfft::num_complex::Complex32;
 
-/// How the bytes of one complex sample are to be read: I, then Q, little endian.
+/// The format of the bytes of one complex sample: I, then Q, little endian.
 ///
 /// A tone at full scale has amplitude 1, 0 dBFS.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,7 +44,7 @@ impl SampleFormat {
         })
     }
 
-    /// How many bytes a sample has.
+    /// Returns the number of bytes in a sample.
     #[must_use]
     pub const fn bytes(self) -> usize {
         match self {
@@ -66,7 +66,7 @@ impl SampleFormat {
         }
     }
 
-    /// Appends the samples of these bytes; those of an incomplete last sample are left out.
+    /// Appends the samples of these bytes; bytes of an incomplete last sample are left out.
     pub fn decode(self, bytes: &[u8], samples: &mut Vec<Complex32>) {
         let pair = |parts: [f32; 2]| Complex32::new(parts[0], parts[1]);
         match self {

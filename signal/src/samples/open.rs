@@ -9,7 +9,7 @@ use super::{SampleError, SampleFormat, SampleSource, SigMf};
 /// Longer metadata than a recording has; what is longer is no metadata.
 const MOST_METADATA: u64 = 64 << 20;
 
-/// What is known of a file of samples besides its content.
+/// The properties of a file of samples besides its content.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 #[non_exhaustive]
 pub struct OpenOptions {

@@ -4,8 +4,8 @@ use serde_json::{Map, Value};
 
 use super::{SampleError, SampleFormat};
 
-/// What the metadata of a SigMF recording give: the format, rate and centre of its samples, and
-/// where some are missing (SigMF specification 1.2).
+/// The metadata of a SigMF recording: the format, rate and centre of its samples, and where some
+/// are missing (SigMF specification 1.2).
 #[derive(Debug, Clone, PartialEq)]
 pub struct SigMf {
     /// The format of the samples.
@@ -16,7 +16,8 @@ pub struct SigMf {
     pub center_hz: Option<f64>,
     /// The name of the file of samples, where it is not that of the metadata.
     pub dataset: Option<String>,
-    /// Where the receiver's count of samples jumps: after so many samples, to this index.
+    /// Jumps of the receiver's count of samples: the number of samples before each, and the index
+    /// after it.
     pub jumps: VecDeque<(u64, u64)>,
 }
 

@@ -8,7 +8,7 @@ use rustfft::num_complex::Complex32;
 
 use super::{SampleError, SampleFormat};
 
-/// How many samples are read at once, at most.
+/// The most samples that are read at once.
 const CHUNK: usize = 1 << 14;
 
 /// Complex samples in chunks, each with its place in the stream: a sample's time is its index over
@@ -21,17 +21,17 @@ pub struct SampleSource {
     reader: Reader,
     rate_hz: f64,
     center_hz: Option<f64>,
-    /// Of the next sample, as the receiver counts.
+    /// Index of the next sample, as the receiver counts.
     index: u64,
-    /// How many samples were read.
+    /// The number of samples that were read.
     read: u64,
-    /// Where indices jump: after so many samples read, to this index.
+    /// Jumps of the index: the number of samples read before each, and the index after it.
     jumps: VecDeque<(u64, u64)>,
-    /// Why the next samples are refused.
+    /// The reason why the next samples are refused.
     refused: Option<SampleError>,
 }
 
-/// What bytes come from.
+/// The reader that samples come from.
 enum Reader {
     Raw {
         input: Box<dyn Read + Send>,
@@ -129,7 +129,7 @@ impl SampleSource {
         self
     }
 
-    /// What errors name.
+    /// The name of the file in errors.
     #[must_use]
     pub fn file(&self) -> &str {
         &self.file
@@ -168,7 +168,7 @@ impl SampleSource {
         self.index
     }
 
-    /// Places a gap before the next sample: so many samples were lost.
+    /// Places a gap before the next sample: `samples` samples were lost.
     pub fn lost(&mut self, samples: u64) {
         self.index = self.index.saturating_add(samples);
     }
@@ -291,7 +291,8 @@ mod tests {
     }
 
     fn all(mut source: SampleSource) -> Vec<(u64, Complex32)> {
-        let (mut chunk, mut samples) = (Vec::new(), Vec::new());
+        let mut chunk = Vec::new();
+        let mut samples = Vec::new();
         while let Some(first) = source.read(&mut chunk).expect("it can be read") {
             samples.extend((first..).zip(chunk.iter().copied()));
         }
@@ -404,7 +405,8 @@ mod tests {
     #[test]
     fn errors_name_file_field_and_value() {
         let bytes = [1.0_f32, 0.0, 0.0, f32::NAN].map(f32::to_le_bytes).concat();
-        let (mut source, mut samples) = (raw(&bytes, SampleFormat::Cf32, 100), Vec::new());
+        let mut source = raw(&bytes, SampleFormat::Cf32, 100);
+        let mut samples = Vec::new();
         assert_eq!(source.read(&mut samples).expect("the one before"), Some(0));
         assert_eq!(samples, [Complex32::new(1.0, 0.0)]);
         let error = source.read(&mut samples);

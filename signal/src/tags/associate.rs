@@ -16,36 +16,36 @@ use crate::Pulse;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Tag {
-    /// Its name; several where known tags cannot be distinguished, none where it is not known.
+    /// Its name; several where known tags cannot be distinguished, empty where it is not known.
     pub names: Vec<String>,
     /// The median frequency of its pulses, in hertz.
     pub frequency_hz: f64,
-    /// From pulse to pulse, or burst to burst, in seconds: the median.
+    /// Interval from pulse to pulse, or burst to burst, in seconds: the median.
     pub interval_s: f64,
     /// The median width of its pulses, in seconds.
     pub width_s: f64,
-    /// How far intervals scatter about the median, in seconds: half the middle 68 %.
+    /// The scatter of intervals about the median, in seconds: half the middle 68 %.
     pub jitter_s: f64,
     /// Its pulses, as places in the list that was given, in the order of their beginnings.
     pub pulses: Vec<usize>,
-    /// How many bursts they make; none of an uncoded tag.
+    /// The number of bursts that they make; 0 for an uncoded tag.
     pub bursts: usize,
     /// The gaps between the pulses of a burst, in seconds: the medians.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub gaps_s: Vec<f64>,
-    /// How many pulses, or bursts, were missed between the first and the last.
+    /// The number of pulses, or bursts, that were missed between the first and the last.
     pub missed: u32,
-    /// How many pulses another tag has as well: they collided.
+    /// The number of pulses that another tag has as well: they collided.
     pub collided: usize,
-    /// How many pulses were detected twice.
+    /// The number of pulses that were detected twice.
     pub doubled: usize,
-    /// How often its phase slipped.
+    /// The number of slips of its phase.
     pub slips: usize,
-    /// How often it changed to its other interval or back.
+    /// The number of changes to its other interval or back.
     pub changes: usize,
-    /// How many pulses came by its other interval.
+    /// The number of pulses that came by its other interval.
     pub by_other_interval: usize,
-    /// The logarithm of the odds that they are a train and not noise; none of bursts.
+    /// The logarithm of the odds that they are a train and not noise; absent for bursts.
     pub log_odds: Option<f64>,
 }
 
@@ -61,13 +61,13 @@ pub struct Association {
 
 /// Gives pulses to the tags that sent them.
 ///
-/// Coded bursts of the table are matched by their gaps first; those of no table are found, after
-/// the known tags, where the same gaps come again at one interval. Every other known tag, then every
+/// Coded bursts of the table are matched by their gaps first; other bursts are found, after the
+/// known tags, where the same gaps come again at one interval. Every other known tag, then every
 /// unknown one whose interval an [`IntervalTransform`] over a window of frequencies proposes, is
 /// the most likely path of a hidden Markov model over intervals: pulses are missed, intervals
 /// jitter and drift, phases slip, tags go out of range, change to another interval, and collide.
-/// The tags share the pulses out among them by coordinate ascent: each path is found anew while
-/// those of the others are held, until none changes (Besag 1986); a pulse that another tag holds
+/// The tags share the pulses out among them by coordinate ascent: each path is found again
+/// while the others are held, until no path changes (Besag 1986); a pulse that another tag holds
 /// can only be one that collided. An unknown tag is taken where the odds of its train over noise
 /// exceed the number of trains that were tried, over [`AssociationConfig::false_tags`].
 ///
@@ -136,7 +136,7 @@ impl Found {
 
 /// The best train of a known tag.
 enum Proposal {
-    /// It has to be found, or found anew.
+    /// It has to be found, for the first time or again.
     Old,
     Nothing,
     Found(Box<(TrainModel, Train)>),
@@ -147,7 +147,7 @@ impl Proposal {
         if let Self::Found(found) = self { found.1.score } else { f64::NEG_INFINITY }
     }
 
-    /// Whether it has any of these pulses.
+    /// Returns true if it has any of these pulses.
     fn holds(&self, pulses: &[bool]) -> bool {
         let Self::Found(found) = self else { return false };
         found.1.members.iter().any(|member| pulses[member.pulse])
@@ -168,13 +168,13 @@ struct Work<'a> {
 const DETECTION: f64 = 0.9;
 /// The share of intervals that slip, before it is known.
 const SLIP: f64 = 0.01;
-/// How many intervals of one window of frequencies are tried.
+/// The most intervals of one window of frequencies that are tried.
 const TRIED: usize = 4;
-/// How many pulses in a row may be missed where trains are but compared.
+/// The most pulses in a row that may be missed where trains are only compared.
 const PROPOSED_MISSED: u32 = 5;
 /// The least number of pulses of an unknown tag.
 const FEWEST: usize = 5;
-/// How often all trains are found anew at most; where they share pulses two or three suffice.
+/// The most times that all trains are found again; where they share pulses two or three suffice.
 const SWEEPS: usize = 6;
 
 impl<'a> Work<'a> {
@@ -254,7 +254,7 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// What pulses have in common.
+    /// A tag with the medians of these pulses' frequency and width.
     fn summary(&self, pulses: Vec<usize>) -> Tag {
         let of = |field: fn(&Pulse) -> f64| {
             median(pulses.iter().map(|index| field(&self.pulses[*index])).collect())
@@ -341,21 +341,23 @@ impl<'a> Work<'a> {
             places.clone().flat_map(|a| places.clone().map(move |b| (a, b))).collect();
         // Each exchange betters the sum, and a second pass finds what the first made possible.
         for (a, b) in pairs.iter().chain(&pairs) {
-            let (one, other) = (&self.found[*a], &self.found[*b]);
+            let one = &self.found[*a];
+            let other = &self.found[*b];
             let (Some(name), Some(rival)) = (&one.tag, &other.tag) else { continue };
             let fit = |found: &Found, tag| found.fit(tag, self.pulses, self.config);
             let gain = fit(one, rival) + fit(other, name) - fit(one, name) - fit(other, rival);
             let alike = name.width_s.is_some() == rival.width_s.is_some()
                 && name.other_interval_s.is_some() == rival.other_interval_s.is_some();
             if gain > 0.0 && alike {
-                let (name, rival) = (name.clone(), rival.clone());
+                let name = name.clone();
+                let rival = rival.clone();
                 self.found[*a].tag = Some(rival);
                 self.found[*b].tag = Some(name);
             }
         }
     }
 
-    /// Finds unknown tags among what is left, the best first.
+    /// Finds unknown tags among the free pulses, the best first.
     fn unknown(&mut self) {
         let transform =
             IntervalTransform::new(self.config.intervals_s, self.config.interval_tolerance);
@@ -458,7 +460,7 @@ impl<'a> Work<'a> {
         (0..self.pulses.len()).filter(near).collect()
     }
 
-    /// Pulses that a burst or a train holds, but for one train.
+    /// Marks the pulses of a burst or of any train other than `but`.
     fn held(&self, but: Option<usize>) -> Vec<bool> {
         let mut held = self.in_burst.clone();
         for (index, found) in self.found.iter().enumerate() {
@@ -469,7 +471,7 @@ impl<'a> Work<'a> {
         held
     }
 
-    /// Finds each train anew while the others are held, until none changes.
+    /// Finds each train again while the others are held, until none changes.
     fn share_out(&mut self) {
         for _ in 0..SWEEPS {
             let mut changed = false;
@@ -484,7 +486,7 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// Whether a train came out different with the others held.
+    /// Finds a train again with the others held; returns true if it came out different.
     fn find_anew(&mut self, index: usize) -> bool {
         let held = self.held(Some(index));
         let clutter = Clutter::new(self.pulses, &self.held(None), self.frequency_sigma_hz);
@@ -530,7 +532,8 @@ fn refined(
     scene: &Scene<'_>,
     candidates: &[usize],
 ) -> (TrainModel, Train) {
-    let (mut model, mut train) = (model.clone(), train);
+    let mut model = model.clone();
+    let mut train = train;
     for _ in 0..3 {
         let members = &train.members;
         let links = members.iter().filter(|m| !matches!(m.link, Link::Begins | Link::Doubles));
@@ -581,7 +584,8 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
 /// Half the width of the middle 68 %.
 fn scatter(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
-    let (low, high) = (values.len() * 16 / 100, values.len() * 84 / 100);
+    let low = values.len() * 16 / 100;
+    let high = values.len() * 84 / 100;
     match (values.get(low), values.get(high)) {
         (Some(low), Some(high)) => 0.5 * (high - low),
         _ => 0.0,

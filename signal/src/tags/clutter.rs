@@ -1,11 +1,11 @@
-//! How dense pulses that are no part of a train are, about each pulse.
+//! The density about each pulse of pulses that are no part of a train.
 
 use std::f64::consts::PI;
 
 use super::transform::count;
 use crate::Pulse;
 
-/// Within how many seconds of a pulse others are counted: noise comes in bursts.
+/// Time from a pulse within which others are counted, in seconds: noise comes in bursts.
 const NEAR_S: f64 = 20.0;
 
 /// The standard deviation of the logarithm of a width that a detector measures.
@@ -21,9 +21,9 @@ pub(super) struct Clutter {
 }
 
 impl Clutter {
-    /// Of pulses in the order of their beginnings, without those that are explained: the greater of
-    /// the density about a pulse's frequency at any time and of that near its time. A pulse counts
-    /// itself, so that no density is zero.
+    /// The clutter of pulses in the order of their beginnings, without explained ones: the greater
+    /// of the density about a pulse's frequency at any time and of that near its time. A pulse
+    /// counts itself, so that no density is zero.
     pub(super) fn new(pulses: &[Pulse], explained: &[bool], frequency_sigma_hz: f64) -> Self {
         let reach = 4.0 * frequency_sigma_hz;
         let span = span_s(pulses);
@@ -49,7 +49,7 @@ impl Clutter {
     }
 }
 
-/// From the first pulse to the last, in seconds; at least one.
+/// Time from the first pulse to the last, in seconds; at least one.
 pub(super) fn span_s(pulses: &[Pulse]) -> f64 {
     match (pulses.first(), pulses.last()) {
         (Some(first), Some(last)) => (last.time_s - first.time_s).max(1.0),

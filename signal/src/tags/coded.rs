@@ -3,7 +3,7 @@
 use super::{AssociationConfig, KnownTag};
 use crate::Pulse;
 
-/// One burst: its pulses, and how well its gaps are those of the tag.
+/// One burst: its pulses, and the misfit of its gaps to the tag's.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Burst {
     pub(super) pulses: Vec<usize>,
@@ -49,7 +49,8 @@ struct Search<'a> {
 impl Search<'_> {
     /// Every way in which a burst that has begun goes on.
     fn extend(&self, burst: &mut Vec<usize>, misfit: f64, found: &mut Vec<Burst>) {
-        let (first, last) = (burst[0], burst[burst.len() - 1]);
+        let first = burst[0];
+        let last = burst[burst.len() - 1];
         let Some(gap) = self.tag.gaps_s.get(burst.len() - 1) else {
             let long = self.pulses[last].time_s - self.pulses[first].time_s;
             if (long - self.tag.burst_s()).abs() <= self.config.burst_tolerance_s {
@@ -72,7 +73,7 @@ impl Search<'_> {
         }
     }
 
-    /// Whether the frequencies, with the next one, lie near enough together.
+    /// Returns true if the frequencies, with the next one, lie near enough together.
     fn is_alike(&self, burst: &[usize], next: usize) -> bool {
         let frequency = |index: usize| self.pulses[index].frequency_hz;
         let spread = burst.iter().map(|index| (frequency(*index) - frequency(next)).abs());

@@ -11,17 +11,17 @@ use crate::Pulse;
 
 /// The longest gap within a burst, in seconds.
 const LONGEST_GAP_S: f64 = 0.1;
-/// How many pulses after one are tried as its next.
+/// The most pulses after one that are tried as its next.
 const NEXT: usize = 8;
 /// The least number of bursts.
 const FEWEST: usize = 5;
-/// How many patterns of gaps are tried, those that come most often first.
+/// The most patterns of gaps that are tried, the most frequent first.
 const TRIED: usize = 50;
-/// How many intervals of one pattern are tried.
+/// The most intervals of one pattern that are tried.
 const INTERVALS: usize = 40;
 /// The most pulses of a burst.
 const LONGEST: usize = 8;
-/// How far an interval between bursts may drift, as a share.
+/// The largest drift of an interval between bursts, as a share.
 const DRIFT: f64 = 2e-4;
 
 /// The bursts of one tag: gaps that come again, at an interval.
@@ -40,7 +40,7 @@ struct Triple {
 }
 
 /// The tag whose bursts stand out most among the free pulses, which are in the order of their
-/// beginnings; none where chance gives one as clear more often than `false_tags`.
+/// beginnings; `None` if chance gives one as clear more often than `false_tags`.
 ///
 /// Triples of pulses with the same two gaps are gathered, those that come again at one interval
 /// are a tag's, and what most of them have before or behind belongs to the burst.
@@ -83,7 +83,7 @@ pub(super) fn unknown_code(
     (bursts.len() >= FEWEST).then_some(Coded { interval_s, gaps_s, bursts })
 }
 
-/// All triples whose gaps and frequencies may be those of a burst.
+/// All triples with the gaps and frequencies that a burst may have.
 fn triples(pulses: &[Pulse], free: &[bool], config: &AssociationConfig) -> Vec<Triple> {
     let mut all = Vec::new();
     let next = |from: usize| {
@@ -104,8 +104,8 @@ fn triples(pulses: &[Pulse], free: &[bool], config: &AssociationConfig) -> Vec<T
     all
 }
 
-/// Of the triples of one pattern those that come at one interval: the logarithm of how often chance
-/// gives a chain as clear, the interval, the first pulses and the gaps.
+/// The triples of one pattern that come at one interval: the logarithm of how often chance gives a
+/// chain as clear, the interval, the first pulses and the gaps.
 fn chain(
     pulses: &[Pulse],
     pattern: &[Triple],
@@ -160,7 +160,7 @@ fn chain(
     Some((ln_chance, interval, kept.iter().map(|place| firsts[*place]).collect(), gaps.to_vec()))
 }
 
-/// How far a burst may be off that after which it comes.
+/// The most by which a burst may be off its time, `gap_s` after another one.
 fn tolerance(gap_s: f64, config: &AssociationConfig) -> f64 {
     config.burst_tolerance_s + DRIFT * gap_s
 }

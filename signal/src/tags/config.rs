@@ -1,30 +1,31 @@
 use super::TagError;
 
-/// What is known of pulses and tags beforehand.
+/// Settings of an association: what is known of pulses and tags beforehand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct AssociationConfig {
     /// The shortest and the longest interval that unknown tags are searched for, in seconds.
     pub intervals_s: [f64; 2],
-    /// How far a known tag's interval may be off its table's, as a share of it; half the width of
-    /// the bins in which unknown intervals are searched.
+    /// The most by which a known tag's interval may be off its table's, as a share of it; half the
+    /// width of the bins in which unknown intervals are searched.
     pub interval_tolerance: f64,
     /// The standard deviation of a pulse's measured time, in seconds.
     pub time_sigma_s: f64,
     /// The standard deviation of a pulse's measured frequency, in hertz. Where the pulses of a list
     /// stand on a coarser raster, its step takes the place of this.
     pub frequency_sigma_hz: f64,
-    /// How far a known tag's carrier may be off its table's frequency, in hertz, one σ.
+    /// The distance of a known tag's carrier from its table's frequency, in hertz, one σ.
     pub frequency_tolerance_hz: f64,
-    /// How many pulses of a train in a row may be missed; a tag that was away longer begins anew.
+    /// The most pulses of a train in a row that may be missed; after a longer absence a tag begins
+    /// again.
     pub max_missed: u32,
-    /// How many unknown tags may be found in a list of nothing but noise, on average.
+    /// The mean number of unknown tags that may be found in a list of nothing but noise.
     pub false_tags: f64,
-    /// How far a gap of a coded burst may be off, in seconds.
+    /// The most by which a gap of a coded burst may be off, in seconds.
     pub gap_tolerance_s: f64,
-    /// How far the whole of a coded burst may be off, in seconds.
+    /// The most by which the whole of a coded burst may be off, in seconds.
     pub burst_tolerance_s: f64,
-    /// How far the frequencies of a coded burst's pulses may lie apart, in hertz.
+    /// The most by which the frequencies of a coded burst's pulses may lie apart, in hertz.
     pub burst_spread_hz: f64,
 }
 

@@ -1,6 +1,6 @@
 use std::{io, path::PathBuf};
 
-/// Why pulses cannot be read or associated.
+/// The reason why pulses cannot be read or associated.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TagError {
@@ -9,17 +9,17 @@ pub enum TagError {
     Read {
         /// The file.
         file: PathBuf,
-        /// Why not.
+        /// The cause.
         source: io::Error,
     },
-    /// The header is that of no known file.
+    /// The header belongs to no known file.
     #[error("{}, line 1: the columns {columns} are not those of {wanted}", file.display())]
     Header {
         /// The file.
         file: PathBuf,
         /// The columns of the file.
         columns: String,
-        /// What is known.
+        /// The columns that are known.
         wanted: &'static str,
     },
     /// A line has another number of fields than the header, or is not text.
@@ -29,7 +29,7 @@ pub enum TagError {
         file: PathBuf,
         /// The line, from 1.
         line: u64,
-        /// What is wrong with it.
+        /// The problem.
         problem: String,
     },
     /// A field does not hold what it must.
@@ -41,9 +41,9 @@ pub enum TagError {
         line: u64,
         /// The column.
         field: String,
-        /// What it holds.
+        /// The content of the field.
         value: String,
-        /// What it must hold.
+        /// The requirement on the field.
         requirement: &'static str,
     },
     /// Two tags of a table have the same name.
@@ -63,7 +63,7 @@ pub enum TagError {
         name: &'static str,
         /// Its value.
         value: f64,
-        /// What it must be.
+        /// The requirement on the value.
         requirement: &'static str,
     },
     /// A pulse holds a number that is not finite.

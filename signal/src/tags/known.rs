@@ -11,17 +11,17 @@ use super::{
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct KnownTag {
-    /// What it is called.
+    /// Its name.
     pub name: String,
     /// The frequency of its carrier, in hertz, about the same reference as that of the pulses.
     pub frequency_hz: Option<f64>,
-    /// From pulse to pulse, or from burst to burst of a coded tag, in seconds.
+    /// Interval from pulse to pulse, or from burst to burst of a coded tag, in seconds.
     pub interval_s: f64,
     /// A second interval: that of mortality or activity, in seconds.
     pub other_interval_s: Option<f64>,
-    /// How long a pulse lasts, in seconds.
+    /// Duration of a pulse, in seconds.
     pub width_s: Option<f64>,
-    /// The gaps between the pulses of a coded tag's burst, in seconds; none of an uncoded one.
+    /// The gaps between the pulses of a coded tag's burst, in seconds; empty for an uncoded one.
     pub gaps_s: Vec<f64>,
 }
 
@@ -39,31 +39,31 @@ impl KnownTag {
         }
     }
 
-    /// The same at this frequency.
+    /// Sets the frequency of its carrier, in hertz.
     #[must_use]
     pub fn with_frequency_hz(self, frequency_hz: f64) -> Self {
         Self { frequency_hz: Some(frequency_hz), ..self }
     }
 
-    /// The same with pulses of this width.
+    /// Sets the width of its pulses, in seconds.
     #[must_use]
     pub fn with_width_s(self, width_s: f64) -> Self {
         Self { width_s: Some(width_s), ..self }
     }
 
-    /// The same with a second interval.
+    /// Sets the second interval, in seconds.
     #[must_use]
     pub fn with_other_interval_s(self, other_interval_s: f64) -> Self {
         Self { other_interval_s: Some(other_interval_s), ..self }
     }
 
-    /// The same with bursts of these gaps.
+    /// Sets the gaps between the pulses of its bursts, in seconds.
     #[must_use]
     pub fn with_gaps_s(self, gaps_s: Vec<f64>) -> Self {
         Self { gaps_s, ..self }
     }
 
-    /// How long a burst lasts from its first pulse to its last, in seconds.
+    /// Duration of a burst from its first pulse to its last, in seconds.
     #[must_use]
     pub fn burst_s(&self) -> f64 {
         self.gaps_s.iter().sum()
@@ -103,11 +103,11 @@ impl TagTable {
         Self::parse(file, &bytes_of(file)?)
     }
 
-    /// The same of the bytes of a table; `file` is what errors name.
+    /// Reads the bytes of a table; errors name `file`.
     ///
     /// # Errors
     ///
-    /// Those of [`TagTable::read`].
+    /// The errors of [`TagTable::read`].
     pub fn parse(file: &Path, bytes: &[u8]) -> Result<Self, TagError> {
         let rows = Rows::parse(file, bytes)?;
         let read = if rows.has(&["name", "interval_s"]) {

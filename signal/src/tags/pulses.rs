@@ -12,17 +12,17 @@ use crate::Pulse;
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct PulseList {
-    /// What wrote it.
+    /// The program that wrote it.
     pub format: &'static str,
     /// The pulses.
     pub pulses: Vec<Pulse>,
-    /// What each pulse has in a column `tags`, as `foxhunt tags --csv` writes it: empty where it is
-    /// of no tag; `None` where there is no such column.
+    /// The entry of each pulse in a column `tags`, as `foxhunt tags --csv` writes it: empty for a
+    /// pulse of no tag; `None` if there is no such column.
     pub tags: Option<Vec<String>>,
 }
 
-/// How long the pulses are that SensorGnome's detector searches for by default, in seconds; its
-/// files do not hold a width.
+/// Length of the pulses that SensorGnome's detector searches for by default, in seconds; its files
+/// do not hold a width.
 const SENSORGNOME_WIDTH_S: f64 = 0.0025;
 
 const KNOWN: &str = "a pulse file: time_s, frequency_hz, width_s, power_dbm, snr_db (foxhunt); \
@@ -47,11 +47,11 @@ pub fn read_pulses(file: &Path) -> Result<PulseList, TagError> {
     parse_pulses(file, &bytes_of(file)?)
 }
 
-/// The same of the bytes of a list; `file` is what errors name.
+/// Reads the bytes of a list of pulses; errors name `file`.
 ///
 /// # Errors
 ///
-/// Those of [`read_pulses`].
+/// The errors of [`read_pulses`].
 pub fn parse_pulses(file: &Path, bytes: &[u8]) -> Result<PulseList, TagError> {
     type Read = fn(&Row<'_>) -> Result<Pulse, TagError>;
     let rows = Rows::parse(file, bytes)?;

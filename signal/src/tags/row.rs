@@ -4,7 +4,7 @@ use std::{fs, path::Path};
 
 use super::TagError;
 
-/// What a file holds.
+/// Reads the bytes of a file.
 pub(super) fn bytes_of(file: &Path) -> Result<Vec<u8>, TagError> {
     fs::read(file).map_err(|source| TagError::Read { file: file.to_owned(), source })
 }
@@ -65,7 +65,7 @@ impl<'a> Rows<'a> {
 }
 
 impl<'a> Row<'a> {
-    /// The text of a column; none where there is no such column, or nothing in it.
+    /// The text of a column; `None` if there is no such column or its field is empty.
     pub(super) fn text(&self, column: &str) -> Option<&'a str> {
         let index = self.rows.columns.iter().position(|name| name == column)?;
         self.record.get(index).filter(|text| !text.is_empty())

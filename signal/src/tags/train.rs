@@ -11,9 +11,9 @@ use super::{
 };
 use crate::Pulse;
 
-/// How many paths are kept to each pulse.
+/// The most paths that are kept to each pulse.
 const PATHS: usize = 3;
-/// Beyond how many standard deviations nothing is a train's next pulse.
+/// The gate for a train's next pulse, in standard deviations.
 const GATE: f64 = 5.0;
 /// The share of intervals after which a train's phase slips: samples were lost, or the tag's
 /// oscillator was disturbed. One slip makes the next likely; how far, as a share of the interval.
@@ -25,12 +25,12 @@ const CHANGE: f64 = 0.01;
 const TWICE: f64 = 0.005;
 /// The share of intervals after which a tag is out of range, and that in which it comes back.
 const AWAY: (f64, f64) = (0.02, 0.05);
-/// How far an interval drifts from one to the next, as a share of itself, one σ.
+/// Drift of an interval from one to the next, as a share of itself, one σ.
 const DRIFT: f64 = 1e-4;
-/// How far a carrier drifts from pulse to pulse, as a share of its measurements' σ.
+/// Drift of a carrier from pulse to pulse, as a share of its measurements' σ.
 const CARRIER_DRIFT: f64 = 0.05;
 
-/// What is known of a train.
+/// The model of a train.
 #[derive(Debug, Clone)]
 pub(super) struct TrainModel {
     /// The usual interval, and the others that it may change to, in seconds.
@@ -66,26 +66,26 @@ pub(super) struct Train {
 pub(super) struct Member {
     /// Its place in the list.
     pub(super) pulse: usize,
-    /// What leads to it.
+    /// The link from the pulse before.
     pub(super) link: Link,
-    /// How many intervals it comes after the pulse before: 0 of a double.
+    /// The number of intervals since the pulse before; 0 for a double.
     pub(super) intervals: u32,
-    /// Which of the model's intervals.
+    /// Index of the model's interval.
     pub(super) mode: usize,
 }
 
-/// How a pulse follows on the one before it.
+/// The way that a pulse follows on the one before it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Link {
-    /// It is the first, or the first after a tag was away.
+    /// The pulse is the first, or the first after a tag was away.
     Begins,
-    /// By the interval.
+    /// The pulse follows by the interval.
     Follows,
     /// The phase slipped.
     Slips,
     /// The tag changed to another interval.
     Changes,
-    /// It is the same pulse, detected twice.
+    /// The pulse is the one before it, detected twice.
     Doubles,
 }
 
@@ -105,7 +105,7 @@ struct Path {
     ln_width: (f64, f64),
     /// The normalised square of the residual.
     square: f64,
-    /// Whether the last interval slipped.
+    /// True if the last interval slipped.
     slips: bool,
 }
 
@@ -115,7 +115,7 @@ pub(super) struct Scene<'a> {
     /// In the order of their beginnings.
     pub(super) pulses: &'a [Pulse],
     pub(super) clutter: &'a Clutter,
-    /// Those that other trains hold: with them a train can only collide.
+    /// True for the pulses that other trains hold: with them a train can only collide.
     pub(super) held: &'a [bool],
 }
 
@@ -156,7 +156,8 @@ impl TrainModel {
         }
         let mut at = (0..paths.len()).max_by(|a, b| paths[*a].score.total_cmp(&paths[*b].score));
         let score = paths[at?].score;
-        let (mut members, mut squares) = (Vec::new(), Vec::new());
+        let mut members = Vec::new();
+        let mut squares = Vec::new();
         while let Some(path) = at.map(|index| &paths[index]) {
             members.push(path.member);
             if path.member.link == Link::Follows {
@@ -169,7 +170,7 @@ impl TrainModel {
         Some(Train { score, members, spread })
     }
 
-    /// A train that begins, anew where there is one before it.
+    /// A path to a pulse that begins a train, or begins it again after a path before.
     fn begun(
         &self,
         scene: &Scene<'_>,
@@ -272,7 +273,7 @@ impl TrainModel {
         }
     }
 
-    /// How many intervals a gap is, if no more than may be missed.
+    /// The number of intervals in a gap; `None` if more than may be missed.
     fn intervals(&self, gap_s: f64, interval_s: f64) -> Option<(u32, f64)> {
         let times = (gap_s / interval_s).round();
         if !(1.0..=f64::from(self.max_missed) + 1.0).contains(&times) {

@@ -33,9 +33,10 @@ pub struct IntervalTransform {
 const ALPHA: f64 = 0.15;
 /// The share of a bin's pairs that must be in phase.
 const BETA: f64 = 0.15;
-/// How many standard deviations of other pulses' pairs.
+/// The limit over other pulses' pairs, in their standard deviations.
 const GAMMA: f64 = 3.0;
-/// How far a pulse may be off the raster of its bin's origin, as a share, to become the new one.
+/// The most by which a pulse may be off the raster of its bin's origin, as a share, to become the
+/// new one.
 const ORIGIN: f64 = 0.03;
 
 impl IntervalTransform {
@@ -50,13 +51,13 @@ impl IntervalTransform {
         Self { intervals_s: intervals.collect(), tolerance }
     }
 
-    /// How many bins it has.
+    /// Returns the number of bins.
     #[must_use]
     pub fn len(&self) -> usize {
         self.intervals_s.len()
     }
 
-    /// Whether it has no bins.
+    /// Returns true if it has no bins.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.intervals_s.is_empty()
@@ -105,7 +106,8 @@ impl IntervalTransform {
 
     fn transformed(&self, times_s: &[f64], shortest: f64, longest: f64) -> Vec<Bin> {
         let mut bins = vec![Bin::default(); self.intervals_s.len()];
-        let (low, high) = (1.0 - self.tolerance, 1.0 + self.tolerance);
+        let low = 1.0 - self.tolerance;
+        let high = 1.0 + self.tolerance;
         for (n, time) in times_s.iter().enumerate() {
             for before in times_s[..n].iter().rev() {
                 let gap = time - before;

@@ -1,4 +1,4 @@
-//! What a receiver gives: noise of mean power 1 a sample and pulses.
+//! The samples of a receiver: noise of mean power 1 a sample and pulses.
 
 use std::f64::consts::TAU;
 
@@ -61,7 +61,7 @@ impl Air {
     }
 }
 
-/// What a detector finds in samples from index 0 on.
+/// Returns the pulses that a detector finds in samples from index 0 on.
 pub(crate) fn detect(config: &DetectorConfig, samples: &[Complex32]) -> Vec<Detection> {
     let mut detector = Detector::new(config.clone()).expect("it is in order");
     let mut found = Vec::new();

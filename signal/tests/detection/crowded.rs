@@ -18,7 +18,7 @@ fn is(sent: &Sent, found: &Detection) -> bool {
         && (found.pulse.frequency_hz - sent.frequency_hz).abs() < 30.0
 }
 
-/// Those sent that were not found, and those found that were not sent.
+/// The pulses that were sent and not found, and the pulses that were found and not sent.
 fn compare(sent: &[Sent], found: &[Detection]) -> (Vec<Sent>, Vec<Detection>) {
     let missed = |s: &&Sent| !found.iter().any(|found| is(s, found));
     let wrong = |f: &&Detection| !sent.iter().any(|sent| is(sent, f));
@@ -70,21 +70,23 @@ fn bursts_of_noise_are_no_pulses() {
     let mut air = Air::new(RATE_HZ, 15);
     let mut samples = air.noise(960_000);
     for n in 0..60 {
-        let (at, length) = (20_000 + 15_013 * n, [480, 960, 1920][n % 3]);
+        let at = 20_000 + 15_013 * n;
+        let length = [480, 960, 1920][n % 3];
         samples[at..at + length].iter_mut().for_each(|sample| *sample *= 10_f32.sqrt());
     }
     let found = detect(&DetectorConfig::new(RATE_HZ), &samples);
     assert!(found.len() <= 10, "{}: {found:#?}", found.len());
 }
 
-/// Tones that last more than four times as long as pulses may, weak and strong, are none.
+/// Tones that last more than four times as long as pulses may are no pulses, weak or strong.
 #[test]
 fn long_tones_are_no_pulses() {
     let mut air = Air::new(RATE_HZ, 16);
     let mut samples = air.noise(960_000);
     // Widths are searched up to 40 ms.
     for n in 0..12 {
-        let (time_s, width_s) = (0.9 + 1.5 * n as f64, [0.17, 0.25, 0.6_f64][n % 3]);
+        let time_s = 0.9 + 1.5 * n as f64;
+        let width_s = [0.17, 0.25, 0.6_f64][n % 3];
         for (frequency_hz, in_40_ms_db) in [(-7e3, 18.0), (5e3, 24.0), (11e3, 35.0)] {
             let snr_db = in_40_ms_db + 10.0 * (width_s / 0.04).log10();
             air.add(&mut samples, 0.0, &Sent { time_s, frequency_hz, width_s, snr_db });
@@ -125,7 +127,8 @@ fn gaps_are_in_time() {
     for chunk in [1_000, 77_777] {
         let mut detector = Detector::new(DetectorConfig::new(RATE_HZ)).expect("in order");
         let mut found = Vec::new();
-        let (mut first, mut lost) = (0, 0);
+        let mut first = 0;
+        let mut lost = 0;
         for some in samples.chunks(chunk) {
             // Between 4 and 6 s samples are lost.
             if (200_000..290_000).contains(&first) {

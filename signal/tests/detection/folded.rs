@@ -49,7 +49,8 @@ fn probability(
     let pulses = config.pulses;
     let count = (INTERVAL_S * (pulses + 2) as f64 * RATE_HZ) as usize;
     let mut detector = TrainDetector::new(config.clone()).expect("it is in order");
-    let (mut sent, mut found) = (Vec::new(), Vec::new());
+    let mut sent = Vec::new();
+    let mut found = Vec::new();
     for n in 0..eights {
         let first = n * count;
         let mut samples = air.noise(count);
@@ -83,7 +84,7 @@ fn probability(
     (hits as f64 / sent.len() as f64, wrong)
 }
 
-/// How many trains are found in so many seconds of noise.
+/// The number of trains found in `seconds` seconds of noise, and the threshold in dB.
 fn alarms(config: &FoldConfig, seconds: u64, seed: u64) -> (usize, f64) {
     let mut air = Air::new(RATE_HZ, seed);
     let mut detector = TrainDetector::new(config.clone()).expect("it is in order");
@@ -132,7 +133,10 @@ fn noise_is_taken_for_trains_as_often_as_stated() {
 fn a_train_has_its_interval_frequency_drift_and_pulses() {
     let mut air = Air::new(RATE_HZ, 8);
     let mut samples = air.noise(80 * 8000);
-    let (first_s, interval_s, hz, hz_per_s) = (7.3, 1.29, 620.0, 0.7);
+    let first_s = 7.3;
+    let interval_s = 1.29;
+    let hz = 620.0;
+    let hz_per_s = 0.7;
     let mut times = Vec::new();
     for n in (0..46).filter(|n| n % 6 != 3) {
         let time_s = first_s + interval_s * f64::from(n);
@@ -167,7 +171,7 @@ fn a_train_has_its_interval_frequency_drift_and_pulses() {
     assert!(train.pulses.is_sorted_by(|a, b| a.time_s < b.time_s));
 }
 
-/// The mean energy of so many eights of trains of just as many pulses as are added up.
+/// The mean energy of `eights` eights of trains of just as many pulses as are added up.
 fn mean_energy(pulses: usize, snr_db: f64, eights: usize, seed: u64) -> f64 {
     let mut air = Air::new(RATE_HZ, seed);
     let count = (INTERVAL_S * (pulses + 2) as f64 * RATE_HZ) as usize;
@@ -212,7 +216,8 @@ fn what_is_no_train_is_none() {
     let mut air = Air::new(RATE_HZ, 9);
     let mut samples = air.noise(120 * 8000);
     for _ in 0..8 {
-        let (time_s, snr_db) = (air.uniform(1.0, 119.0), air.uniform(25.0, 45.0));
+        let time_s = air.uniform(1.0, 119.0);
+        let snr_db = air.uniform(25.0, 45.0);
         let pulse = Sent { time_s, frequency_hz: -1.4e3, width_s: 20e-3, snr_db };
         air.add(&mut samples, 0.0, &pulse);
     }
@@ -237,7 +242,8 @@ fn what_is_no_train_is_none() {
     let of = |hz: f64| -> Vec<&Train> {
         found.iter().filter(|train| (train.frequency_hz - hz).abs() < 20.0).collect()
     };
-    let (strong, weak) = (of(300.0), of(1000.0));
+    let strong = of(300.0);
+    let weak = of(1000.0);
     assert_eq!((strong.len(), weak.len(), found.len()), (1, 1, 2), "{found:#?}");
     assert!((strong[0].interval_s - 1.31).abs() < 1e-4, "{}", strong[0].interval_s);
     assert!((84..=86).contains(&strong[0].pulses.len()), "{}", strong[0].pulses.len());
@@ -245,7 +251,7 @@ fn what_is_no_train_is_none() {
     assert!((weak[0].interval_s - 1.282).abs() < 2e-4, "{}", weak[0].interval_s);
 }
 
-/// Of an unknown interval the true one is found, not its multiples and not its parts.
+/// The true value of an unknown interval is found, not its multiples and not its parts.
 #[test]
 fn an_unknown_interval_is_the_true_one() {
     for (interval_s, snr_db) in [(0.61, 9.0), (1.1, 10.0), (1.1, 30.0), (2.3, 10.0)] {
@@ -279,7 +285,7 @@ fn trains_that_cross_are_two() {
     assert!((intervals[0] - 1.28).abs() < 1e-3 && (intervals[1] - 1.32).abs() < 1e-3);
 }
 
-/// How samples are divided does not matter, a gap keeps the times behind it, and no train goes over
+/// The division of samples does not matter, a gap keeps the times behind it, and no train goes over
 /// one; the noise's level changes nothing, nor does a step of it by 10 dB.
 #[test]
 fn trains_are_in_time() {
@@ -300,7 +306,8 @@ fn trains_are_in_time() {
     assert!((detector.searched_s() - 60.0).abs() < 0.01);
 
     let mut found = Vec::new();
-    let (before, behind) = (24 * 8000, 36 * 8000);
+    let before = 24 * 8000;
+    let behind = 36 * 8000;
     detector.push(1_000_000, &samples[..before], &mut found).expect("in order");
     let from = 1_000_000 + behind as u64;
     detector.push(from, &samples[behind..], &mut found).expect("in order");

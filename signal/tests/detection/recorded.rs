@@ -24,7 +24,8 @@ fn found(name: &str, rate_hz: f64, widths_s: &[f64]) -> Option<Vec<Detection>> {
     config.widths_s = widths_s.to_vec();
     config.least_noise = source.rounding_noise();
     let mut detector = Detector::new(config).expect("it is in order");
-    let (mut chunk, mut found) = (Vec::new(), Vec::new());
+    let mut chunk = Vec::new();
+    let mut found = Vec::new();
     while let Some(first) = source.read(&mut chunk).expect("it can be read") {
         detector.push(first, &chunk, &mut found).expect("in order");
     }
@@ -32,13 +33,14 @@ fn found(name: &str, rate_hz: f64, widths_s: &[f64]) -> Option<Vec<Detection>> {
     Some(found)
 }
 
-/// Where the power over 100 samples is above a threshold of full scale: stretches of on air, in
-/// seconds of the nominal rate.
+/// The stretches, in seconds of the nominal rate, in which the power over 100 samples is above a
+/// threshold of full scale.
 fn on_air(name: &str, rate_hz: f64, threshold: f32) -> Vec<Range<f64>> {
     let mut options = OpenOptions::default();
     options.rate_hz = Some(rate_hz);
     let mut source = open(&PathBuf::from(DATA).join(name), &options).expect("it is there");
-    let (mut chunk, mut samples) = (Vec::new(), Vec::new());
+    let mut chunk = Vec::new();
+    let mut samples = Vec::new();
     while source.read(&mut chunk).expect("it can be read").is_some() {
         samples.append(&mut chunk);
     }
@@ -47,7 +49,8 @@ fn on_air(name: &str, rate_hz: f64, threshold: f32) -> Vec<Range<f64>> {
     let mut was = false;
     for (n, some) in samples.chunks_exact(100).enumerate() {
         let on = power(some) > threshold;
-        let (start, end) = ((n * 100) as f64 / rate_hz, ((n + 1) * 100) as f64 / rate_hz);
+        let start = (n * 100) as f64 / rate_hz;
+        let end = ((n + 1) * 100) as f64 / rate_hz;
         match stretches.last_mut() {
             Some(last) if on && was => last.end = end,
             _ if on => stretches.push(start..end),
@@ -68,7 +71,8 @@ fn compare(found: &[Detection], on_air: &[Range<f64>]) {
         assert!(pulse.snr_db > 30.0, "{pulse:?} in {on:?}");
     }
     for found in found.iter().filter(|found| found.pulse.frequency_hz.abs() > 100.0) {
-        let (middle, half) = (found.pulse.time_s, found.pulse.width_s / 2.0);
+        let middle = found.pulse.time_s;
+        let half = found.pulse.width_s / 2.0;
         let overlaps = |on: &Range<f64>| middle + half > on.start && middle - half < on.end;
         assert!(on_air.iter().any(overlaps), "{found:?}");
     }

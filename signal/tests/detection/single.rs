@@ -120,7 +120,9 @@ fn pulses_have_their_level_frequency_and_time() {
     assert_eq!(found.len(), sent.len(), "one detection each");
     // Energy 100 in 160 samples of noise of power 1.
     let power_dbm = -30.0 + 10.0 * (100.0_f64 / 160.0).log10();
-    let (mut bias, mut energy_bias, mut late) = (0.0, 0.0, 0);
+    let mut bias = 0.0;
+    let mut energy_bias = 0.0;
+    let mut late = 0;
     for (sent, found) in sent.iter().zip(&found) {
         let pulse = found.pulse;
         let off = pulse.frequency_hz - 150e6 - sent.frequency_hz;
@@ -137,7 +139,8 @@ fn pulses_have_their_level_frequency_and_time() {
     assert!(late <= 10, "{late} of 200 beyond 1 ms");
 }
 
-/// What a power meter shows the same for: a strong tag, one 4 kHz away, none, and a weak one.
+/// The four cases that look alike to a power meter: a strong tag, one 4 kHz away, no tag, and a
+/// weak one.
 #[test]
 fn four_cases_have_their_level_or_nothing() {
     let mut config = DetectorConfig::new(250e3);

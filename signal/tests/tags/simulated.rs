@@ -21,7 +21,7 @@ struct Truth {
     level_dbm: f64,
 }
 
-/// What a receiver in one band makes of tags.
+/// The band of a receiver, and the disturbances of the pulses in it.
 #[derive(Debug, Clone, Copy)]
 struct Band {
     seconds: f64,
@@ -117,7 +117,8 @@ fn shares(sent: &[Sent], given: &Association, of_tag: impl Fn(usize) -> Option<u
         tag.pulses.iter().for_each(|pulse| holders[*pulse].push(of_tag(index)));
     }
     let is_right = |index: usize| {
-        let (held, from) = (&holders[index], &sent[index].1);
+        let held = &holders[index];
+        let from = &sent[index].1;
         !held.is_empty() && held.iter().all(|tag| tag.is_some_and(|tag| from.contains(&tag)))
     };
     let share = |wanted: &dyn Fn(&Sent) -> bool, right: &dyn Fn(usize) -> bool| {

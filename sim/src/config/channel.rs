@@ -20,13 +20,13 @@ pub struct ChannelConfig {
     /// The frequency that beacons send at, in MHz: what reflections and the laws that need a
     /// wavelength are computed with.
     pub frequency_mhz: f64,
-    /// Shadowing that belongs to places; none where absent.
+    /// Shadowing that belongs to places; no shadowing if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shadowing: Option<ShadowingConfig>,
-    /// What reflects.
+    /// The reflectors.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub reflectors: Vec<ReflectorConfig>,
-    /// Where nothing is received.
+    /// The places where nothing is received.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub dead_zones: Vec<DeadZoneConfig>,
     /// The antenna under every drone.
@@ -37,7 +37,7 @@ pub struct ChannelConfig {
     pub sample_sigma_db: f64,
     /// σ in degrees of the angle by which a whole pattern is turned.
     pub bearing_sigma_deg: f64,
-    /// A pattern's offset and angle belong to the place, as those of a site do: all turns of a
+    /// True if a pattern's offset and angle belong to the place, as a site's do: all turns of a
     /// drone that stays within half a metre have the same. Else each round has its own.
     #[serde(skip_serializing_if = "core::ops::Not::not")]
     pub patterns_stay: bool,

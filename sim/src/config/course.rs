@@ -4,7 +4,7 @@ use foxhunt_core::parameter::{ParameterError, finite, positive};
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
-/// How a beacon moves over ground, from its place at the time 0.
+/// The motion of a beacon over ground, from its place at the time 0.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 #[non_exhaustive]
@@ -43,7 +43,7 @@ impl BeaconCourse {
         Ok(())
     }
 
-    /// Where it is after `time` seconds if it was at `start`, East and North in metres.
+    /// The beacon's place after `time` seconds if it was at `start`, East and North in metres.
     #[must_use]
     pub fn place_at(&self, start: Vector2<f64>, time: f64) -> Vector2<f64> {
         match self {
@@ -60,8 +60,8 @@ impl BeaconCourse {
         }
     }
 
-    /// How fast it moves after `time` seconds if it was at `start`, East and North in metres per
-    /// second.
+    /// The beacon's velocity after `time` seconds if it was at `start`, East and North in metres
+    /// per second.
     #[must_use]
     pub fn velocity_at(&self, start: Vector2<f64>, time: f64) -> Vector2<f64> {
         match self {
@@ -85,13 +85,13 @@ impl BeaconCourse {
 struct Leg {
     from: Vector2<f64>,
     to: Vector2<f64>,
-    /// In metres.
+    /// Its length in metres.
     length: f64,
-    /// How much of it is done, in metres.
+    /// The length of the part that is done, in metres.
     left: f64,
 }
 
-/// The leg that a round has come to after `way` metres; none where it leads nowhere.
+/// The leg that a round has come to after `way` metres; `None` if the round leads nowhere.
 fn leg_at(start: Vector2<f64>, places_m: &[[f64; 2]], way: f64) -> Option<Leg> {
     let others = places_m.iter().map(|place| Vector2::from(*place));
     let places: Vec<_> = [start].into_iter().chain(others).collect();

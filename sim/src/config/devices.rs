@@ -1,13 +1,13 @@
 use foxhunt_core::parameter::{ParameterError, not_negative, positive};
 use serde::{Deserialize, Serialize};
 
-/// How quick every drone's antenna and radio are.
+/// The speed of every drone's antenna and radio.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SimStepperConfig {
-    /// How fast the motor turns the antenna, in radians per second.
+    /// The motor's speed in turning the antenna, in radians per second.
     pub rotator_speed_rad_s: f64,
-    /// From a question to its answer, in seconds.
+    /// Time from a question to its answer, in seconds.
     pub radio_latency_s: f64,
 }
 

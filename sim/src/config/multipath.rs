@@ -40,8 +40,8 @@ pub struct ReflectorConfig {
     pub up_m: f64,
     /// The amplitude of its wave over that of the direct one, wherever the drone is.
     pub amplitude: f64,
-    /// By how much the reflection itself turns the phase, in degrees; 180, as metal does, unless
-    /// given.
+    /// The angle by which the reflection itself turns the phase, in degrees; 180, as metal does,
+    /// unless given.
     #[serde(default = "half_a_turn")]
     pub phase_deg: f64,
 }
@@ -81,7 +81,7 @@ impl DeadZoneConfig {
         Ok(())
     }
 
-    /// Whether a place lies in it, East, North and Up in metres.
+    /// Returns true if the zone contains a place, East, North and Up in metres.
     pub(crate) fn contains(&self, place: &Vector3<f64>) -> bool {
         libm::hypot(place.x - self.east_m, place.y - self.north_m) <= self.radius_m
     }

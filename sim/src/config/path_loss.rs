@@ -1,7 +1,7 @@
 use foxhunt_sensors::{LogDistance, ParameterError, Polarisation, TwoRay};
 use serde::{Deserialize, Serialize};
 
-/// How power falls with range.
+/// The law by which power falls with range.
 ///
 /// In a file `{ reference_dbm = -29.06, exponent = 2.765 }`, `{ law = "friis", power_dbm = 20.0 }`
 /// or `{ law = "two-ray", power_dbm = 20.0 }`. The carrier is the channel's. What a law does not
@@ -28,9 +28,9 @@ pub struct TwoRayConfig {
     /// The power sent and both antennas' gains together, in dBm; the receiver's is its mean over a
     /// turn.
     pub power_dbm: f64,
-    /// Of the ground, relative.
+    /// The ground's relative permittivity.
     pub permittivity: f64,
-    /// How the waves are polarised.
+    /// The polarisation of the waves.
     pub polarisation: Polarisation,
     /// An antenna of a beacon or drone that lies lower is at least at this height, in metres.
     pub least_height_m: f64,
@@ -91,7 +91,7 @@ struct Fields {
     least_height_m: Option<f64>,
 }
 
-/// Why fields make no law.
+/// The reason why fields make no law.
 #[derive(Debug, thiserror::Error)]
 enum FieldsError {
     #[error(transparent)]

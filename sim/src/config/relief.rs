@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::ReliefError;
 
-/// In metres per second.
+/// Speed of light in metres per second.
 const SPEED_OF_LIGHT: f64 = 299_792_458.0;
 
 /// The terrain of a simulated world, or what a model takes for it: hills, or the tiles of an
@@ -32,23 +32,23 @@ pub struct ReliefConfig {
     /// Longitude of the origin in degrees, with a folder.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lon_deg: Option<f64>,
-    /// How far East, North, West and South of the origin the tiles are read, in metres; beyond it
-    /// the ground hides nothing. 1000 unless given.
+    /// The distance East, North, West and South of the origin up to which the tiles are read, in
+    /// metres; beyond it the ground hides nothing. 1000 unless given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reach_m: Option<f64>,
-    /// The frequency that the loss is computed with, in MHz; where absent that of the channel, and
-    /// for a model without one 2440.
+    /// The frequency that the loss is computed with, in MHz; if absent, the frequency of the
+    /// channel, and for a model without one 2440.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frequency_mhz: Option<f64>,
     #[serde(skip)]
     read: Read,
 }
 
-/// What has been read of the tiles: once for all worlds and models of one configuration.
+/// The tiles and terrain that were read: once for all worlds and models of one configuration.
 #[derive(Clone, Debug, Default)]
 struct Read(Arc<OnceLock<(Tiles, SharedTerrain)>>);
 
-/// What tiles are read.
+/// The settings that the tiles are read with.
 #[derive(Clone, Debug, PartialEq)]
 struct Tiles {
     folder: PathBuf,
@@ -71,20 +71,23 @@ impl Default for ReliefConfig {
     }
 }
 
-/// How far tiles are read unless given, in metres.
+/// The default of `reach_m`, in metres.
 const REACH_M: f64 = 1000.0;
 
 impl ReliefConfig {
     /// Some hills.
     #[must_use]
     pub fn of_hills(hills: Vec<Hill>) -> Self {
-        let (folder, lat_deg, lon_deg) = (None, None, None);
-        let (reach_m, frequency_mhz, read) = (None, None, Read::default());
+        let folder = None;
+        let lat_deg = None;
+        let lon_deg = None;
+        let reach_m = None;
+        let frequency_mhz = None;
+        let read = Read::default();
         Self { hills, folder, lat_deg, lon_deg, reach_m, frequency_mhz, read }
     }
 
-    /// The same with a folder that was given from another one, such as that of the file in which it
-    /// stands.
+    /// Makes the folder relative to `base`, such as the folder of the file that names it.
     #[must_use]
     pub fn in_folder(self, base: &Path) -> Self {
         let folder = self.folder.map(|folder| base.join(folder));

@@ -10,10 +10,10 @@ pub struct DipoleConfig {
     /// Its strength, in milliampere square metres: 6.3 for the least that EN 300 718-1 demands of
     /// an avalanche beacon, 0.5 µA/m abeam 10 m off.
     pub moment_ma_m2: f64,
-    /// Where it points, in degrees counter-clockwise from East; 0 unless given.
+    /// Azimuth of the coil, in degrees counter-clockwise from East; 0 unless given.
     #[serde(default)]
     pub azimuth_deg_ccw_from_east: f64,
-    /// How far above the horizon it points, in degrees; 0 unless given.
+    /// Elevation of the coil above the horizon, in degrees; 0 unless given.
     #[serde(default)]
     pub elevation_deg: f64,
 }
@@ -57,7 +57,7 @@ impl Default for ThreeAxisConfig {
 }
 
 impl ThreeAxisConfig {
-    /// Whether every number can be what it is.
+    /// Checks the ranges of all numbers.
     ///
     /// # Errors
     ///

@@ -3,8 +3,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Gains, Piloting, QuadrotorConfig, WindConfig, is_false};
 
-/// How every drone flies. A file has `kind = "kinematic"`, the default, or `kind = "quadrotor"`,
-/// and the fields of that kind.
+/// The model of every drone's flight. A file has `kind = "kinematic"`, the default, or
+/// `kind = "quadrotor"`, and the fields of that kind.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", try_from = "Fields")]
 #[non_exhaustive]
@@ -23,7 +23,7 @@ pub struct KinematicConfig {
     pub speed_mps: f64,
     /// The most it climbs or sinks, in metres per second.
     pub climb_mps: f64,
-    /// Whether its poses have a velocity; they have none unless given.
+    /// True if its poses have a velocity; false unless given.
     #[serde(skip_serializing_if = "is_false")]
     pub reports_velocity: bool,
 }
@@ -43,7 +43,7 @@ impl Default for VehicleConfig {
 }
 
 impl VehicleConfig {
-    /// Whether the poses that it reports have a velocity.
+    /// Returns true if the poses that it reports have a velocity.
     #[must_use]
     pub fn reports_velocity(&self) -> bool {
         match self {

@@ -22,17 +22,17 @@ pub struct WorldConfig {
     pub beacons: Vec<BeaconConfig>,
     /// The drones, counted from 0.
     pub drones: Vec<DroneConfig>,
-    /// What lies between a beacon's power and a drone's reading.
+    /// The radio channel between a beacon's power and a drone's reading.
     #[serde(default)]
     pub channel: ChannelConfig,
-    /// The terrain that all are above, and that hides beacons; level ground where absent. With it
+    /// The terrain that all are above, and that hides beacons; level ground if absent. With it
     /// every Up is a height above the ground below.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub terrain: Option<ReliefConfig>,
-    /// How every drone flies.
+    /// The model of every drone's flight.
     #[serde(default)]
     pub vehicle: VehicleConfig,
-    /// How quick every drone's antenna and radio are.
+    /// The speed of every drone's antenna and radio.
     #[serde(default)]
     pub stepper: SimStepperConfig,
 }
@@ -43,7 +43,7 @@ pub struct WorldConfig {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BeaconConfig {
-    /// What people call it.
+    /// Its name, for people.
     pub name: String,
     /// East in metres.
     pub east_m: f64,
@@ -52,25 +52,25 @@ pub struct BeaconConfig {
     /// Height in metres; 0, on the ground, unless given.
     #[serde(default)]
     pub up_m: f64,
-    /// How it moves; it stays where absent.
+    /// Its motion; if absent, the beacon does not move.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub course: Option<BeaconCourse>,
     /// σ of its East and its North at the time 0 about `east_m` and `north_m`, in metres: every
-    /// seed has it somewhere else. It is there and nowhere else where absent.
+    /// seed has it somewhere else. If absent, the position is exact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scatter_m: Option<f64>,
-    /// Before this second it does not answer; it always does where absent.
+    /// Before this second it does not answer; if absent, it always does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub appears_after_s: Option<f64>,
-    /// The pulses that it sends by itself; it answers requests where absent.
+    /// The pulses that it sends by itself; if absent, it answers requests.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pulses: Option<PulseTrain>,
-    /// What it sends at, in MHz, for receivers that are tuned to it; the channel's and 50 kHz more
-    /// for each beacon before it where absent.
+    /// The frequency that it sends at, in MHz, for receivers that are tuned to it; if absent, the
+    /// channel's and 50 kHz more for each beacon before it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frequency_mhz: Option<f64>,
-    /// The moment of its coil, for receivers of the magnetic field near it; they receive nothing of
-    /// it where absent.
+    /// The moment of its coil, for receivers of the magnetic field near it; if absent, they receive
+    /// nothing of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dipole: Option<DipoleConfig>,
 }
@@ -82,21 +82,21 @@ pub struct BeaconConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PulseTrain {
-    /// How long one lasts, in seconds.
+    /// Duration of a pulse, in seconds.
     pub pulse_s: f64,
-    /// From one to the next, in seconds.
+    /// Time from one pulse to the next, in seconds.
     pub interval_s: f64,
-    /// How far each may be from its place on the raster at most, in seconds, evenly; 0 unless
-    /// given. The same in every world.
+    /// The most by which a pulse may be off its place on the raster, in seconds, evenly
+    /// distributed; 0 unless given. Equal in all worlds.
     #[serde(default)]
     pub jitter_s: f64,
-    /// When the first one begins, in seconds; 0 unless given.
+    /// Time when the first pulse begins, in seconds; 0 unless given.
     #[serde(default)]
     pub phase_s: f64,
 }
 
 impl PulseTrain {
-    /// When the first pulse ends that ends after a time, in seconds.
+    /// Returns the end of the first pulse that ends after a time, in seconds.
     #[must_use]
     pub fn end_after(&self, time: f64) -> f64 {
         let mut number = ((time - self.phase_s) / self.interval_s).floor().max(1.0) - 1.0;
@@ -109,7 +109,7 @@ impl PulseTrain {
         }
     }
 
-    /// When the pulse of a number, from 0, ends.
+    /// Returns the end of the pulse of a number, counted from 0.
     fn end(&self, number: f64) -> f64 {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(number.to_bits());
         let jitter = self.jitter_s * rng.random_range(-1.0..=1.0);
@@ -129,8 +129,8 @@ impl PulseTrain {
 }
 
 impl BeaconConfig {
-    /// Where it is after `time` seconds: East, North and Up in metres; the middle of its scatter
-    /// where it has one ([`WorldConfig::drawn_beacons`]).
+    /// The beacon's place after `time` seconds: East, North and Up in metres; the middle of its
+    /// scatter where it has one ([`WorldConfig::drawn_beacons`]).
     #[must_use]
     pub fn place_at(&self, time: f64) -> Vector3<f64> {
         let start = Vector2::new(self.east_m, self.north_m);
@@ -152,7 +152,7 @@ impl BeaconConfig {
         self.pulses.map_or(Ok(()), |pulses| pulses.check().map_err(|e| e.within("pulses")))
     }
 
-    /// How fast it moves after `time` seconds: East, North and Up in metres per second.
+    /// The beacon's velocity after `time` seconds: East, North and Up in metres per second.
     #[must_use]
     pub fn velocity_at(&self, time: f64) -> Vector3<f64> {
         let start = Vector2::new(self.east_m, self.north_m);
@@ -160,19 +160,19 @@ impl BeaconConfig {
         velocity.unwrap_or_default().push(0.0)
     }
 
-    /// When it answers a request of a time whose answer takes `latency` seconds.
+    /// The time of its answer to a request at `time`, if an answer takes `latency` seconds.
     #[inline]
     pub(crate) fn answer_after(&self, time: f64, latency: f64) -> f64 {
         self.pulses.map_or(time + latency, |pulses| pulses.end_after(time))
     }
 
-    /// Whether it sends at a time where it is listened to without a request.
+    /// Returns true if it sends at a time where it is listened to without a request.
     pub(crate) fn sends_at(&self, time: f64) -> bool {
         let on_air = |pulses: PulseTrain| pulses.end_after(time) - pulses.pulse_s <= time;
         self.answers_at(time) && self.pulses.is_none_or(on_air)
     }
 
-    /// Whether it answers at the time `time`.
+    /// Returns true if it answers at the time `time`.
     #[must_use]
     #[inline]
     pub fn answers_at(&self, time: f64) -> bool {
@@ -193,7 +193,7 @@ pub struct DroneConfig {
     /// Height in metres; 0 unless given.
     #[serde(default)]
     pub up_m: f64,
-    /// Where the nose points, in degrees counter-clockwise from East, until it is ordered to turn;
+    /// Direction of the nose, in degrees counter-clockwise from East, until it is ordered to turn;
     /// 0 unless given.
     #[serde(default)]
     pub heading_deg_ccw_from_east: f64,
@@ -201,19 +201,19 @@ pub struct DroneConfig {
     /// that never delivers anything, absent for one that always does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub silent_after_s: Option<f64>,
-    /// When its radio receives nothing besides.
+    /// Further times when its radio receives nothing.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub silent: Vec<Interval>,
-    /// When it hovers where it is; what it is ordered meanwhile it does afterwards, the last order
-    /// alone. It turns all the same.
+    /// Times when it hovers where it is; orders that come meanwhile wait until the end, the last
+    /// one alone. It turns all the same.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stuck: Vec<Interval>,
-    /// When nobody has a link to it: it reports no pose and takes no order, and flies on to where
+    /// Times without any link to it: it reports no pose and takes no order, and flies on to where
     /// it was last sent.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub lost: Vec<Interval>,
-    /// How much later its sweeps come than they are finished, in seconds; 0 unless given. A source
-    /// has to be made so ([`World::late`](crate::World::late)).
+    /// Delay of its sweeps after their end, in seconds; 0 unless given. A source has to be made so
+    /// ([`World::late`](crate::World::late)).
     #[serde(default, skip_serializing_if = "is_zero")]
     pub late_s: f64,
 }
@@ -237,12 +237,13 @@ impl DroneConfig {
     }
 }
 
-/// Whether a number with the default 0 was left at it.
+/// Returns true if a number with the default 0 was left at it.
 fn is_zero(value: &f64) -> bool {
     value.abs() <= 0.0
 }
 
-/// Sets the generator that scatters beacons apart from those of the drones and fields.
+/// A number that separates the generator that scatters beacons from the generators of the drones
+/// and fields.
 const SCATTER: u64 = 0x5ca7_7e12_ed00_0000;
 
 impl WorldConfig {

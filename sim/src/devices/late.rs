@@ -11,7 +11,7 @@ use crate::truth::is_due;
 pub struct LateSource<S> {
     on_board: OnBoard,
     source: S,
-    /// In seconds.
+    /// The delay in seconds.
     delay: f64,
     /// Sweeps on the way, and when each comes.
     under_way: VecDeque<(f64, OwnedSweep)>,

@@ -35,7 +35,7 @@ impl OnBoard {
     ///
     /// # Errors
     ///
-    /// [`SimError::Link`] while there is none.
+    /// [`SimError::Link`] while there is no link.
     #[inline]
     pub(super) fn over_link<T>(
         &self,

@@ -10,7 +10,7 @@ use crate::{
 #[derive(Clone, Debug)]
 pub struct SimRadio {
     pub(crate) on_board: OnBoard,
-    /// Whether it is at the antenna of the channel; otherwise at an omnidirectional one.
+    /// True if it is at the antenna of the channel; otherwise it is at an omnidirectional one.
     pub(crate) directional: bool,
 }
 
@@ -29,7 +29,8 @@ impl Radio for SimRadio {
     fn request(&mut self, beacon: BeaconId) -> Result<(), SimError> {
         self.on_board.with_truth(|truth, drone| {
             let Truth { time, channel, beacons, drones, .. } = truth;
-            let (to, drone) = (beacon_of(beacons, beacon)?, &mut drones[drone]);
+            let to = beacon_of(beacons, beacon)?;
+            let drone = &mut drones[drone];
             let now = drone.time(*time);
             drone.request(channel, beacon, to, self.port(), now);
             Ok(())
@@ -38,7 +39,7 @@ impl Radio for SimRadio {
 
     /// # Errors
     ///
-    /// Those of [`request`](Self::request).
+    /// The errors of [`request`](Self::request).
     fn interrogate(
         &mut self,
         beacon: BeaconId,

@@ -25,20 +25,20 @@ pub struct EmulatedArDrone<A, N> {
     on_board: OnBoard,
     now: f64,
     pose: Pose,
-    /// Where its nose was when it was switched on.
+    /// Heading when it was switched on.
     began: f64,
     /// East and North in metres per second, of the body.
     speed: Vector2<f64>,
     flight: FlightState,
     emergency: bool,
-    /// Whether an emergency order was received since the last one that was none.
+    /// True if the last reference order was an emergency order: only the first in a row acts.
     emergency_held: bool,
     configured: bool,
-    /// What it is to do: roll, pitch, climb and yaw, in shares.
+    /// Its orders: roll, pitch, climb and yaw, in shares.
     shares: [f64; 4],
     incoming: f64,
     last_sequence: u32,
-    /// Whether somebody requested navdata.
+    /// True if somebody requested navdata.
     requested: bool,
     sent: f64,
     navdata_sequence: u32,
@@ -49,16 +49,16 @@ pub struct EmulatedArDrone<A, N> {
 /// Speed over ground with full tilt, in metres per second.
 const FULL_TILT_MPS: f64 = 4.0;
 
-/// After so long its speed follows its tilt, in seconds.
+/// The delay with which its speed follows its tilt, in seconds.
 const FOLLOWING_S: f64 = 0.4;
 
-/// Without orders for so long it hovers, in seconds.
+/// Time without orders after which it hovers, in seconds.
 const WATCHDOG_S: f64 = 0.5;
 
-/// It climbs so high by itself, in metres.
+/// The height to which it climbs by itself, in metres.
 const TAKE_OFF_UP_M: f64 = 1.0;
 
-/// Between one datagram of navdata and the next, in seconds.
+/// Time from one datagram of navdata to the next, in seconds.
 const REPORT_INTERVAL_S: f64 = 1.0 / 15.0;
 
 /// Its battery, in percent.

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Interval, SimClock};
 
-/// What is wrong with a cable, and when, in seconds of the world's time.
+/// The faults of a cable, with their times in seconds of the world's time.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CableFaults {
@@ -20,7 +20,7 @@ pub struct CableFaults {
 
 /// A port with a name outside, such as a pseudo-terminal's.
 pub trait Port<S> {
-    /// Opens it anew, after its cable was put back.
+    /// Opens the port again after its cable was put back.
     ///
     /// # Errors
     ///

@@ -36,12 +36,13 @@ pub struct Quadrotor {
     /// The time that has passed since the last step.
     since: f64,
     path_length: f64,
-    /// How fast it is ordered to fly over ground, in metres per second.
+    /// The ordered speed over ground, in metres per second.
     cruise: f64,
 }
 
 impl Quadrotor {
-    /// One that hovers at a pose, which is taken to be level; its gusts are drawn from `gusts`.
+    /// A quadrotor that hovers at a pose, which is taken to be level; its gusts are drawn from
+    /// `gusts`.
     ///
     /// # Errors
     ///
@@ -68,7 +69,7 @@ impl Quadrotor {
         Ok(quadrotor)
     }
 
-    /// Where it is, and how it is tilted.
+    /// The drone's place, heading and tilt.
     #[must_use]
     pub fn pose(&self) -> Pose {
         let now = self.state.coasting(self.since);
@@ -76,20 +77,20 @@ impl Quadrotor {
         Pose { position: now.position, heading: angle::wrap(heading), pitch, roll, velocity: None }
     }
 
-    /// How fast it moves, East, North and Up in metres per second.
+    /// The drone's velocity, East, North and Up in metres per second.
     #[must_use]
     pub fn velocity(&self) -> Vector3<f64> {
         self.state.velocity
     }
 
-    /// Where its nose points, in radians counter-clockwise from East, not wrapped: a turn more is
-    /// 2π more.
+    /// The drone's heading, in radians counter-clockwise from East, not wrapped: a turn more is 2π
+    /// more.
     #[must_use]
     pub fn heading(&self) -> f64 {
         self.state.coasting(self.since).attitude.x
     }
 
-    /// Where it should be: its place and its heading, not wrapped.
+    /// The place and the heading, not wrapped, that the drone should have.
     #[must_use]
     pub fn reference(&self) -> (Vector3<f64>, f64) {
         let Reference { position, velocity, heading, .. } = self.reference;
@@ -136,7 +137,8 @@ impl Quadrotor {
     /// Puts it on the ground below, an Up of 0, level and at rest.
     #[cfg(feature = "emulators")]
     pub(crate) fn put_down(&mut self) {
-        let (mut position, heading) = (self.state.position, self.state.attitude.x);
+        let mut position = self.state.position;
+        let heading = self.state.attitude.x;
         position.z = 0.0;
         let attitude = Vector3::new(heading, 0.0, 0.0);
         self.state = State { position, attitude, ..State::default() };

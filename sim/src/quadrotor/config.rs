@@ -12,7 +12,7 @@ pub struct QuadrotorConfig {
     pub speed_mps: f64,
     /// The most it is ordered to climb or sink, in metres per second.
     pub climb_mps: f64,
-    /// Whether its poses have a velocity; they have none unless given.
+    /// True if its poses have a velocity; false unless given.
     #[serde(skip_serializing_if = "is_false")]
     pub reports_velocity: bool,
     /// The most its ordered speed changes, in m/s².
@@ -28,7 +28,7 @@ pub struct QuadrotorConfig {
     pub drag_per_s: f64,
     /// Steps of dynamics and control in a second.
     pub rate_hz: f64,
-    /// What the autopilot commands.
+    /// The kind of the autopilot's commands.
     pub piloting: Piloting,
     /// The controllers' gains.
     pub gains: Gains,
@@ -36,7 +36,7 @@ pub struct QuadrotorConfig {
     pub wind: WindConfig,
 }
 
-/// What an autopilot commands of the airframe.
+/// The kind of commands that an autopilot gives to the airframe.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -54,13 +54,13 @@ pub enum Piloting {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WindConfig {
-    /// Where it blows to: its East in metres per second.
+    /// East of the wind, the way it blows to, in metres per second.
     pub east_mps: f64,
     /// Its North in metres per second.
     pub north_mps: f64,
     /// σ of the gusts' East and North in metres per second.
     pub gust_sigma_mps: f64,
-    /// After how long a gust is another one, in seconds.
+    /// Time after which a gust is another one, in seconds.
     pub gust_time_s: f64,
 }
 

@@ -16,7 +16,7 @@ pub(super) struct Controller {
     heading: f64,
 }
 
-/// How quick the controllers on board of an AR.Drone make a commanded rate true, per second.
+/// The rate at which controllers on board of an AR.Drone make a commanded rate true, per second.
 const ON_BOARD: f64 = 5.0;
 
 /// The commanded rate for an acceleration of `proportional` − `damping` · `rate` by controllers
@@ -25,13 +25,13 @@ fn commanded(proportional: f64, damping: f64, rate: f64) -> f64 {
     proportional / ON_BOARD - (damping / ON_BOARD - 1.0) * rate
 }
 
-/// What the controllers on board make of it: an acceleration.
+/// The acceleration that the controllers on board make of a commanded rate.
 fn on_board(commanded: f64, rate: f64) -> f64 {
     ON_BOARD * (commanded - rate)
 }
 
 impl Controller {
-    /// What the rotors shall do over the next `dt` seconds.
+    /// The commands to the rotors for the next `dt` seconds.
     pub(super) fn command(
         &mut self,
         config: &QuadrotorConfig,
@@ -48,8 +48,10 @@ impl Controller {
         // The commanded tilt lies along the heading and across it (eq. 25), so it turns with the
         // body: the other way round, and that is its rate.
         let wanted = self.accelerate(config, reference, state, dt);
-        let (sin, cos) = (libm::sin(heading), libm::cos(heading));
-        let (forward, left) = (wanted.x * cos + wanted.y * sin, wanted.y * cos - wanted.x * sin);
+        let sin = libm::sin(heading);
+        let cos = libm::cos(heading);
+        let forward = wanted.x * cos + wanted.y * sin;
+        let left = wanted.y * cos - wanted.x * sin;
         let pitched = -libm::atan(forward / GRAVITY);
         let rolled = -libm::atan(left * libm::cos(pitched) / GRAVITY);
         let tilting = Vector2::new(turning * rolled, -turning * pitched);
@@ -71,7 +73,8 @@ impl Controller {
         let gains = &config.gains;
         let error = reference.position.z - state.position.z;
         let climb = state.velocity.z;
-        let (p, d) = (gains.altitude_p * error, gains.altitude_d);
+        let p = gains.altitude_p * error;
+        let d = gains.altitude_d;
         let ahead = d * reference.velocity.z + reference.acceleration.z;
         match config.piloting {
             Piloting::Forces => p - d * climb + ahead,
@@ -118,8 +121,10 @@ impl Controller {
         dt: f64,
     ) -> f64 {
         let gains = &config.gains;
-        let (error, rate) = (reference.heading - state.attitude.x, state.rates.x);
-        let (requested, d) = (gains.yaw_p * error + gains.yaw_i * self.heading, gains.yaw_d);
+        let error = reference.heading - state.attitude.x;
+        let rate = state.rates.x;
+        let requested = gains.yaw_p * error + gains.yaw_i * self.heading;
+        let d = gains.yaw_d;
         let wanted = match config.piloting {
             Piloting::Forces => requested - d * rate,
             Piloting::Velocities => on_board(commanded(requested, d, rate), rate),

@@ -15,7 +15,7 @@ pub(super) struct State {
     pub(super) rates: Vector3<f64>,
 }
 
-/// What the rotors do, held over a step.
+/// The inputs of the rotors and the air, held over a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Inputs {
     /// Thrust over mass, along the body's up axis, in m/s².
@@ -37,8 +37,10 @@ impl State {
     /// z̈ = u cos θ cos φ − g, and ψ̈, θ̈, φ̈ = τ.
     fn derivative(&self, inputs: &Inputs) -> Self {
         let [heading, pitch, roll] = self.attitude.into();
-        let (forward, left) = (-libm::sin(pitch) * libm::cos(roll), -libm::sin(roll));
-        let (sin, cos) = (libm::sin(heading), libm::cos(heading));
+        let forward = -libm::sin(pitch) * libm::cos(roll);
+        let left = -libm::sin(roll);
+        let sin = libm::sin(heading);
+        let cos = libm::cos(heading);
         let thrust = Vector3::new(
             forward * cos - left * sin,
             forward * sin + left * cos,
@@ -65,7 +67,7 @@ impl State {
             .after(&fourth, dt / 6.0)
     }
 
-    /// Where it is after `dt` seconds of a constant change.
+    /// The state after `dt` seconds of a constant change.
     pub(super) fn after(&self, change: &Self, dt: f64) -> Self {
         Self {
             position: self.position + change.position * dt,
@@ -75,7 +77,7 @@ impl State {
         }
     }
 
-    /// Where it is `dt` seconds later if nothing accelerates it.
+    /// The state `dt` seconds later if nothing accelerates it.
     pub(super) fn coasting(&self, dt: f64) -> Self {
         let change = Self { position: self.velocity, attitude: self.rates, ..Self::default() };
         self.after(&change, dt)

@@ -10,7 +10,7 @@ pub(super) struct Reference {
     pub(super) position: Vector3<f64>,
     pub(super) velocity: Vector3<f64>,
     pub(super) acceleration: Vector3<f64>,
-    /// In radians, not wrapped.
+    /// The heading in radians, not wrapped.
     pub(super) heading: f64,
     /// The slope of its ramp, in radians per second.
     rate: f64,
@@ -18,7 +18,8 @@ pub(super) struct Reference {
 
 impl Reference {
     pub(super) fn holding(position: Vector3<f64>, heading: f64) -> Self {
-        let (velocity, acceleration) = (Vector3::zeros(), Vector3::zeros());
+        let velocity = Vector3::zeros();
+        let acceleration = Vector3::zeros();
         Self { goal: position, position, velocity, acceleration, heading, rate: 0.0 }
     }
 
@@ -31,7 +32,7 @@ impl Reference {
         (self.heading, self.rate) = (heading, rate);
     }
 
-    /// How fast it turns, in radians per second.
+    /// The rate at which it turns, in radians per second.
     pub(super) fn rate(&self) -> f64 {
         self.rate
     }
@@ -49,7 +50,8 @@ impl Reference {
         // The slower of the two sets the pace, so that the line is straight. On the goal, but
         // still moving, any direction will do, as nothing is wanted along it.
         let distance = distance.max(f64::MIN_POSITIVE);
-        let (over_ground, climb) = (way.xy().norm() / distance, way.z.abs() / distance);
+        let over_ground = way.xy().norm() / distance;
+        let climb = way.z.abs() / distance;
         let pace = (over_ground / config.speed_mps).max(climb / config.climb_mps);
         // Nine tenths of what it may do to slow down leave room to correct the course; near the
         // goal no faster than that a step does not pass it.

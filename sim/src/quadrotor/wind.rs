@@ -9,7 +9,7 @@ use super::WindConfig;
 pub(super) struct Wind {
     mean: Vector3<f64>,
     gust: Vector3<f64>,
-    /// What is left of a gust after a step, and σ of what is new in it.
+    /// The share of a gust that is kept after a step, and σ of the new part.
     kept: f64,
     fresh: Vector3<f64>,
     rng: Xoshiro256PlusPlus,

@@ -7,7 +7,7 @@ use super::carried::Carried;
 use super::kinematics::Kinematics;
 use crate::{Quadrotor, SimError, VehicleConfig};
 
-/// What a drone flies with.
+/// The body that a drone flies with.
 #[derive(Clone, Debug)]
 pub(crate) enum Body {
     Kinematic(Kinematics),
@@ -40,7 +40,7 @@ impl Body {
         }
     }
 
-    /// How fast it moves, East, North and Up in metres per second.
+    /// The body's velocity, East, North and Up in metres per second.
     pub(crate) fn velocity(&self) -> Vector3<f64> {
         match self {
             Self::Kinematic(body) => body.velocity(),
@@ -50,7 +50,8 @@ impl Body {
         }
     }
 
-    /// Whether it stays as it is until it is ordered to move. A quadrotor never does: it hovers.
+    /// Returns true if it stays as it is until it is ordered to move. A quadrotor never does: it
+    /// hovers.
     #[inline]
     pub(super) fn rests(&self) -> bool {
         match self {
@@ -61,8 +62,8 @@ impl Body {
         }
     }
 
-    /// How fast it moves, East, North and Up in metres per second, and for how many seconds it goes
-    /// on so; `None` where that is not known.
+    /// The body's velocity, East, North and Up in metres per second, and for how many seconds it
+    /// goes on so; `None` if that is not known.
     pub(super) fn steady_motion(&self) -> Option<(Vector3<f64>, f64)> {
         match self {
             Self::Kinematic(body) => body.steady_motion(),
@@ -72,7 +73,7 @@ impl Body {
         }
     }
 
-    /// Where its nose points, a turn more being 2π more.
+    /// The body's heading, a turn more being 2π more.
     pub(super) fn heading(&self) -> f64 {
         match self {
             Self::Kinematic(body) => body.heading(),

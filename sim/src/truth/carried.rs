@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Carried {
     pose: Pose,
-    /// Not wrapped.
+    /// The heading, not wrapped.
     heading: f64,
     path_length: f64,
 }
@@ -27,12 +27,12 @@ impl Carried {
         self.pose
     }
 
-    /// Where its nose points, a turn more being 2π more.
+    /// The body's heading, a turn more being 2π more.
     pub(super) fn heading(&self) -> f64 {
         self.heading
     }
 
-    /// How fast it moves by its last pose; zero where that does not have it.
+    /// The velocity of the last pose; zero if the pose has none.
     pub(super) fn velocity(&self) -> Vector3<f64> {
         self.pose.velocity.unwrap_or_default()
     }

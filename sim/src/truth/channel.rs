@@ -10,7 +10,7 @@ use rand::rngs::Xoshiro256PlusPlus;
 use super::{Port, shadowing::ShadowingField};
 use crate::{ChannelConfig, DeadZoneConfig, PathLossConfig, ReliefConfig, SimError, TwoRayConfig};
 
-/// In metres per second.
+/// Speed of light in metres per second.
 const SPEED_OF_LIGHT: f64 = 299_792_458.0;
 
 /// The radio channel: what every sample goes through. Its random numbers are drawn by the
@@ -19,21 +19,21 @@ const SPEED_OF_LIGHT: f64 = 299_792_458.0;
 pub(crate) struct Channel {
     law: Law,
     pub(super) frequency_mhz: f64,
-    /// In metres.
+    /// The wavelength in metres.
     wavelength: f64,
     /// 2π over the wavelength.
     pub(super) wave_number: f64,
     antenna: SharedAntenna,
     mean_gain_db: f64,
-    /// None where the ground is level.
+    /// Loss over the terrain; `None` if the ground is level.
     terrain: Option<TerrainLoss<SharedTerrain>>,
-    /// One for each beacon; none without shadowing.
+    /// The fields of shadowing, one for each beacon; empty without shadowing.
     shadowing: Vec<ShadowingField>,
     pub(super) reflectors: Vec<Reflector>,
     dead_zones: Vec<DeadZoneConfig>,
     pub(super) pattern_sigma_db: f64,
     pub(super) sample_sigma_db: f64,
-    /// In radians.
+    /// σ of a pattern's bearing, in radians.
     pub(super) bearing_sigma: f64,
     pub(super) patterns_stay: bool,
     pub(super) noise_dbm: Option<f64>,
@@ -59,7 +59,7 @@ pub(super) struct Reflector {
 
 impl Channel {
     /// The channel of a configuration that was checked but for its antenna and its law, over a
-    /// terrain, for so many beacons.
+    /// terrain, for a number of beacons.
     pub(crate) fn new(
         config: &ChannelConfig,
         terrain: Option<&ReliefConfig>,
@@ -160,7 +160,7 @@ impl Channel {
         self.floor_dbm.is_none_or(|floor| reading >= floor).then_some(reading)
     }
 
-    /// Whether anything is received at a place.
+    /// Returns true if anything is received at a place.
     pub(super) fn reaches(&self, place: &Vector3<f64>) -> bool {
         !self.dead_zones.iter().any(|zone| zone.contains(place))
     }

@@ -15,7 +15,7 @@ impl Course {
         Self { start: angle, last: angle, forwards: None }
     }
 
-    /// Whether an order to `angle` leads nowhere.
+    /// Returns true if an order to `angle` leads nowhere.
     pub(super) fn stays(&self, angle: f64) -> bool {
         angle.to_bits() == self.last.to_bits()
     }

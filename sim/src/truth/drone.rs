@@ -23,18 +23,19 @@ pub(crate) struct Drone {
     pub(crate) receiver: Receiver,
     pub(crate) failures: DroneConfig,
     course: Course,
-    /// Where it was last sent.
+    /// The goal that it was last sent to.
     order: Option<Vector3<f64>>,
-    /// Whether it hovers where it is instead of going there.
+    /// True if it hovers where it is instead of going there.
     held: bool,
-    /// Where the antenna was turned by something else than orders, until a request is sent there.
+    /// The angle that the antenna was turned to by something else than orders, until a request is
+    /// sent there.
     turned_to: Option<f64>,
     reports_velocity: bool,
-    /// How far its devices' time has gone, in seconds, where that is ahead of the world's.
+    /// The time of its devices, in seconds, where that is ahead of the world's.
     ahead: f64,
     /// The ground, where it is not level.
     terrain: Option<SharedTerrain>,
-    /// How high the ground is that its body's heights count from, where they do not count from the
+    /// Height of the ground that its body's heights count from, where they do not count from the
     /// ground below.
     launch: Option<f64>,
 }
@@ -67,7 +68,7 @@ impl Drone {
         })
     }
 
-    /// Where it is; Up is its height above the ground below.
+    /// Its pose; Up is its height above the ground below.
     #[inline]
     pub(crate) fn pose(&self) -> Pose {
         let mut pose = self.body.pose();
@@ -77,7 +78,7 @@ impl Drone {
         pose
     }
 
-    /// How high the ground is below a place; `None` where that is not known.
+    /// Height of the ground below a place; `None` if that is not known.
     fn ground(&self, place: &Vector3<f64>) -> Option<f64> {
         self.terrain.as_ref()?.height(&place.xy())
     }
@@ -139,7 +140,7 @@ impl Drone {
         }
     }
 
-    /// Whether it stays where it is until it is ordered to move.
+    /// Returns true if it stays where it is until it is ordered to move.
     #[inline]
     pub(crate) fn rests(&self) -> bool {
         self.body.rests() && self.failures.stuck.is_empty()
@@ -158,14 +159,14 @@ impl Drone {
         self.body.advance(dt);
     }
 
-    /// Whether anyone has a link to it.
+    /// Returns true if anyone has a link to it.
     #[inline]
     pub(crate) fn is_linked(&self, now: f64) -> bool {
         !self.failures.lost.iter().any(|lost| lost.contains(now))
     }
 
-    /// How it goes on, and until when, unless it is sent somewhere; `None` where that changes at
-    /// any moment.
+    /// Its motion, and until when it goes on so, unless it is sent somewhere; `None` if the motion
+    /// changes at any moment.
     pub(crate) fn steady_motion(&self, now: f64) -> Option<SteadyMotion> {
         let DroneConfig { stuck, lost, .. } = &self.failures;
         let held = stuck.iter().any(|stuck| stuck.contains(now));
@@ -180,7 +181,7 @@ impl Drone {
         Some(SteadyMotion { velocity, until: changes.fold(now + left_s, f64::min) })
     }
 
-    /// Whether its radio works.
+    /// Returns true if its radio works.
     #[inline]
     fn receives(&self, now: f64) -> bool {
         self.failures.silent_after_s.is_none_or(|silent| now < silent)
@@ -315,7 +316,8 @@ impl Drone {
         receiver: &ThreeAxisConfig,
         now: f64,
     ) -> Option<Vector3<f64>> {
-        let (pose, place) = (self.pose(), beacon.place_at(now));
+        let pose = self.pose();
+        let place = beacon.place_at(now);
         // What is drawn does not depend on what is received.
         let (noise, sign) = self.receiver.field_noise();
         let moment = beacon.dipole?.moment();
@@ -372,7 +374,8 @@ impl Drone {
             return last;
         }
         let receiver = self.pose();
-        let (to, spun) = (beacon.place_at(sent), self.body.heading());
+        let to = beacon.place_at(sent);
+        let spun = self.body.heading();
         let arrival = Arrival { beacon: id, receiver, to, turned, spun, port };
         self.receiver.signal(channel, &arrival, still)
     }

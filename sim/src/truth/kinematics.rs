@@ -7,35 +7,36 @@ use crate::{KinematicConfig, SimError};
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Kinematics {
     limits: KinematicConfig,
-    /// How fast it is ordered to fly over ground, in metres per second.
+    /// The ordered speed over ground, in metres per second.
     cruise: f64,
     pose: Pose,
-    /// Not wrapped.
+    /// The heading, not wrapped.
     heading: f64,
-    /// How fast it turns, in radians per second.
+    /// The rate at which it turns, in radians per second.
     rate: f64,
     goal: Vector3<f64>,
     leg: Leg,
-    /// Whether it is at its goal and does not turn.
+    /// True if it is at its goal and does not turn.
     rests: bool,
     path_length: f64,
 }
 
-/// How it flies to its goal from where it is.
+/// The flight to its goal from where it is.
 #[derive(Clone, Copy, Debug, Default)]
 struct Leg {
     /// East, North and Up in metres per second.
     velocity: Vector3<f64>,
     /// The norm of that.
     speed: f64,
-    /// For how many seconds it goes on so: 0 at the goal.
+    /// Time that it goes on so, in seconds: 0 at the goal.
     left_s: f64,
 }
 
 impl Kinematics {
     /// A body that stays at `pose` until it is sent elsewhere.
     pub(super) fn new(limits: KinematicConfig, pose: Pose) -> Self {
-        let (goal, heading) = (pose.position, pose.heading);
+        let goal = pose.position;
+        let heading = pose.heading;
         let cruise = limits.speed_mps;
         let leg = Leg::default();
         Self { limits, cruise, pose, heading, rate: 0.0, goal, leg, rests: true, path_length: 0.0 }
@@ -46,13 +47,13 @@ impl Kinematics {
         self.pose
     }
 
-    /// Whether it is at its goal and does not turn.
+    /// Returns true if it is at its goal and does not turn.
     #[inline]
     pub(super) fn rests(&self) -> bool {
         self.rests
     }
 
-    /// Where its nose points, a turn more being 2π more.
+    /// The body's heading, a turn more being 2π more.
     pub(super) fn heading(&self) -> f64 {
         self.heading
     }
@@ -92,12 +93,12 @@ impl Kinematics {
         self.leg = self.straight_to_goal();
     }
 
-    /// How fast it moves, East, North and Up in metres per second.
+    /// The body's velocity, East, North and Up in metres per second.
     pub(crate) fn velocity(&self) -> Vector3<f64> {
         self.leg.velocity
     }
 
-    /// How fast it moves, and for how many seconds it goes on so; `None` while it turns.
+    /// The body's velocity, and for how many seconds it goes on so; `None` while it turns.
     pub(super) fn steady_motion(&self) -> Option<(Vector3<f64>, f64)> {
         if self.rests {
             return Some((Vector3::zeros(), f64::INFINITY));
@@ -178,7 +179,8 @@ mod tests {
         let mut body = body();
         assert_eq!(body.velocity(), Vector3::zeros());
         body.go_to(Vector3::new(4.0, 6.0, 4.0)).expect("a place");
-        let (velocity, before) = (body.velocity(), body.pose().position);
+        let velocity = body.velocity();
+        let before = body.pose().position;
         body.advance(0.5);
         assert!(((body.pose().position - before) / 0.5 - velocity).norm() < 1e-12);
         body.advance(10.0);

@@ -1,4 +1,4 @@
-//! What is true: the state of a world that its devices share.
+//! The truth: the state of a world that its devices share.
 
 mod body;
 #[cfg(feature = "emulators")]
@@ -30,7 +30,7 @@ use crate::{BeaconConfig, SimError};
 pub(crate) struct Truth {
     /// Seconds since the beginning.
     pub(crate) time: f64,
-    /// How far its drones' clocks may go ahead of it.
+    /// The time that its drones' clocks may go ahead of it.
     pub(crate) free: Free,
     pub(crate) channel: Channel,
     pub(crate) beacons: Vec<BeaconConfig>,
@@ -47,18 +47,18 @@ pub(crate) fn beacon_of(beacons: &[BeaconConfig], id: BeaconId) -> Result<&Beaco
     beacons.get(usize::from(id.0)).ok_or_else(error)
 }
 
-/// From the frequency of one beacon to that of the next where none are given, in MHz.
+/// Spacing of the frequencies of beacons without a given one, in MHz.
 const SPACING_MHZ: f64 = 0.05;
 
 impl Truth {
-    /// What a beacon sends at, in MHz.
+    /// The frequency that a beacon sends at, in MHz.
     pub(crate) fn frequency_mhz(&self, beacon: BeaconId) -> Option<f64> {
         let own = self.beacons.get(usize::from(beacon.0))?.frequency_mhz;
         let spaced = || self.channel.frequency_mhz + SPACING_MHZ * f64::from(beacon.0);
         Some(own.unwrap_or_else(spaced))
     }
 
-    /// Whether every drone stays where it is until it is sent somewhere.
+    /// Returns true if every drone stays where it is until it is sent somewhere.
     pub(crate) fn rests(&self) -> bool {
         self.drones.iter().all(Drone::rests)
     }

@@ -12,12 +12,12 @@ pub(super) struct Path {
     to: Vector3<f64>,
     /// The level over a level turn of the antenna.
     pub(super) level_dbm: f64,
-    /// Of the reflected waves: where from, amplitude and phase over the direct one.
+    /// The reflected waves: the way that each comes from, amplitude and phase over the direct one.
     reflected: Vec<(Vector3<f64>, f64, f64)>,
 }
 
-/// Where the waves of a path come from in the body's own frame: what does not change while neither
-/// moves nor the body turns, whatever its antenna does.
+/// The directions that the waves of a path come from in the body's own frame: what does not change
+/// while neither moves nor the body turns, whatever its antenna does.
 #[derive(Clone, Debug)]
 pub(super) struct Arrivals {
     pose: Pose,
@@ -28,7 +28,7 @@ pub(super) struct Arrivals {
 }
 
 impl Path {
-    /// From the receiver at `from` to the beacon at `to`.
+    /// The path from the receiver at `from` to the beacon at `to`.
     pub(super) fn new(
         channel: &Channel,
         beacon: usize,
@@ -49,12 +49,12 @@ impl Path {
         self.beacon
     }
 
-    /// Whether receiver and beacon are still there.
+    /// Returns true if receiver and beacon are still there.
     pub(super) fn is_between(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> bool {
         self.from == *from && self.to == *to
     }
 
-    /// Where its waves come from at a receiver in a pose.
+    /// The arrivals of its waves at a receiver in a pose.
     pub(super) fn arrivals(&self, pose: &Pose) -> Arrivals {
         let arrival = |sight: &Vector3<f64>| {
             let body = pose.to_body(sight);
@@ -71,7 +71,7 @@ impl Path {
 }
 
 impl Arrivals {
-    /// Whether they are those of a receiver in a pose.
+    /// Returns true if the arrivals belong to a receiver in a pose.
     pub(super) fn are_at(&self, pose: &Pose) -> bool {
         self.pose == *pose
     }

@@ -3,9 +3,9 @@ use foxhunt_sensors::Antenna;
 /// The antenna that a signal comes in through.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Port<'a> {
-    /// That of the channel.
+    /// The antenna of the channel.
     Directional,
-    /// One with the same gain in all directions, the mean of that of the channel.
+    /// An antenna with the same gain in all directions, the mean of that of the channel.
     Omnidirectional,
     /// A user's own.
     Own(&'a dyn Antenna),

@@ -20,7 +20,7 @@ const SAME_PLACE: f64 = 0.5;
 #[derive(Debug)]
 pub(crate) struct Receiver {
     streams: Streams,
-    /// From a request to its answer, in seconds.
+    /// Time from a request to its answer, in seconds.
     latency: f64,
     /// The present ones, of different beacons.
     patterns: Vec<Pattern>,
@@ -36,30 +36,30 @@ pub(crate) struct Receiver {
 pub(super) struct Arrival<'a> {
     pub(super) beacon: BeaconId,
     pub(super) receiver: Pose,
-    /// Where the beacon is.
+    /// The beacon's place.
     pub(super) to: Vector3<f64>,
-    /// How far the antenna is turned from the nose, in radians.
+    /// Angle of the antenna from the nose, in radians.
     pub(super) turned: f64,
-    /// How far the body has turned about up since the beginning, in radians.
+    /// The angle by which the body has turned about up since the beginning, in radians.
     pub(super) spun: f64,
-    /// Through which antenna.
+    /// The antenna that it comes in through.
     pub(super) port: Port<'a>,
 }
 
-/// What comes in of a beacon at a place, but for each sample's own noise.
+/// The signal of a beacon at a place, but for each sample's own noise.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Signal {
     pub(super) power_dbm: f64,
-    /// Whether anything is received at the place.
+    /// True if anything is received at the place.
     pub(super) reaches: bool,
 }
 
-/// What the samples of one pattern share.
+/// The draws that the samples of one pattern share.
 #[derive(Clone, Copy, Debug)]
 struct Pattern {
     beacon: BeaconId,
     place: Vector3<f64>,
-    /// How far the body had turned when it began.
+    /// The angle by which the body had turned when it began.
     spun: f64,
     offset_db: f64,
     bearing_error: f64,
@@ -82,7 +82,7 @@ struct Look {
     turned: f64,
     port: Port<'static>,
     signal: Signal,
-    /// Which way the signal comes, and in which pattern.
+    /// The index of the signal's way, and its pattern.
     way: usize,
     pattern: Pattern,
 }
@@ -90,7 +90,7 @@ struct Look {
 /// The answer to a request.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Answer {
-    /// When it comes.
+    /// The time when it comes.
     pub(super) time: f64,
     pub(super) rss_dbm: f64,
 }
@@ -110,7 +110,7 @@ impl Receiver {
         Self { streams, latency, patterns: Vec::new(), ways: Vec::new(), last: None, answer: None }
     }
 
-    /// From a request to its answer, in seconds.
+    /// Time from a request to its answer, in seconds.
     pub(crate) fn latency(&self) -> f64 {
         self.latency
     }
@@ -204,8 +204,8 @@ impl Receiver {
         (!lost).then_some(power_dbm + channel.sample_sigma_db * noise)
     }
 
-    /// What comes in but for each sample's own noise; kept for the next sample of a drone that
-    /// stays.
+    /// The signal that comes in but for each sample's own noise; kept for the next sample of a
+    /// drone that stays.
     pub(super) fn signal(
         &mut self,
         channel: &Channel,
@@ -222,7 +222,7 @@ impl Receiver {
         signal
     }
 
-    /// When the answer that is on its way comes; infinite where none is.
+    /// The time of the answer that is on its way; infinite if there is no such answer.
     pub(crate) fn answers_at(&self) -> f64 {
         self.answer.map_or(f64::INFINITY, |answer| answer.time)
     }
@@ -232,9 +232,10 @@ impl Receiver {
         self.answer.take_if(|answer| is_due(answer.time, now)).map(|answer| answer.rss_dbm)
     }
 
-    /// Which of the ways is that of a signal.
+    /// The index of a signal's way.
     fn way(&mut self, channel: &Channel, arrival: &Arrival<'_>) -> usize {
-        let (beacon, receiver) = (usize::from(arrival.beacon.0), &arrival.receiver);
+        let beacon = usize::from(arrival.beacon.0);
+        let receiver = &arrival.receiver;
         let way = || {
             let path = Path::new(channel, beacon, receiver.position, arrival.to);
             let arrivals = path.arrivals(receiver);

@@ -4,8 +4,8 @@ use rand_distr::StandardNormal;
 
 use crate::ShadowingConfig;
 
-/// How many waves make a field. The correlation of one field about e^(−d/D) errs by about their
-/// number's inverse root.
+/// The number of waves that make a field. The correlation of one field about e^(−d/D) errs by about
+/// the inverse root of this number.
 const WAVES: usize = 256;
 
 /// A Gaussian field over places with an exponential correlation, as a sum of plane waves (Cai &
@@ -16,9 +16,9 @@ const WAVES: usize = 256;
 /// at every place, and over every two, the field has exactly the moments that are requested.
 #[derive(Clone, Debug)]
 pub(super) struct ShadowingField {
-    /// In radians per metre.
+    /// The wave vectors, in radians per metre.
     waves: Vec<Vector3<f64>>,
-    /// Of each wave's cosine and sine, in dB.
+    /// Amplitudes of each wave's cosine and sine, in dB.
     amplitudes: Vec<[f64; 2]>,
 }
 
@@ -27,7 +27,8 @@ impl ShadowingField {
         let mut normal = || -> f64 { rng.sample(StandardNormal) };
         #[expect(clippy::cast_precision_loss, reason = "a few hundred")]
         let scale = config.sigma_db / (WAVES as f64).sqrt();
-        let (mut waves, mut amplitudes) = (Vec::new(), Vec::new());
+        let mut waves = Vec::new();
+        let mut amplitudes = Vec::new();
         for _ in 0..WAVES {
             let direction = Vector3::new(normal(), normal(), normal());
             // A normal vector over a normal number is a Cauchy vector; none is infinitely short.
@@ -61,7 +62,8 @@ mod tests {
         let config = ShadowingConfig { sigma_db: 6.0, correlation_m: 25.0 };
         let place = Vector3::new(-40.0, 17.0, 30.0);
         let aside = [5.0, 25.0, 60.0].map(|d| (d, Vector3::new(0.6 * d, -0.64 * d, 0.48 * d)));
-        let (mut square, mut products) = (0.0, [0.0; 3]);
+        let mut square = 0.0;
+        let mut products = [0.0; 3];
         for seed in 1..=4000 {
             let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
             let field = ShadowingField::draw(&config, &mut rng);

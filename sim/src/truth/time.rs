@@ -10,7 +10,7 @@ pub(crate) fn is_due(at: f64, now: f64) -> bool {
 pub(crate) struct Free {
     /// Its end, in seconds.
     pub(crate) until: f64,
-    /// From one moment at which devices may be polled to the next, in seconds.
+    /// Time from one moment at which devices may be polled to the next, in seconds.
     pub(crate) step: f64,
 }
 

@@ -3,7 +3,7 @@ use super::time::is_due;
 /// An antenna's motor: it turns at constant speed to where it was last ordered.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Turntable {
-    /// In radians per second.
+    /// Its speed in radians per second.
     speed: f64,
     from: f64,
     to: f64,
@@ -31,7 +31,7 @@ impl Turntable {
         (self.from, self.to, self.departure, self.arrival) = (angle, angle, now, now);
     }
 
-    /// Where it is, in radians.
+    /// Its angle, in radians.
     pub(super) fn angle(&self, now: f64) -> f64 {
         self.standing(now).unwrap_or_else(|| {
             let turned = (now - self.departure) * self.speed;
@@ -39,13 +39,13 @@ impl Turntable {
         })
     }
 
-    /// When it comes to a standstill; infinite where it stands.
+    /// The time when it comes to a standstill; infinite if it stands.
     #[inline]
     pub(crate) fn stands_at(&self, now: f64) -> f64 {
         if is_due(self.arrival, now) { f64::INFINITY } else { self.arrival }
     }
 
-    /// Where it stands; `None` while it turns.
+    /// The angle at which it stands; `None` while it turns.
     #[inline]
     pub(crate) fn standing(&self, now: f64) -> Option<f64> {
         is_due(self.arrival, now).then_some(self.to)

@@ -65,8 +65,8 @@ fn both_kinds_of_body_keep_the_laws_of_a_source() {
     }
 }
 
-/// Where the sample's power is what its own place, boresight and time make of it, nothing was
-/// attributed to another moment.
+/// A sample's power follows from its own place, boresight and time: nothing is attributed to
+/// another moment.
 #[test]
 fn samples_taken_in_flight_belong_to_where_and_when_they_were_taken() {
     let patch = foxhunt_sensors::AntennaConfig::ReferencePatch.build().expect("built in");

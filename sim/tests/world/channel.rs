@@ -14,7 +14,7 @@ use nalgebra::{Vector2, Vector4};
 
 use crate::rig::{Rig, beacon, config, direction, level, omnidirectional, quiet, reflector};
 
-/// What a receiver reads at a power in dBm.
+/// The reading of a receiver at a power in dBm.
 fn read(power_dbm: f64, channel: &ChannelConfig) -> Option<f64> {
     // A metre away the logarithm is 0, and without directions the power is P₀.
     let path_loss = LogDistance::new(power_dbm, 2.0).expect("in range").into();
@@ -145,7 +145,8 @@ fn truth_and_model_agree_on_the_elevation() {
     let law = RssBearing::new(LogDistance::pritzl2018_field());
     let model = WithElevationPattern::new(law, pattern);
     let mut rig = Rig::new(&config(ChannelConfig { antenna, ..quiet() }), 1);
-    let (mut closest, mut without) = (0.0_f64, 0.0_f64);
+    let mut closest = 0.0_f64;
+    let mut without = 0.0_f64;
     for (east, north, up) in [(0.0, 0.0, 0.0), (25.0, 30.0, 10.0), (28.0, 40.0, 30.0)] {
         rig.fly_to(east, north, up);
         let readings = level(&rig.turn(0, 1));
@@ -182,8 +183,10 @@ fn shadowing_belongs_to_places_and_beacons() {
     let mut config = config(channel.clone());
     config.drones.push(DroneConfig::default());
     let world = World::new(&config, 3).expect("in order");
-    let (mut rig, mut other) = (Rig::on(&world, 0), Rig::on(&world, 1));
-    let (first, second) = (rig.receive(0), rig.receive(1));
+    let mut rig = Rig::on(&world, 0);
+    let mut other = Rig::on(&world, 1);
+    let first = rig.receive(0);
+    let second = rig.receive(1);
     assert!((other.receive(0) - first).abs() < 1e-12, "another drone at the same place");
     other.fly_to(100.0, 0.0, 0.0);
     let law = -29.06 - 27.65 * 70.0_f64.hypot(40.0).log10();
@@ -231,7 +234,8 @@ fn a_reflection_beats_with_the_direct_wave_and_comes_from_its_own_direction() {
     let law = -29.06 - 27.65 * 50.0_f64.log10();
     for (angle, rss) in rig.turn(0, 1) {
         let amplitude = |arrival: f64| 10.0_f64.powf(0.05 * patch.gain_db(arrival - angle));
-        let (direct, reflected) = (amplitude(40.0_f64.atan2(30.0)), 0.5 * amplitude(TAU / 2.0));
+        let direct = amplitude(40.0_f64.atan2(30.0));
+        let reflected = 0.5 * amplitude(TAU / 2.0);
         let real = direct + reflected * phase(0.0).cos();
         let sum = 20.0 * real.hypot(reflected * phase(0.0).sin()).log10();
         let expected = law + sum - patch.mean_gain_db(0.0);

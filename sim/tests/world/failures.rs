@@ -176,7 +176,8 @@ fn a_beacon_scatters_as_far_as_is_set() {
     let mut config = config(quiet());
     config.beacons.push(beacon(3.0, -4.0, 1.0));
     config.beacons[0].scatter_m = Some(20.0);
-    let (mut east, mut north) = (Vec::new(), Vec::new());
+    let mut east = Vec::new();
+    let mut north = Vec::new();
     for seed in 0..1000 {
         let world = World::new(&config, seed).expect("in order");
         let place = world.truth(BeaconId(0)).expect("it exists");

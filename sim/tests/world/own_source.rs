@@ -1,4 +1,4 @@
-//! What a user's own source is made of: samples through his own antenna, true places and speeds.
+//! The parts of a user's own source: samples through his own antenna, true places and speeds.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -22,7 +22,7 @@ impl Antenna for Beam {
     }
 }
 
-/// The readings of a radio at these directions, and those of `receive` in the same world.
+/// The readings of a radio at these directions, and the readings of `receive` in the same world.
 fn both(channel: ChannelConfig, boresights: &[f64]) -> [Vec<Option<u64>>; 2] {
     let config = config(channel);
     let antenna = config.channel.antenna.build().expect("in order");

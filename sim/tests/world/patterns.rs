@@ -1,4 +1,4 @@
-//! When an offset and a bearing error are drawn anew.
+//! The times when an offset and a bearing error are newly drawn.
 
 use foxhunt_core::Vehicle;
 use foxhunt_sim::ChannelConfig;

@@ -98,12 +98,12 @@ impl Rig {
         self.radio.poll().expect("it works")
     }
 
-    /// What is readings where everything is readings.
+    /// The reading of a beacon where nothing is lost.
     pub(crate) fn receive(&mut self, beacon: u16) -> f64 {
         self.request(beacon).expect("nothing is lost")
     }
 
-    /// A turn to or fro: the antenna's angles and what was readings there.
+    /// A turn to or fro: the antenna's angles and the readings there.
     pub(crate) fn turn(&mut self, beacon: u16, samples: usize) -> Vec<(f64, f64)> {
         let mut readings = Vec::new();
         for i in 0..POSITIONS {
@@ -122,9 +122,10 @@ pub(crate) fn level(turn: &[(f64, f64)]) -> f64 {
     mean(&turn.iter().map(|(_, rss)| *rss).collect::<Vec<_>>())
 }
 
-/// Where a turn of evenly spread angles points: the phase of its first harmonic.
+/// The direction of a turn of evenly spread angles: the phase of its first harmonic.
 pub(crate) fn direction(turn: &[(f64, f64)]) -> f64 {
-    let (mut east, mut north) = (0.0, 0.0);
+    let mut east = 0.0;
+    let mut north = 0.0;
     for (angle, rss) in turn {
         east += rss * angle.cos();
         north += rss * angle.sin();

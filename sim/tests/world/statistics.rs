@@ -3,7 +3,7 @@ use foxhunt_sim::ChannelConfig;
 
 use crate::rig::{Rig, beacon, config, count, deviation, direction, level, mean, quiet};
 
-/// How many turns; a standard deviation estimated from them is 1.6 % uncertain.
+/// The number of turns; a standard deviation estimated from them is 1.6 % uncertain.
 const TURNS: usize = 2000;
 
 /// Standard errors to either side; chance exceeds them with 5.7 × 10⁻⁷.
@@ -13,7 +13,8 @@ fn assert_deviation(errors: &[f64], sigma: f64) {
     let band = WIDTH * sigma / (2.0 * count(errors)).sqrt();
     let found = deviation(errors);
     assert!((found - sigma).abs() < band, "σ = {found}, not {sigma} ± {band}");
-    let (centre, band) = (mean(errors), WIDTH * sigma / count(errors).sqrt());
+    let centre = mean(errors);
+    let band = WIDTH * sigma / count(errors).sqrt();
     assert!(centre.abs() < band, "mean {centre} beyond ± {band}");
 }
 

@@ -4,7 +4,7 @@ use foxhunt_sim::{ChannelConfig, SimStepper, SimStepperConfig, World};
 
 use crate::rig::{config, omnidirectional, quiet};
 
-/// A world whose steppers take as long as those of the default.
+/// A world whose steppers take as long as the default ones.
 fn world(channel: ChannelConfig) -> World {
     let mut config = config(channel);
     config.stepper = SimStepperConfig::default();

@@ -88,11 +88,13 @@ fn tiles_are_terrain_and_read_once() {
         let mut rig = Rig::new(config, 1);
         [rig.receive(0), rig.receive(1)]
     };
-    let (behind, plain) = (readings(&config), readings(&level));
+    let behind = readings(&config);
+    let plain = readings(&level);
     assert!(plain[0] - behind[0] > 25.0, "{} dB over the ridge", plain[0] - behind[0]);
     assert!((plain[1] - behind[1]).abs() < 1e-9, "along the valley");
     // Copies need the tiles no more; another reach does.
-    let (copy, mut wider) = (config.clone(), config.clone());
+    let copy = config.clone();
+    let mut wider = config.clone();
     drop(tile);
     assert_eq!(readings(&copy).map(f64::to_bits), behind.map(f64::to_bits));
     wider.terrain.as_mut().expect("as above").reach_m = Some(600.0);

@@ -56,9 +56,11 @@ fn config_of(tag: Tag, share: f64) -> WorldConfig {
     config.drones =
         vec![DroneConfig { up_m: UP_M, heading_deg_ccw_from_east, ..DroneConfig::default() }];
     config.beacons.truncate(1);
-    let (beacon, bearing) = (&mut config.beacons[0], TAU * share);
+    let beacon = &mut config.beacons[0];
+    let bearing = TAU * share;
     (beacon.east_m, beacon.north_m) = (RANGE_M * bearing.cos(), RANGE_M * bearing.sin());
-    let (interval_s, jitter_s) = (tag.interval_s, 0.005);
+    let interval_s = tag.interval_s;
+    let jitter_s = 0.005;
     let phase_s = interval_s * (share * 13.0).fract();
     beacon.pulses = Some(PulseTrain { pulse_s: 0.02, interval_s, jitter_s, phase_s });
     let noise_dbm = LogDistance::pritzl2018_field().rss_dbm(RANGE_M.hypot(UP_M)) - tag.e_n0_db;
@@ -69,7 +71,8 @@ fn config_of(tag: Tag, share: f64) -> WorldConfig {
 
 /// Turns towards a tag at bearings and with a nose at random, by a stepper or a body.
 fn turns<S: PatternSource>(tag: Tag, count: u16, seed: u64, source: impl Fn(&World) -> S) -> Turns {
-    let (extractor, mut sum) = (extractor(), Turns::default());
+    let extractor = extractor();
+    let mut sum = Turns::default();
     for turn in 0..count {
         let share = f64::from(turn) / f64::from(count);
         let bearing = TAU * share;
@@ -95,7 +98,8 @@ fn turns<S: PatternSource>(tag: Tag, count: u16, seed: u64, source: impl Fn(&Wor
             _ => sum.without += 1.0,
         }
     }
-    let (all, with) = (f64::from(count), f64::from(count) - sum.without);
+    let all = f64::from(count);
+    let with = f64::from(count) - sum.without;
     Turns {
         nees: sum.nees / with,
         sigma_deg: sum.sigma_deg / with,
@@ -120,9 +124,9 @@ fn stepper(interval_s: f64) -> impl Fn(&World) -> foxhunt_sim::SimStepper {
     move |world| world.stepper(0, config).expect("it exists").with_goal(goal())
 }
 
-/// The mean over `count` turns of (error / σ)² is that of χ² with so many degrees of freedom, over
-/// them: at most 3.3 of its scatter above 1, which one right cell in 1000 is not. It may be less,
-/// as σ grows with residuals that chance made large, but not by more than a half.
+/// Returns true if the mean over `count` turns of (error / σ)² is that of χ² with `count` degrees
+/// of freedom, over them: at most 3.3 of its scatter above 1, which one right cell in 1000 is not.
+/// It may be less, as σ grows with residuals that chance made large, but not by more than a half.
 fn is_honest(turns: &Turns, count: u16) -> bool {
     let scatter = 3.3 * (2.0 / f64::from(count)).sqrt();
     (0.5..1.0 + scatter).contains(&turns.nees)
@@ -199,7 +203,7 @@ fn goals_out_of_range_are_refused_by_name() {
     }
 }
 
-/// What docs/tags.md states: 150 turns a cell, seed 1.
+/// The table in docs/tags.md: 150 turns a cell, seed 1.
 #[test]
 #[ignore = "a table"]
 fn table_of_turns() {

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 
 use super::*;
 
-/// What a test does to its drones while the hunt is on.
+/// Interference of a test with its drones while the hunt is on.
 type Meddle<'a> = dyn FnMut(f64, &mut [Toy]) + 'a;
 
 /// Flies the toy world to its end; `meddle` is called before each look at the devices.
@@ -18,7 +18,7 @@ fn fly_while(
     fly_with_another(config, planner, f64::INFINITY, meddle)
 }
 
-/// Flies it with a second beacon that appears after so many seconds.
+/// Flies it with a second beacon that appears at the given time, in seconds.
 fn fly_with_another(
     config: HuntConfig,
     planner: impl FormationPlanner + 'static,

@@ -1,4 +1,4 @@
-//! What a hunt logs, and what a replay makes of it.
+//! Logs of hunts, and their replays.
 
 use super::*;
 

@@ -1,4 +1,4 @@
-//! What a hunt does when things go wrong, and that its log holds all of it.
+//! Hunts in which things go wrong, and logs that hold all of it.
 
 mod fleets;
 mod logs;

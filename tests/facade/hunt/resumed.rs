@@ -11,12 +11,12 @@ fn stations() -> Vec<Station> {
     stations_of(&toys(&Time::default()))
 }
 
-/// What a log holds.
+/// Contents of a log.
 #[derive(Default)]
 struct Past {
     /// The last estimate of every beacon.
     believed: Vec<(BeaconId, Estimate<2>)>,
-    /// Which drone received what.
+    /// Receptions, each with its drone.
     received: Vec<(usize, Reception)>,
     /// The beacons with a fix.
     found: Vec<BeaconId>,

@@ -185,7 +185,7 @@ impl Flight {
     }
 }
 
-/// One to three damaged bytes, anywhere in a flight of so many.
+/// One to three damaged bytes, anywhere in a flight with these numbers of bytes.
 fn damage(seed: u64, passed: [usize; 2]) -> [Vec<Damage>; 2] {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed ^ 0x5EED);
     let mut damage = [Vec::new(), Vec::new()];

@@ -16,14 +16,14 @@ pub(crate) struct Cable {
     pub(crate) connections: u32,
     /// Bytes that the host reads before anything else.
     pub(crate) noise: Vec<u8>,
-    /// Every so many-th byte from the device is lost.
+    /// One byte in this number from the device is lost.
     pub(crate) loses_every: Option<u32>,
     pub(crate) count: u32,
-    /// So many messages to the device are lost.
+    /// Number of messages to the device that are lost.
     pub(crate) swallows: u32,
     /// Bytes that are damaged, of those to the device and of those from it.
     pub(crate) damage: [Vec<Damage>; 2],
-    /// Bytes that are replaced once, of those sent to the device and of those that come from it.
+    /// Bytes that are replaced once: the ones sent to the device and the ones from it.
     pub(crate) swaps: [Vec<[Vec<u8>; 2]>; 2],
     /// Bytes that were sent to the device, and that came from it.
     pub(crate) passed: [usize; 2],
@@ -183,7 +183,7 @@ impl Rig {
         self.driver.poll()
     }
 
-    /// Waits until the antenna stands, at most so long; returns the reported boresight.
+    /// Waits until the antenna stands, at most this long; returns the reported boresight.
     pub(crate) fn wait(&mut self, seconds: f64) -> Result<f64, FirmataStepperError> {
         let until = self.world.clock().now() + seconds;
         while self.world.clock().now() < until {
@@ -201,7 +201,7 @@ impl Rig {
         (reported, self.truth())
     }
 
-    /// Where the antenna really looks.
+    /// Returns the true direction of the antenna.
     pub(crate) fn truth(&mut self) -> f64 {
         self.truth.poll().expect("it works").expect("it is held")
     }

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum ArDroneCommand {
-    /// `AT*REF`: whether it shall fly, and whether its motors are to stop at once.
+    /// `AT*REF`: orders to fly or land, and to stop the motors at once.
     Reference {
         /// Takes off, or stays in the air; lands, or stays on the ground.
         fly: bool,
@@ -14,22 +14,22 @@ pub enum ArDroneCommand {
     /// `AT*PCMD`: tilts, climbs and turns in shares of what is configured as the most, −1 to 1.
     /// Nothing of it counts while it is not progressive: it hovers.
     Progressive {
-        /// Whether the shares count.
+        /// True if the shares count.
         progressive: bool,
-        /// To the right.
+        /// Share of the tilt to the right.
         roll: f32,
-        /// Backwards: the nose up.
+        /// Share of the tilt backwards: the nose up.
         pitch: f32,
-        /// Upwards.
+        /// Share of the speed upwards.
         climb: f32,
-        /// Clockwise from above.
+        /// Share of the rate of turn, clockwise from above.
         yaw: f32,
     },
     /// `AT*FTRIM`: it stands level now. Not to be sent in the air.
     FlatTrim,
     /// `AT*CTRL`: a request about configuration and state; 5 ends the state after boot.
     Control {
-        /// What is requested.
+        /// The request.
         mode: i32,
         /// Its argument.
         argument: i32,
@@ -59,7 +59,10 @@ impl ArDroneCommand {
     /// Hovering in place, on its own.
     #[must_use]
     pub fn hover() -> Self {
-        let (roll, pitch, climb, yaw) = (0.0, 0.0, 0.0, 0.0);
+        let roll = 0.0;
+        let pitch = 0.0;
+        let climb = 0.0;
+        let yaw = 0.0;
         Self::Progressive { progressive: false, roll, pitch, climb, yaw }
     }
 
@@ -113,7 +116,10 @@ impl ArDroneCommand {
                     let share = f32::from_bits(numbers.next()??.cast_unsigned());
                     (share.abs() <= 1.0).then_some(share)
                 };
-                let (roll, pitch, climb, yaw) = (share()?, share()?, share()?, share()?);
+                let roll = share()?;
+                let pitch = share()?;
+                let climb = share()?;
+                let yaw = share()?;
                 let progressive = flag & 1 != 0;
                 let command = Self::Progressive { progressive, roll, pitch, climb, yaw };
                 return numbers.next().is_none().then_some((sequence, command));
@@ -138,7 +144,7 @@ impl ArDroneCommand {
     }
 }
 
-/// Why a datagram is none of orders.
+/// Reason for refusing a datagram of orders.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ArDroneCommandError {
@@ -171,7 +177,7 @@ pub fn encode_commands(commands: &[ArDroneCommand], sequence: &mut u32) -> Vec<u
 ///
 /// # Errors
 ///
-/// [`ArDroneCommandError`] names what is none; nothing of the datagram is taken then.
+/// [`ArDroneCommandError`] names the text that is no order; nothing of the datagram is taken then.
 pub fn parse_commands(datagram: &[u8]) -> Result<Vec<(u32, ArDroneCommand)>, ArDroneCommandError> {
     let length = datagram.len();
     let text = std::str::from_utf8(datagram).ok().filter(|_| length <= MOST_BYTES);

@@ -1,4 +1,5 @@
-//! What the Parrot AR.Drone 2.0 receives (AT commands, UDP 5556) and sends (navdata, UDP 5554).
+//! Messages that the Parrot AR.Drone 2.0 receives (AT commands, UDP 5556) and sends (navdata, UDP
+//! 5554).
 
 mod command;
 mod navdata;

@@ -15,37 +15,38 @@ pub struct ArDroneNavdata {
 pub struct DroneState(pub u32);
 
 impl DroneState {
-    /// Whether it is off the ground.
+    /// Returns true if the drone is off the ground.
     #[must_use]
     pub fn is_flying(self) -> bool {
         self.bit(0)
     }
 
-    /// Whether it acknowledges a configuration.
+    /// Returns true if the drone acknowledges a configuration.
     #[must_use]
     pub fn acknowledges(self) -> bool {
         self.bit(6)
     }
 
-    /// Whether it has not been configured since it was switched on: the `demo` option is missing.
+    /// Returns true if the drone has not been configured since it was switched on: the `demo`
+    /// option is missing.
     #[must_use]
     pub fn is_in_bootstrap(self) -> bool {
         self.bit(11)
     }
 
-    /// Whether its battery is nearly empty.
+    /// Returns true if the battery is nearly empty.
     #[must_use]
     pub fn is_battery_low(self) -> bool {
         self.bit(15)
     }
 
-    /// Whether nothing has come to it for a while.
+    /// Returns true if the drone has received nothing for a while.
     #[must_use]
     pub fn is_watchdog_set(self) -> bool {
         self.bit(30)
     }
 
-    /// Whether its motors were stopped in an emergency.
+    /// Returns true if the motors were stopped in an emergency.
     #[must_use]
     pub fn is_emergency(self) -> bool {
         self.bit(31)
@@ -60,7 +61,7 @@ impl DroneState {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FlightState {
-    /// Not reported, or by a number that has no name.
+    /// The state is not reported, or has a number without a name.
     Unknown,
     /// On the ground.
     Landed,
@@ -77,23 +78,23 @@ pub enum FlightState {
 pub struct ArDroneDemo {
     /// The state of its flight.
     pub flight: FlightState,
-    /// What is left in the battery, in percent.
+    /// Charge of the battery, in percent.
     pub battery_percent: u32,
-    /// The nose above the horizon, in radians.
+    /// Angle of the nose above the horizon, in radians.
     pub pitch: f64,
-    /// The right side below the left, in radians.
+    /// Angle of the right side below the left, in radians.
     pub roll: f64,
-    /// Clockwise from where the nose was at power-up, in radians.
+    /// Angle of the nose clockwise from its direction at power-up, in radians.
     pub yaw: f64,
-    /// Above the ground, in metres.
+    /// Height above the ground, in metres.
     pub altitude_m: f64,
-    /// Forward, and to the right, in metres per second.
+    /// Speed forward, in metres per second.
     pub forward_mps: f64,
-    /// See above.
+    /// Speed to the right, in metres per second.
     pub right_mps: f64,
 }
 
-/// Why a datagram is no navdata.
+/// Reason for refusing a datagram of navdata.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ArDroneNavdataError {
@@ -106,23 +107,23 @@ pub enum ArDroneNavdataError {
     /// An option is longer than the datagram, or shorter than its own head.
     #[error("the option {tag} has {length} bytes, of which {left} are there")]
     Option {
-        /// Which one.
+        /// Tag of the option.
         tag: u16,
-        /// What it declares.
+        /// Its declared length.
         length: u16,
-        /// What is left of the datagram.
+        /// Number of bytes left in the datagram.
         left: usize,
     },
     /// The datagram ends in the middle.
     #[error("navdata of {length} bytes end before their checksum")]
     Cut {
-        /// How long it is.
+        /// Length of the datagram.
         length: usize,
     },
     /// The checksum is another one.
     #[error("the checksum is {declared:#x}, and the bytes make {computed:#x}")]
     Checksum {
-        /// What it declares.
+        /// The declared checksum.
         declared: u32,
         /// The sum of the bytes.
         computed: u32,
@@ -197,7 +198,7 @@ impl ArDroneNavdata {
     }
 }
 
-/// The upper half of its state is what counts.
+/// Codes of the flight states, in the upper half of the state.
 const FLIGHT_STATES: [(u32, FlightState); 7] = [
     (2, FlightState::Landed),
     (3, FlightState::Flying),
@@ -354,7 +355,8 @@ mod tests {
             demo.altitude_m = f64::from(altitude_mm) * 1e-3;
             let back = ArDroneNavdata::parse(&declared.encode()).expect("our own");
             prop_assert_eq!((back.state, back.sequence), (declared.state, declared.sequence));
-            let (back, declared) = (back.demo.expect("demo"), declared.demo.expect("demo"));
+            let back = back.demo.expect("demo");
+            let declared = declared.demo.expect("demo");
             prop_assert_eq!(back.battery_percent, battery);
             prop_assert!((back.yaw - yaw).abs() < 1e-5 && (back.forward_mps - speed).abs() < 1e-5);
             prop_assert!((back.altitude_m - declared.altitude_m).abs() < 1e-9);

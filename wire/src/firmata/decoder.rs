@@ -18,7 +18,7 @@ pub struct Decoder<M> {
     message: PhantomData<M>,
 }
 
-/// Where in the stream it is.
+/// State of the decoder between two bytes of the stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Between,
@@ -29,7 +29,8 @@ enum State {
 
 impl<M> Default for Decoder<M> {
     fn default() -> Self {
-        let (state, message) = (State::Between, PhantomData);
+        let state = State::Between;
+        let message = PhantomData;
         Self { state, payload: Vec::new(), rejected: 0, message }
     }
 }
@@ -107,7 +108,7 @@ impl<M: Message> Decoder<M> {
         message
     }
 
-    /// How many messages were cut, too long, or none of this direction.
+    /// Number of messages that were cut, too long, or not of this direction.
     #[must_use]
     pub fn rejected(&self) -> u64 {
         self.rejected

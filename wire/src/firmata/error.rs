@@ -1,10 +1,10 @@
-/// Why a message cannot be put into bytes.
+/// Error of a message that cannot be put into bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{field} is {value}; Firmata has room for {least} to {most}")]
 pub struct FirmataError {
-    /// What does not fit.
+    /// Name of the field that does not fit.
     pub field: &'static str,
-    /// What it is.
+    /// Value of the field.
     pub value: i64,
     /// The least that fits.
     pub least: i64,

@@ -1,6 +1,6 @@
 use super::{FirmataError, error::at_most};
 
-/// How a stepper is wired to its device.
+/// Wiring of a stepper to its device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StepperInterface {
     /// Its pins.
@@ -9,8 +9,8 @@ pub struct StepperInterface {
     pub divisor_log2: u8,
     /// The pin that switches it on.
     pub enable_pin: Option<u8>,
-    /// Which pins are inverted: bits 0 to 3 are those of the wiring in their order, bit 4 is the
-    /// enable pin. The real firmware reads this even where it was not sent, so it is always sent.
+    /// Inverted pins: bits 0 to 3 are the pins of the wiring in their order, bit 4 is the enable
+    /// pin. The real firmware reads this even where it was not sent, so it is always sent.
     pub inverted: u8,
 }
 

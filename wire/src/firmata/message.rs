@@ -2,13 +2,15 @@ use super::FirmataError;
 
 /// One direction's messages.
 pub trait Message: Sized {
-    /// How many bytes of data follow a status byte; `None` where no message begins with it.
+    /// Number of bytes of data after a status byte; `None` where no message begins with it.
     fn data_length(status: u8) -> Option<usize>;
 
-    /// The message of a status byte and its data, the missing ones 0; `None` where it is none.
+    /// The message of a status byte and its data, the missing ones 0; `None` if there is no such
+    /// message.
     fn from_short(status: u8, data: [u8; 2]) -> Option<Self>;
 
-    /// The message of what stands between F0 and F7, all below 0x80; `None` where it is none.
+    /// The message of the payload between F0 and F7, all below 0x80; `None` if there is no such
+    /// message.
     fn from_sysex(payload: &[u8]) -> Option<Self>;
 
     /// Appends its bytes.
@@ -19,11 +21,11 @@ pub trait Message: Sized {
     fn encode(&self, into: &mut Vec<u8>) -> Result<(), FirmataError>;
 }
 
-/// Where a system exclusive message begins, and where it ends.
+/// First and last byte of a system exclusive message.
 pub(super) const SYSEX: u8 = 0xF0;
 pub(super) const END_SYSEX: u8 = 0xF7;
 
-/// What follows F0.
+/// Bytes that follow F0.
 pub(super) const STEPPER: u8 = 0x62;
 pub(super) const ANALOG_MAPPING_QUERY: u8 = 0x69;
 pub(super) const ANALOG_MAPPING: u8 = 0x6A;
@@ -33,14 +35,14 @@ pub(super) const PIN_STATE: u8 = 0x6E;
 pub(super) const TEXT: u8 = 0x71;
 pub(super) const FIRMWARE: u8 = 0x79;
 
-/// What begins a short message.
+/// First bytes of short messages.
 pub(super) const DIGITAL: u8 = 0x90;
 pub(super) const REPORT_DIGITAL: u8 = 0xD0;
 pub(super) const PIN_MODE: u8 = 0xF4;
 pub(super) const VERSION: u8 = 0xF9;
 pub(super) const RESET: u8 = 0xFF;
 
-/// What follows 62 F0 in both directions.
+/// Bytes that follow F0 62 in both directions.
 pub(super) const REPORT: u8 = 0x06;
 pub(super) const DONE: u8 = 0x0A;
 

@@ -26,14 +26,14 @@ pub enum Reply {
         major: u8,
         /// The second number of its version.
         minor: u8,
-        /// What it is called.
+        /// The firmware's name.
         name: String,
     },
     /// Something to be read by people.
     Text(String),
-    /// What each pin can do, from pin 0 on.
+    /// Capabilities of each pin, from pin 0 on.
     Capabilities(Vec<Vec<PinCapability>>),
-    /// Which analog input each pin is, from pin 0 on.
+    /// Analog input of each pin, from pin 0 on.
     AnalogMapping(Vec<Option<u8>>),
     /// The mode of a pin, and what was last written to it.
     PinState {
@@ -51,18 +51,18 @@ pub enum Reply {
         /// Bit by bit.
         levels: u8,
     },
-    /// Where a stepper is, in steps.
+    /// A stepper's position, in steps.
     Position {
         /// Its number.
         device: u8,
-        /// Where it is.
+        /// Its position.
         position: i32,
     },
     /// A stepper's move is complete.
     Done {
         /// Its number.
         device: u8,
-        /// Where it is.
+        /// Its position, in steps.
         position: i32,
     },
 }
@@ -72,11 +72,11 @@ pub enum Reply {
 pub struct PinCapability {
     /// The code of a [`PinMode`](super::PinMode), or of one that is not listed there.
     pub mode: u8,
-    /// With how many bits.
+    /// Number of bits.
     pub resolution: u8,
 }
 
-/// What stands for nothing in lists of pins.
+/// Byte that stands for nothing in lists of pins.
 const NONE: u8 = 0x7F;
 
 impl Message for Reply {
@@ -96,7 +96,8 @@ impl Message for Reply {
     fn from_sysex(payload: &[u8]) -> Option<Self> {
         match payload {
             [FIRMWARE, major, minor, name @ ..] => {
-                let (major, minor) = (*major, *minor);
+                let major = *major;
+                let minor = *minor;
                 Some(Self::Firmware { major, minor, name: decode_text(name)? })
             }
             [TEXT, text @ ..] => Some(Self::Text(decode_text(text)?)),
@@ -109,7 +110,8 @@ impl Message for Reply {
                 Some(Self::PinState { pin: *pin, mode: *mode, state: *state })
             }
             [STEPPER, kind, device, position @ ..] => {
-                let (device, position) = (*device, decode_i32(position.try_into().ok()?)?);
+                let device = *device;
+                let position = decode_i32(position.try_into().ok()?)?;
                 match *kind {
                     REPORT => Some(Self::Position { device, position }),
                     DONE => Some(Self::Done { device, position }),
@@ -178,9 +180,10 @@ impl Message for Reply {
     }
 }
 
-/// What stands for each pin, each ended by 7F.
+/// Reads the capabilities of each pin, each ended by 7F.
 fn capabilities(mut bytes: &[u8]) -> Option<Vec<Vec<PinCapability>>> {
-    let (mut pins, mut pin) = (Vec::new(), Vec::new());
+    let mut pins = Vec::new();
+    let mut pin = Vec::new();
     loop {
         match bytes {
             [] => return pin.is_empty().then_some(pins),

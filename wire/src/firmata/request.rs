@@ -11,35 +11,36 @@ use super::{
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Request {
-    /// Which version of the protocol?
+    /// Requests the version of the protocol.
     Version,
-    /// Which firmware?
+    /// Requests the firmware's name and version.
     Firmware,
-    /// What can each pin do?
+    /// Requests the capabilities of each pin.
     Capabilities,
-    /// Which pins are analog inputs?
+    /// Requests the analog input of each pin.
     AnalogMapping,
     /// Sets the mode of a pin.
     PinMode {
         /// Its number.
         pin: u8,
-        /// What it is for.
+        /// Its mode.
         mode: PinMode,
     },
-    /// Whether the levels of a port of eight pins are reported, at once and whenever they change.
+    /// Switches reports of the levels of a port of eight pins, which come at once and on every
+    /// change.
     ReportDigital {
         /// The port: pins 8 · port to 8 · port + 7.
         port: u8,
-        /// Whether they are.
+        /// True to switch them on.
         on: bool,
     },
-    /// Begin again as after switching on.
+    /// Resets the device as after switching on.
     Reset,
     /// Something of a stepper.
     Stepper {
         /// Its number, from 0 to 9.
         device: u8,
-        /// What is wanted of it.
+        /// The request to it.
         request: StepperRequest,
     },
 }

@@ -8,23 +8,23 @@ use super::{
 /// A host's message to a stepper.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StepperRequest {
-    /// There is one; it stands at 0. To be sent before anything else.
+    /// Sets it up, standing at 0. To be sent before anything else.
     Configure(StepperInterface),
-    /// Where it stands is 0 from now on.
+    /// Makes its present position 0.
     Zero,
-    /// So many steps from where it is.
+    /// Moves by a number of steps from its present position.
     Step(i32),
-    /// To a position in steps. The real firmware loses the bits above 2²⁸.
+    /// Moves to a position in steps. The real firmware loses the bits above 2²⁸.
     To(i32),
-    /// Current on or off.
+    /// Switches the current on or off.
     Enable(bool),
-    /// Stop; answered by the message that a move is complete.
+    /// Stops; answered by the message that a move is complete.
     Stop,
-    /// Where is it?
+    /// Requests its position.
     Report,
-    /// How fast its speed may change, in steps/s²; 0 is at once.
+    /// Sets its acceleration, in steps/s²; 0 is at once.
     Acceleration(Decimal),
-    /// How fast it turns, in steps/s. The real firmware starts at 1.
+    /// Sets its speed, in steps/s. The real firmware starts at 1.
     Speed(Decimal),
 }
 
@@ -70,7 +70,7 @@ impl StepperRequest {
         }
     }
 
-    /// What follows 62, and of which stepper it is.
+    /// The stepper and its request, from the bytes that follow 62.
     pub(super) fn decode(bytes: &[u8]) -> Option<(u8, Self)> {
         let (&[command, device], rest) = bytes.split_first_chunk()?;
         if device > LAST_DEVICE {

@@ -3,7 +3,7 @@ use ::mavlink::{MAVLinkV2MessageRaw, MavHeader, dialects::ardupilotmega::MavMess
 use super::{Frame, FrameCounts, Signing, reader::FrameReader};
 
 /// One end of a link: bytes to messages and messages to frames of MAVLink 2, signed where there is
-/// a key. Frames of MAVLink 1 are understood where there is none.
+/// a key. Without a key frames of MAVLink 1 are understood, too.
 #[derive(Clone, Debug)]
 pub struct Codec {
     reader: FrameReader,
@@ -28,13 +28,13 @@ impl Codec {
         self
     }
 
-    /// Takes bytes as they came: cut anywhere, several messages at once. What is not taken by
-    /// [`next_frame`](Self::next_frame) is dropped beyond 16 KiB, the oldest first.
+    /// Takes bytes as they came: cut anywhere, several messages at once. Bytes that
+    /// [`next_frame`](Self::next_frame) does not take are dropped beyond 16 KiB, the oldest first.
     pub fn push(&mut self, bytes: &[u8]) {
         self.reader.push(bytes);
     }
 
-    /// The next message of what was pushed, at the UNIX time `unix_s`, which signatures need.
+    /// The next message of the pushed bytes, at the UNIX time `unix_s`, which signatures need.
     pub fn next_frame(&mut self, unix_s: f64) -> Option<Frame> {
         self.reader.next(self.signing.as_mut(), unix_s)
     }
@@ -58,12 +58,12 @@ impl Codec {
         raw.raw_bytes().to_vec()
     }
 
-    /// Forgets a frame that was begun, because the stream was opened anew.
+    /// Forgets a frame that was begun, because the stream was reopened.
     pub fn restart(&mut self) {
         self.reader.restart();
     }
 
-    /// What has come so far.
+    /// Counts of the messages and bytes received so far.
     #[must_use]
     pub fn counts(&self) -> FrameCounts {
         self.reader.counts()
@@ -129,7 +129,9 @@ mod tests {
 
     #[test]
     fn a_key_refuses_what_is_not_signed_with_it_or_comes_twice() {
-        let (mut ours, mut theirs, mut plain) = (signed(1), signed(2), Codec::new(1, 1));
+        let mut ours = signed(1);
+        let mut theirs = signed(2);
+        let mut plain = Codec::new(1, 1);
         let good = ours.encode(&attitude(1.0), NOW);
         let mut reader = signed(1);
         reader.push(&theirs.encode(&attitude(2.0), NOW));
@@ -168,7 +170,8 @@ mod tests {
 
     #[test]
     fn losses_garbage_and_overflow_are_counted() {
-        let (mut sender, mut reader) = (Codec::new(9, 1), Codec::new(255, 190));
+        let mut sender = Codec::new(9, 1);
+        let mut reader = Codec::new(255, 190);
         let frames: Vec<_> = (0..6).map(|_| sender.encode(&attitude(0.5), NOW)).collect();
         for frame in [&frames[0], &frames[1], &frames[4]] {
             reader.push(frame);

@@ -1,5 +1,5 @@
 //! MAVLink 2 as bytes: frames in and out of buffers, their signatures, the modes of ArduCopter and
-//! PX4, and what their units are in ours. What the messages hold is the `mavlink` crate's.
+//! PX4, and conversions of their units to ours. The messages' contents are the `mavlink` crate's.
 
 mod codec;
 mod mode;

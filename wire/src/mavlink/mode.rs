@@ -82,7 +82,7 @@ const fn px4(main: u32, sub: u32) -> u32 {
 /// An autopilot's flight mode: the custom mode of its heartbeats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FlightMode {
-    /// Whose mode it is.
+    /// The autopilot that the mode belongs to.
     pub autopilot: Autopilot,
     /// Its number.
     pub custom: u32,

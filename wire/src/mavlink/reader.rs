@@ -10,11 +10,11 @@ use super::Signing;
 pub struct Frame {
     /// System, component and sequence number of the sender.
     pub header: MavHeader,
-    /// What it declares.
+    /// Its message.
     pub message: MavMessage,
 }
 
-/// Counts of what came over a link.
+/// Counts of the messages and bytes that came over a link.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct FrameCounts {
     /// Messages understood.
@@ -23,7 +23,7 @@ pub struct FrameCounts {
     pub lost: u64,
     /// Bytes that were part of no frame, or of one with a wrong checksum.
     pub garbage_bytes: u64,
-    /// Frames with a right checksum that hold what this dialect does not know.
+    /// Frames with a right checksum whose content this dialect does not know.
     pub unreadable: u64,
     /// Frames refused because they were not signed, not with our key, or a second time.
     pub refused: u64,
@@ -33,7 +33,7 @@ pub struct FrameCounts {
 #[derive(Clone, Debug, Default)]
 pub(super) struct FrameReader {
     buffer: Vec<u8>,
-    /// Where the next frame is looked for.
+    /// Index at which the search for the next frame begins.
     start: usize,
     counts: FrameCounts,
     /// The last sequence number of each system and component.
@@ -53,7 +53,7 @@ const WIDE_SYSTEM: u8 = 2;
 /// A telemetry radio's report of itself. It has no key, and nothing is flown by it.
 const RADIO_STATUS: u32 = 109;
 
-/// What may be a frame at the beginning of some bytes.
+/// Kind of frame at the beginning of some bytes.
 enum Candidate {
     Unfinished,
     Nothing,
@@ -65,7 +65,7 @@ impl FrameReader {
         self.counts
     }
 
-    /// Forgets what was begun: the stream was opened anew.
+    /// Forgets a frame that was begun, and all sequence numbers: the stream was reopened.
     pub(super) fn restart(&mut self) {
         self.buffer.clear();
         self.start = 0;
@@ -164,7 +164,8 @@ fn header_of(system_id: u32, component_id: u8, sequence: u8) -> MavHeader {
     MavHeader { system_id, component_id, sequence }
 }
 
-/// Whether `bytes` begin with a frame (<https://mavlink.io/en/guide/serialization.html>).
+/// Looks for a frame at the beginning of `bytes`
+/// (<https://mavlink.io/en/guide/serialization.html>).
 fn candidate(bytes: &[u8]) -> Candidate {
     let (version, flags) = match *bytes {
         [] => return Candidate::Unfinished,

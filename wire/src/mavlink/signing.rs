@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 #[serde(try_from = "String", into = "String")]
 pub struct SigningKey([u8; 32]);
 
-/// Why a text is no key.
+/// Error of a text that is no key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("a signing key has 64 hexadecimal digits; this has {length} characters{}", if *.length == 64 { ", not all of them digits" } else { "" })]
 pub struct SigningKeyError {
@@ -88,10 +88,10 @@ const EPOCH_UNIX_S: f64 = 1_420_070_400.0;
 /// Timestamps in a second.
 const PER_SECOND: f64 = 1e5;
 
-/// How much older than ours the first timestamp of a stream may be: a minute.
+/// Largest lag of a stream's first timestamp behind ours: a minute.
 const MOST_BEHIND: u64 = 6_000_000;
 
-/// More streams than that are nobody's.
+/// Maximum number of streams; frames of further ones are refused.
 const MOST_STREAMS: usize = 64;
 
 impl Signing {
@@ -121,7 +121,7 @@ impl Signing {
         frame.signature_value_mut().copy_from_slice(&signature);
     }
 
-    /// Whether a frame is signed with the key and newer than all of its stream.
+    /// Returns true if a frame is signed with the key and newer than all of its stream.
     pub(super) fn accepts(&mut self, frame: &MAVLinkV2MessageRaw, unix_s: f64) -> bool {
         if frame.incompatibility_flags() & 1 == 0 {
             return false;

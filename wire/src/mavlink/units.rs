@@ -58,7 +58,7 @@ impl CommonFrame {
     ///
     /// # Errors
     ///
-    /// [`GeodesyError`] for a place that is none.
+    /// Returns [`GeodesyError`] if latitude or longitude is out of range.
     pub fn new(lat_deg: f64, lon_deg: f64) -> Result<Self, GeodesyError> {
         Ok(Self { frame: LocalFrame::new(Geodetic::new(lat_deg, lon_deg, 0.0)?)? })
     }

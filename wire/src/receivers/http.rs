@@ -7,7 +7,7 @@ pub struct HttpResponse {
     bytes: Vec<u8>,
 }
 
-/// Why an answer is none.
+/// Reason for refusing an answer.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum HttpError {
@@ -29,12 +29,12 @@ pub enum HttpError {
     /// It ended before it was complete.
     #[error("the server's answer was cut after {bytes} bytes")]
     Cut {
-        /// What came.
+        /// Number of bytes received.
         bytes: usize,
     },
 }
 
-/// How long a body is declared to be, and what of it has come.
+/// A body's declared length, and its bytes so far.
 struct Body<'a> {
     length: Option<usize>,
     bytes: &'a [u8],
@@ -47,7 +47,7 @@ impl HttpResponse {
         format!("GET {path} HTTP/1.0\r\nHost: {host}\r\nConnection: close\r\n\r\n").into_bytes()
     }
 
-    /// Takes what has come; the body, once it is as long as declared.
+    /// Takes received bytes; returns the body, once it is as long as declared.
     ///
     /// # Errors
     ///
@@ -77,7 +77,7 @@ impl HttpResponse {
         }
     }
 
-    /// What of its body has come; `None` before the head is complete.
+    /// The body so far; `None` before the head is complete.
     fn parts(&self) -> Result<Option<Body<'_>>, HttpError> {
         let first = self.bytes.split(|byte| *byte == b'\n').next().unwrap_or_default();
         let begins = first.get(..5).map_or(b"HTTP/".starts_with(first), |word| word == b"HTTP/");

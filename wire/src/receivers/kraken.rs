@@ -1,18 +1,18 @@
 use core::f64::consts::TAU;
 
-/// How many fields a line has.
+/// Number of fields of a line.
 const FIELDS: usize = 377;
-/// How many of them are the pseudo-spectrum, and after how many others it begins.
+/// Number of fields of the pseudo-spectrum, and of the fields before it.
 const BINS: usize = 360;
 const BEFORE: usize = FIELDS - BINS;
-/// What a page may hold: a `KrakenSDR` has at most 16 channels.
+/// Maximum number of lines of a page: a `KrakenSDR` has at most 16 channels.
 const LINES: usize = 16;
 
 /// A line of `KrakenSDR`'s page `DOA_value.html`: the directions from which one channel is
 /// received.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KrakenDoa {
-    /// When, in milliseconds of UNIX time by its clock.
+    /// The time in milliseconds of UNIX time, by its clock.
     pub unix_ms: u64,
     /// Its own opinion of how sure the direction is, from 0 to 99.
     pub confidence: f64,
@@ -20,27 +20,27 @@ pub struct KrakenDoa {
     pub power_db: f64,
     /// The channel's frequency in Hz.
     pub frequency_hz: f64,
-    /// How likely the signal comes from each of 360 directions, in dB below the likeliest; `i` is
-    /// `i` degrees counter-clockwise of the array's front.
+    /// Likelihood of each of 360 directions, in dB below the likeliest; `i` is `i` degrees
+    /// counter-clockwise of the array's front.
     pub spectrum_db: Vec<f64>,
 }
 
-/// Why a line is no such line.
+/// Reason for refusing a line.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum KrakenError {
     /// It was read while it was written, or is something else.
     #[error("a line of KrakenSDR has {FIELDS} fields; this one has {fields}")]
     Fields {
-        /// How many it has.
+        /// Number of its fields.
         fields: usize,
     },
     /// A field is no number.
     #[error("field {field} of a line of KrakenSDR is {text:?}, which is no number")]
     Number {
-        /// Which one, counted from 1.
+        /// Number of the field, from 1.
         field: usize,
-        /// What it holds.
+        /// Text of the field.
         text: String,
     },
 }

@@ -12,7 +12,7 @@ pub struct NarrowBand {
     step: f64,
     /// Samples in a block.
     block: u32,
-    /// Of the next sample, in turns.
+    /// Phase of the next sample, in turns.
     phase: f64,
     sum: [f64; 2],
     taken: u32,
@@ -41,7 +41,7 @@ impl NarrowBand {
         Some(Self { step, block, phase: 0.0, sum: [0.0; 2], taken: 0, odd: None })
     }
 
-    /// How many samples a block has.
+    /// Number of samples in a block.
     #[must_use]
     pub fn block(&self) -> u32 {
         self.block
@@ -100,7 +100,8 @@ mod tests {
     }
 
     fn powers(band: &NarrowBand, bytes: &[u8], chunk: usize) -> Vec<f64> {
-        let (mut band, mut levels) = (band.clone(), Vec::new());
+        let mut band = band.clone();
+        let mut levels = Vec::new();
         for some in bytes.chunks(chunk) {
             band.push(some, |power| levels.push(10.0 * power.log10()));
         }

@@ -3,11 +3,11 @@
 pub struct RtlTcpHeader {
     /// The kind of tuner; 5 is an R820T.
     pub tuner: u32,
-    /// How many steps its gain has.
+    /// Number of steps of its gain.
     pub gains: u32,
 }
 
-/// Why what a server sent first is no header of rtl_tcp.
+/// Error of a server whose first bytes are no header of rtl_tcp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the server begins with {found:02X?}, and rtl_tcp with \"RTL0\"")]
 pub struct RtlTcpError {
@@ -15,7 +15,7 @@ pub struct RtlTcpError {
 }
 
 impl RtlTcpHeader {
-    /// How many bytes it has.
+    /// Its length in bytes.
     pub const LENGTH: usize = 12;
 
     /// Its bytes.
@@ -37,7 +37,8 @@ impl RtlTcpHeader {
         if found != *b"RTL0" {
             return Err(RtlTcpError { found });
         }
-        let (tuner, gains) = (u32::from_be_bytes([a, b, c, d]), u32::from_be_bytes([e, f, g, h]));
+        let tuner = u32::from_be_bytes([a, b, c, d]);
+        let gains = u32::from_be_bytes([e, f, g, h]);
         Ok(Self { tuner, gains })
     }
 }
@@ -63,7 +64,7 @@ pub enum RtlTcpCommand {
 }
 
 impl RtlTcpCommand {
-    /// How many bytes one has.
+    /// Length of a command in bytes.
     pub const LENGTH: usize = 5;
 
     /// Its bytes.
@@ -86,7 +87,8 @@ impl RtlTcpCommand {
     #[must_use]
     pub fn decode(bytes: [u8; Self::LENGTH]) -> Self {
         let [number, value @ ..] = bytes;
-        let (unsigned, signed) = (u32::from_be_bytes(value), i32::from_be_bytes(value));
+        let unsigned = u32::from_be_bytes(value);
+        let signed = i32::from_be_bytes(value);
         match number {
             1 => Self::Frequency(unsigned),
             2 => Self::SampleRate(unsigned),

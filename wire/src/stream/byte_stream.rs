@@ -42,8 +42,8 @@ use std::{io, net::SocketAddr};
 /// # Ok::<(), io::Error>(())
 /// ```
 pub trait ByteStream {
-    /// Takes what has come, at most as much as `into` holds; 0 where there is nothing now. A
-    /// datagram that is longer than `into` is cut.
+    /// Takes received bytes, at most as many as `into` holds, and returns their number; 0 where
+    /// there is nothing now. A datagram that is longer than `into` is cut.
     ///
     /// # Errors
     ///
@@ -58,8 +58,8 @@ pub trait ByteStream {
     /// end.
     fn send(&mut self, bytes: &[u8]) -> io::Result<()>;
 
-    /// How often it was opened. A driver that finds another number than before sets its device up
-    /// anew: it may have lost its power in between.
+    /// Number of times that it was opened. A driver that finds another number than before sets its
+    /// device up again: it may have lost its power in between.
     fn connections(&self) -> u32 {
         1
     }
@@ -68,14 +68,14 @@ pub trait ByteStream {
     /// from there is dropped. Without effect, unless overridden, where it cannot be opened again.
     fn renew(&mut self) {}
 
-    /// Whether anybody may have sent what is received: each receipt is then a datagram of its own,
-    /// which is not to be joined to another one. Streams that have one other end are not open.
+    /// Returns true if received bytes may come from anybody: each receipt is then a datagram of its
+    /// own, which is not to be joined to another one. Streams that have one other end are not open.
     fn is_open(&self) -> bool {
         false
     }
 
-    /// Makes the sender of what was received last the only one that is received and answered.
-    /// Without effect where there is one other end.
+    /// Makes the last sender the only one that is received and answered. Without effect where there
+    /// is one other end.
     ///
     /// # Errors
     ///
@@ -84,7 +84,7 @@ pub trait ByteStream {
         Ok(())
     }
 
-    /// Opens it to anybody again. What is sent goes to the last peer until another one is pinned.
+    /// Opens it to anybody again. Bytes sent go to the last peer until another one is pinned.
     ///
     /// # Errors
     ///
@@ -99,7 +99,7 @@ pub trait ByteStream {
         None
     }
 
-    /// Returns the sender of what was received last, where it is open.
+    /// Returns the sender of the last bytes received, where it is open.
     fn sender(&self) -> Option<SocketAddr> {
         None
     }

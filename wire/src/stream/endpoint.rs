@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{ByteStream, SerialStream, TcpStream, UdpStream};
 
-/// Where a device is reached, as it stands in configurations: `serial:/dev/ttyUSB0:57600`,
+/// Address of a device, as it stands in configurations: `serial:/dev/ttyUSB0:57600`,
 /// `tcp:127.0.0.1:5760`, `udpin:127.0.0.1:14550` (answer the last sender) or
 /// `udpout:192.168.1.1:5556`.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -13,7 +13,7 @@ use super::{ByteStream, SerialStream, TcpStream, UdpStream};
 pub enum Endpoint {
     /// A serial port.
     Serial {
-        /// What the system calls it.
+        /// The system's name of the port.
         port: String,
         /// Bits per second.
         baud: u32,
@@ -51,7 +51,7 @@ impl Endpoint {
     }
 }
 
-/// Why a text names no endpoint.
+/// Error of a text that names no endpoint.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{text:?} is no endpoint: serial:PORT:BAUD, tcp:HOST:PORT, udpin:ADDRESS:PORT or \

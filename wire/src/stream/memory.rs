@@ -15,11 +15,13 @@ pub struct MemoryStream {
     outbox: Weak<RefCell<VecDeque<u8>>>,
 }
 
-/// Two ends, each of which receives what is sent at the other.
+/// Two ends, each of which receives the bytes sent at the other.
 #[must_use]
 pub fn memory_pair() -> (MemoryStream, MemoryStream) {
-    let (a, b) = (Rc::default(), Rc::default());
-    let (to_a, to_b) = (Rc::downgrade(&a), Rc::downgrade(&b));
+    let a = Rc::default();
+    let b = Rc::default();
+    let to_a = Rc::downgrade(&a);
+    let to_b = Rc::downgrade(&b);
     (MemoryStream { inbox: a, outbox: to_b }, MemoryStream { inbox: b, outbox: to_a })
 }
 

@@ -13,8 +13,8 @@ use rustix::{
 
 use super::ByteStream;
 
-/// The device's end of a pseudo-terminal: what opens its [path](Self::path) takes it for a serial
-/// port.
+/// The device's end of a pseudo-terminal: a program that opens its [path](Self::path) takes it for
+/// a serial port.
 #[derive(Debug)]
 pub struct PtyStream {
     master: File,
@@ -44,7 +44,7 @@ impl PtyStream {
         Ok(Self { master: File::from(master), path, _slave: slave })
     }
 
-    /// What a program opens.
+    /// Path of the terminal that a program opens.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
@@ -100,7 +100,8 @@ mod tests {
 
     /// Terminals hand bytes on a little later.
     fn all_of(stream: &mut dyn ByteStream, count: usize) -> Vec<u8> {
-        let (mut all, mut into) = (Vec::new(), [0; 64]);
+        let mut all = Vec::new();
+        let mut into = [0; 64];
         for _ in 0..5000 {
             let taken = stream.receive(&mut into).expect("it works");
             all.extend_from_slice(&into[..taken]);

@@ -10,11 +10,11 @@ pub struct SerialStream {
     name: String,
 }
 
-/// How long a port may take to accept bytes before it counts as dead.
+/// Maximum time for a port to accept bytes before it counts as dead.
 const WRITE_TIMEOUT: Duration = Duration::from_millis(500);
 
 impl SerialStream {
-    /// Opens a port such as `/dev/ttyUSB0` or `COM3`; what had come in before is forgotten.
+    /// Opens a port such as `/dev/ttyUSB0` or `COM3`; bytes that had come in before are dropped.
     ///
     /// # Errors
     ///

@@ -8,20 +8,20 @@ use std::{
 
 use super::ByteStream;
 
-/// So many receipts are kept for one who does not take them; the oldest go.
+/// Maximum number of receipts kept for a user that does not take them; the oldest are dropped.
 const KEPT: usize = 1024;
 
 /// The longest receipt.
 const LONGEST: usize = 65_536;
 
 /// One stream for several drivers: each receives all that comes, and all send. For vehicles behind
-/// one radio or router, whose drivers pick out what is theirs.
+/// one radio or router, whose drivers pick out their own messages.
 ///
 /// A listening port is pinned to one peer, the router, by the first driver that hears its vehicle,
 /// and opened to others when none hears its own any more.
 pub struct SharedStream {
     port: Rc<RefCell<Port>>,
-    /// Its place among those who share.
+    /// Its number among the users of the port.
     index: u32,
     /// The number and the sender of the receipt that it took last.
     taken: u64,
@@ -35,7 +35,7 @@ struct Port {
     stream: Box<dyn ByteStream>,
     /// Bytes that the users of the port have not taken yet.
     waiting: BTreeMap<u32, VecDeque<Receipt>>,
-    /// Those who hear their own.
+    /// Indices of the users that have pinned the port to their peer.
     pinned: Vec<u32>,
     receipts: u64,
     next: u32,
@@ -43,7 +43,7 @@ struct Port {
 }
 
 impl SharedStream {
-    /// The first of those who share a stream.
+    /// The first user of a shared stream.
     #[must_use]
     pub fn new(stream: Box<dyn ByteStream>) -> Self {
         let port = Port {
@@ -57,13 +57,13 @@ impl SharedStream {
         Self::of(Rc::new(RefCell::new(port)))
     }
 
-    /// Another one, who receives what comes from now on.
+    /// Another user, who receives all that comes from now on.
     #[must_use]
     pub fn share(&self) -> Self {
         Self::of(Rc::clone(&self.port))
     }
 
-    /// The stream that is shared, which closes when nobody shares it any more.
+    /// The shared stream, which closes with its last user.
     #[must_use]
     pub fn port(&self) -> SharedPort {
         SharedPort(Rc::downgrade(&self.port))
@@ -85,7 +85,7 @@ impl SharedStream {
 pub struct SharedPort(Weak<RefCell<Port>>);
 
 impl SharedPort {
-    /// One more who shares it; `None` once it is closed.
+    /// One more user; `None` once the stream is closed.
     #[must_use]
     pub fn share(&self) -> Option<SharedStream> {
         self.0.upgrade().map(SharedStream::of)

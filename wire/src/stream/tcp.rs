@@ -13,7 +13,7 @@ pub struct TcpStream {
     name: String,
 }
 
-/// How long a server may take to accept a connection.
+/// Maximum time for a server to accept a connection.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
 
 impl TcpStream {

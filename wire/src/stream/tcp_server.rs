@@ -26,7 +26,7 @@ impl TcpServerStream {
         Ok(Self { listener, client: None, connections: 0 })
     }
 
-    /// Where it listens.
+    /// Address at which it listens.
     ///
     /// # Errors
     ///
@@ -74,7 +74,7 @@ impl ByteStream for TcpServerStream {
         })
     }
 
-    /// How many clients have come; 0 before the first.
+    /// Number of clients so far; 0 before the first.
     fn connections(&self) -> u32 {
         self.connections
     }
@@ -86,7 +86,7 @@ mod tests {
 
     use super::*;
 
-    /// What comes of a stream within a second.
+    /// Returns the first bytes that come within a second.
     fn next(stream: &mut dyn ByteStream) -> Vec<u8> {
         let mut into = [0; 16];
         for _ in 0..1000 {

@@ -14,13 +14,13 @@ use super::ByteStream;
 pub struct UdpStream {
     socket: UdpSocket,
     peer: Option<SocketAddr>,
-    /// Whether any sender becomes the peer.
+    /// True if any sender becomes the peer.
     learns: bool,
-    /// Whether the socket is connected to the peer.
+    /// True if the socket is connected to the peer.
     pinned: bool,
     /// True if the peer was pinned before, and stays the one that is answered.
     kept: bool,
-    /// The sender of what was received last.
+    /// The sender of the last datagram.
     sender: Option<SocketAddr>,
     /// The address at which it listens to any sender.
     address: SocketAddr,
@@ -58,7 +58,7 @@ impl UdpStream {
         Ok(Self { socket, peer, learns: false, pinned: false, kept: false, sender, address })
     }
 
-    /// Where it listens.
+    /// Address at which it listens.
     ///
     /// # Errors
     ///
@@ -71,7 +71,7 @@ impl UdpStream {
 /// Any free port of this machine alone.
 const ANY: &str = "127.0.0.1:0";
 
-/// How many datagrams of others are thrown away at once.
+/// Maximum number of other senders' datagrams that are thrown away at once.
 const STRANGERS: usize = 64;
 
 fn bound(address: &str) -> io::Result<UdpSocket> {
@@ -185,7 +185,8 @@ mod tests {
         let address = server.local_address().expect("it works").to_string();
         let mut into = [0; 8];
         let open = || UdpStream::to(&address).expect("it works");
-        let (mut peer, mut stranger) = (open(), open());
+        let mut peer = open();
+        let mut stranger = open();
         peer.send(b"peer").expect("it works");
         assert_eq!(server.receive(&mut into).expect("it works"), 4);
         server.pin().expect("it works");

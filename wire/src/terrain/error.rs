@@ -1,15 +1,15 @@
 use std::{io, path::PathBuf};
 
-/// Why the ground's height is not known.
+/// Reason that the ground's height is not known.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TerrainError {
     /// The folder or a tile cannot be read.
     #[error("{}: cannot be read: {source}", path.display())]
     Read {
-        /// What was to be read.
+        /// The folder or the tile.
         path: PathBuf,
-        /// Why not.
+        /// The system's error.
         source: io::Error,
     },
     /// A file is no tile.
@@ -17,7 +17,7 @@ pub enum TerrainError {
     Tile {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault.
         reason: String,
     },
     /// No tile has a place that is needed.
@@ -45,13 +45,13 @@ pub enum TerrainError {
         /// Longitude of the sample in degrees.
         lon_deg: f64,
     },
-    /// The area is none that tiles are read for.
+    /// The reach of the area is out of its range.
     #[error("reach_m is {reach_m}; more than 0 and at most 50000 is allowed")]
     Reach {
-        /// How far from the origin it was to go, in metres.
+        /// Distance from the origin that it was to reach, in metres.
         reach_m: f64,
     },
-    /// So near to a pole or to the 180th meridian an area is no rectangle in degrees.
+    /// The area is no rectangle in degrees: it is too near to a pole or to the 180th meridian.
     #[error("the area about {lat_deg}°, {lon_deg}° reaches a pole or the 180th meridian")]
     Edge {
         /// Latitude of the origin in degrees.

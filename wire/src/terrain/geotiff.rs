@@ -89,7 +89,8 @@ fn grid(tiff: &mut Decoder<BufReader<File>>) -> Result<Grid, String> {
     // The tie point of cells is a corner, and samples are in the middle.
     let middle = if key(RASTER_TYPE) == Some(POINTS) { 0.0 } else { 0.5 };
     let side = |samples: u32| usize::try_from(samples).map_err(|error| error.to_string());
-    let (rows, columns) = (side(rows)?, side(columns)?);
+    let rows = side(rows)?;
+    let columns = side(columns)?;
     if rows < 2 || columns < 2 {
         return Err(format!("{rows} rows of {columns} samples"));
     }

@@ -5,7 +5,7 @@ use super::{
     tile::{Area, Grid, Tile, count},
 };
 
-/// What stands for a height that is not known.
+/// Value of a height that is not known.
 const VOID: i16 = -32_768;
 
 /// Reads a tile of SRTM if it meets the area: big-endian heights in metres, rows from the North,
@@ -58,7 +58,8 @@ fn corner(name: &str) -> Option<(f64, f64)> {
             _ => None,
         }
     };
-    let (lat, lon) = (name.get(..3)?, name.get(3..7)?);
+    let lat = name.get(..3)?;
+    let lon = name.get(3..7)?;
     (name.len() == 7).then_some(())?;
     Some((signed(lat, 'N', 'S', 90)?, signed(lon, 'E', 'W', 180)?))
 }

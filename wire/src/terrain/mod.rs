@@ -1,4 +1,4 @@
-//! How high the ground is: tiles of elevation models.
+//! Height of the ground: tiles of elevation models.
 //!
 //! [`ElevationModel`] reads the tiles about a place out of a folder: SRTM's `.hgt`, and GeoTIFF in
 //! degrees such as Copernicus DEM (`.tif`, `.tiff`).

@@ -12,7 +12,7 @@ use super::{
 };
 use crate::geodesy::LocalFrame;
 
-/// How far from the origin tiles are read at most, in metres.
+/// Maximum distance from the origin to which tiles are read, in metres.
 const MOST_M: f64 = 50_000.0;
 
 /// The heights of the ground about the origin of a frame, by an elevation model.
@@ -28,9 +28,9 @@ pub struct ElevationModel {
 }
 
 impl ElevationModel {
-    /// Reads what the tiles in a folder have of the square that goes `reach_m` metres from the
-    /// frame's origin to each side. Files with other endings than `.hgt`, `.tif` and `.tiff` are
-    /// left alone; of tiles that overlap the first by name counts.
+    /// Reads the tiles in a folder within the square that goes `reach_m` metres from the frame's
+    /// origin to each side. Files with other endings than `.hgt`, `.tif` and `.tiff` are left
+    /// alone; of tiles that overlap the first by name counts.
     ///
     /// # Errors
     ///
@@ -79,8 +79,7 @@ impl ElevationModel {
         self.step_m
     }
 
-    /// How much higher the highest sample within the reach, or beside it, is than the lowest, in
-    /// metres.
+    /// Height of the highest sample within the reach, or beside it, above the lowest, in metres.
     #[must_use]
     pub fn relief_m(&self) -> f64 {
         let heights = || self.tiles.iter().flat_map(Tile::heights);
@@ -131,7 +130,7 @@ impl Terrain for ElevationModel {
     }
 }
 
-/// What a square about the origin is in degrees, with the bulge of its sides.
+/// Bounds of a square about the origin in degrees, with the bulge of its sides.
 fn area(frame: &LocalFrame, reach_m: f64) -> Result<Area, TerrainError> {
     let origin = frame.origin();
     let corner = |east, north| frame.to_geodetic(&Vector3::new(east, north, 0.0));
@@ -168,9 +167,11 @@ fn files(folder: &Path) -> Result<Vec<PathBuf>, TerrainError> {
 
 /// The square degree of a place, as SRTM's tiles are named.
 fn name(lat_deg: f64, lon_deg: f64) -> String {
-    let (south, west) = (lat_deg.floor(), lon_deg.floor());
+    let south = lat_deg.floor();
+    let west = lon_deg.floor();
     let letter = |value: f64, positive, negative| if value < 0.0 { negative } else { positive };
-    let (lat, lon) = (letter(south, 'N', 'S'), letter(west, 'E', 'W'));
+    let lat = letter(south, 'N', 'S');
+    let lon = letter(west, 'E', 'W');
     format!("{lat}{:02}{lon}{:03}", south.abs(), west.abs())
 }
 
@@ -240,7 +241,7 @@ mod tests {
         bytes.into_inner()
     }
 
-    /// What a place is in rows and columns of a tile of `side` samples to the degree.
+    /// Row and column of a place in a tile of `side` samples to the degree.
     fn index(frame: &LocalFrame, place: &Vector2<f64>, side: usize) -> (f64, f64) {
         let place = frame.to_geodetic(&Vector3::new(place.x, place.y, 0.0));
         let steps = f64::from(u32::try_from(side - 1).expect("some thousand"));
@@ -249,7 +250,8 @@ mod tests {
 
     #[test]
     fn hgt_is_bilinear_between_its_samples() {
-        let (folder, frame) = (Folder::new("hgt"), frame(-33.4, -70.3));
+        let folder = Folder::new("hgt");
+        let frame = frame(-33.4, -70.3);
         // 30 m to a row, and a plane beside it: exact everywhere.
         folder.write("S34W071.hgt", &hgt(1201, |row, _| i16::try_from(row).expect("1200")));
         let model = ElevationModel::read(&folder.0, frame, 800.0).expect("a tile");
@@ -274,8 +276,10 @@ mod tests {
 
     #[test]
     fn geotiff_has_the_heights_of_hgt() {
-        let (folder, frame) = (Folder::new("tiff"), frame(50.5, 14.5));
-        let (other, side) = (Folder::new("same"), 61);
+        let folder = Folder::new("tiff");
+        let frame = frame(50.5, 14.5);
+        let other = Folder::new("same");
+        let side = 61;
         folder.write("n50e014.HGT", &hgt(side, height));
         let places = (0..side).flat_map(|row| (0..side).map(move |column| (row, column)));
         let heights: Vec<f32> = places.map(|(r, c)| f32::from(height(r, c))).collect();
@@ -289,7 +293,8 @@ mod tests {
             let tiff = ElevationModel::read(&other.0, frame, 20_000.0).expect("a tile");
             for k in 0..400 {
                 let place = Vector2::new(f64::from(k) * 47.0 - 9000.0, f64::from(k) * -31.0);
-                let (one, two) = (hgt.height(&place), tiff.height(&place));
+                let one = hgt.height(&place);
+                let two = tiff.height(&place);
                 let difference = one.expect("within") - two.expect("within");
                 assert!(difference.abs() < 1e-3, "{points}: {one:?} {two:?}");
             }
@@ -298,7 +303,8 @@ mod tests {
 
     #[test]
     fn tiles_meet_at_their_borders() {
-        let (folder, frame) = (Folder::new("border"), frame(50.0, 14.0));
+        let folder = Folder::new("border");
+        let frame = frame(50.0, 14.0);
         for (name, level) in [("N49E013", 10), ("N49E014", 20), ("N50E013", 30), ("N50E014", 40)] {
             folder.write(&format!("{name}.hgt"), &hgt(101, |_, _| level));
         }
@@ -315,7 +321,8 @@ mod tests {
 
     #[test]
     fn what_is_no_height_is_named() {
-        let (folder, frame) = (Folder::new("wrong"), frame(50.5, 14.5));
+        let folder = Folder::new("wrong");
+        let frame = frame(50.5, 14.5);
         let refused = |reach| {
             let error = ElevationModel::read(&folder.0, frame, reach);
             error.expect_err("nonsense").to_string()

@@ -9,13 +9,13 @@ pub(super) struct Area {
     pub(super) east: f64,
 }
 
-/// Where the samples of a tile are.
+/// Layout of a tile's samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Grid {
     /// Latitude of the first row and longitude of the first column, in degrees.
     pub(super) north: f64,
     pub(super) west: f64,
-    /// From row to row southwards and from column to column eastwards, in degrees.
+    /// Steps from row to row southwards and from column to column eastwards, in degrees.
     pub(super) lat_step: f64,
     pub(super) lon_step: f64,
     pub(super) rows: usize,
@@ -30,16 +30,17 @@ pub(super) struct Tile {
     heights: Vec<f32>,
 }
 
-/// How far beyond its outermost samples a tile goes, in steps: tiles of areas share no samples, and
+/// Extent of a tile beyond its outermost samples, in steps: tiles of areas share no samples, and
 /// half a step to either side of the border belongs to each.
 const HALF: f64 = 0.5 + 1e-6;
 
 impl Grid {
-    /// Whether it has samples within half a step of an area.
+    /// Returns true if it has samples within half a step of an area.
     pub(super) fn meets(&self, area: &Area) -> bool {
         let south = self.north - self.lat_step * count(self.rows - 1);
         let east = self.west + self.lon_step * count(self.columns - 1);
-        let (lat, lon) = (HALF * self.lat_step, HALF * self.lon_step);
+        let lat = HALF * self.lat_step;
+        let lon = HALF * self.lon_step;
         south - lat <= area.north
             && self.north + lat >= area.south
             && self.west - lon <= area.east
@@ -47,11 +48,12 @@ impl Grid {
     }
 
     /// Row and column of a place, in steps, where it is within `beyond` steps of the samples; the
-    /// samples at the border stand for what is beyond them.
+    /// samples at the border stand for the places beyond them.
     fn index(&self, lat_deg: f64, lon_deg: f64, beyond: f64) -> Option<(f64, f64)> {
         let row = (self.north - lat_deg) / self.lat_step;
         let column = (lon_deg - self.west) / self.lon_step;
-        let (last_row, last_column) = (count(self.rows - 1), count(self.columns - 1));
+        let last_row = count(self.rows - 1);
+        let last_column = count(self.columns - 1);
         let inside = |at: f64, last: f64| (-beyond..=last + beyond).contains(&at);
         (inside(row, last_row) && inside(column, last_column))
             .then(|| (row.clamp(0.0, last_row), column.clamp(0.0, last_column)))
@@ -88,10 +90,13 @@ impl Tile {
     pub(super) fn height(&self, lat_deg: f64, lon_deg: f64, beyond: bool) -> Option<f64> {
         let beyond = if beyond { HALF } else { 1e-9 };
         let (row, column) = self.grid.index(lat_deg, lon_deg, beyond)?;
-        let (top, left) = (whole(row.floor()), whole(column.floor()));
-        let (down, along) = (row.fract(), column.fract());
+        let top = whole(row.floor());
+        let left = whole(column.floor());
+        let down = row.fract();
+        let along = column.fract();
         let at = |row: usize, column: usize| {
-            let (row, column) = (row.min(self.grid.rows - 1), column.min(self.grid.columns - 1));
+            let row = row.min(self.grid.rows - 1);
+            let column = column.min(self.grid.columns - 1);
             f64::from(self.heights[row * self.grid.columns + column])
         };
         let upper = at(top, left) * (1.0 - along) + at(top, left + 1) * along;
@@ -107,14 +112,15 @@ impl Tile {
     /// Latitude and longitude of the first void sample, if there is one.
     pub(super) fn void(&self) -> Option<(f64, f64)> {
         let index = self.heights.iter().position(|height| !height.is_finite())?;
-        let (row, column) = (index / self.grid.columns, index % self.grid.columns);
+        let row = index / self.grid.columns;
+        let column = index % self.grid.columns;
         Some((
             self.grid.north - self.grid.lat_step * count(row),
             self.grid.west + self.grid.lon_step * count(column),
         ))
     }
 
-    /// From sample to sample, southwards and eastwards in degrees.
+    /// Steps from sample to sample, southwards and eastwards in degrees.
     pub(super) fn steps(&self) -> (f64, f64) {
         (self.grid.lat_step, self.grid.lon_step)
     }

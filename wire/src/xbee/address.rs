@@ -9,7 +9,7 @@ pub struct Address64(pub u64);
 impl Address64 {
     /// Everyone.
     pub const BROADCAST: Self = Self(0xFFFF);
-    /// Where the 16-bit address counts instead.
+    /// Placeholder where the 16-bit address counts instead.
     pub const UNKNOWN: Self = Self(u64::MAX);
 }
 
@@ -18,7 +18,7 @@ impl Address64 {
 pub struct Address16(pub u16);
 
 impl Address16 {
-    /// Not known, or none: the 64-bit address counts.
+    /// Placeholder where the 64-bit address counts instead.
     pub const UNKNOWN: Self = Self(0xFFFE);
 }
 
@@ -32,7 +32,7 @@ pub enum Address {
     Short(Address16),
 }
 
-/// Why a text is no address.
+/// Error of a text that is no address.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{text:?} is no address of an XBee: 16 hexadecimal digits (SH, then SL), or 4 (MY)")]
 pub struct AddressError {

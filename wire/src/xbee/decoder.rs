@@ -4,14 +4,13 @@ use super::{
     packet::checked,
 };
 
-/// Finds frames in what comes over a serial line, however it is divided.
+/// Finds frames in the bytes of a serial line, however they are divided.
 ///
-/// What is not part of a frame is [skipped](Self::skipped). A frame that turns out wrong costs its
-/// delimiter alone: the next one is looked for in what came after it. In [`ApiMode::Escaped`] a
-/// delimiter is nothing else, so a frame that was cut ends where the next begins. In
-/// [`ApiMode::Plain`] it may be data, so a cut frame is known only when as many bytes have come as
-/// it announced; until then, the frames behind it wait. [`give_up`](Self::give_up) ends that when
-/// the line has been quiet.
+/// Bytes of no frame are [skipped](Self::skipped). A frame that turns out wrong costs its delimiter
+/// alone: the next one is looked for in what came after it. In [`ApiMode::Escaped`] a delimiter is
+/// nothing else, so a frame that was cut ends where the next begins. In [`ApiMode::Plain`] it may
+/// be data, so a cut frame is known only when as many bytes have come as it announced; until then,
+/// the frames behind it wait. [`give_up`](Self::give_up) ends that when the line has been quiet.
 ///
 /// It keeps at most one frame of the longest length.
 ///
@@ -25,7 +24,7 @@ use super::{
 #[derive(Clone, Debug)]
 pub struct Decoder {
     mode: ApiMode,
-    /// From a delimiter on, unescaped; shorter than the frame that it announces.
+    /// Bytes from a delimiter on, unescaped; shorter than the frame that it announces.
     begun: Vec<u8>,
     /// The last byte was an escape.
     escaped: bool,
@@ -39,26 +38,26 @@ impl Decoder {
         Self { mode, begun: Vec::new(), escaped: false, skipped: 0 }
     }
 
-    /// How frames are written.
+    /// Encoding of the frames.
     #[must_use]
     pub fn mode(&self) -> ApiMode {
         self.mode
     }
 
-    /// How many bytes belonged to no frame.
+    /// Number of bytes that belonged to no frame.
     #[must_use]
     pub fn skipped(&self) -> u64 {
         self.skipped
     }
 
-    /// Whether a frame has begun and is not complete.
+    /// Returns true if a frame has begun and is not complete.
     #[must_use]
     pub fn is_waiting(&self) -> bool {
         !self.begun.is_empty()
     }
 
-    /// Takes what has come; the frames that are complete with it, and what is wrong with those that
-    /// are none, in their order.
+    /// Takes received bytes; returns the frames that they complete, and the errors of broken ones,
+    /// in their order.
     pub fn push(&mut self, bytes: &[u8]) -> Vec<Result<Frame, FrameError>> {
         let mut frames = Vec::new();
         for byte in bytes {
@@ -103,7 +102,7 @@ impl Decoder {
         }
     }
 
-    /// Takes out all frames that are complete, and leaves what begins one that is not.
+    /// Takes out all frames that are complete, and leaves the beginning of an incomplete one.
     fn find(&mut self, frames: &mut Vec<Result<Frame, FrameError>>) {
         loop {
             let before = self.begun.iter().position(|byte| *byte == DELIMITER);
@@ -127,7 +126,8 @@ impl Decoder {
         }
     }
 
-    /// What began a frame did not. Escaped, the bytes after it were of this frame alone.
+    /// Drops a delimiter that began no frame. In escaped mode the bytes after it were of this frame
+    /// alone.
     fn drop_delimiter(&mut self) {
         match self.mode {
             ApiMode::Plain => self.skip(1),

@@ -1,21 +1,21 @@
 use super::LONGEST_DATA;
 
-/// Why bytes are no frame, or a frame has no bytes.
+/// Reason that bytes are no frame, or a frame has no bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FrameError {
     /// It does not begin as frames do.
     #[error("a frame begins with 7E, not {found:02X}")]
     Delimiter {
-        /// What it begins with.
+        /// Its first byte.
         found: u8,
     },
     /// Its length is not the declared one.
     #[error("a frame of {actual} bytes of data declares {declared}")]
     Length {
-        /// What it declares.
+        /// The declared length.
         declared: usize,
-        /// How much data there is.
+        /// Length of its data.
         actual: usize,
     },
     /// It declares, or has, a length that no frame has.
@@ -27,15 +27,15 @@ pub enum FrameError {
     /// Bytes were changed on the way.
     #[error("a frame's checksum is {declared:02X}; its data have {computed:02X}")]
     Checksum {
-        /// What it declares.
+        /// The declared checksum.
         declared: u8,
-        /// What it should be.
+        /// The checksum of its data.
         computed: u8,
     },
     /// The next frame began, or the line fell quiet, before it was complete.
     #[error("a frame was cut after {bytes} bytes")]
     Cut {
-        /// How many of its bytes came, the delimiter included, unescaped.
+        /// Number of bytes received, the delimiter included, unescaped.
         bytes: usize,
     },
     /// It is too short for its type.

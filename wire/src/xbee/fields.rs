@@ -30,7 +30,7 @@ impl Fields<'_> {
         self.take().map(AtCommand)
     }
 
-    /// What is left.
+    /// Takes the remaining bytes.
     pub(super) fn rest(&mut self) -> Vec<u8> {
         core::mem::take(&mut self.0).to_vec()
     }

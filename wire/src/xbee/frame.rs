@@ -14,7 +14,7 @@ pub enum Frame {
     Transmit16 { id: u8, to: Address16, options: u8, data: Vec<u8> },
     /// 08: query or set something of the radio itself.
     AtCommand { id: u8, command: AtCommand, parameter: Vec<u8> },
-    /// 09: the same, not applied before the next command that is.
+    /// 09: like 08, but applied only along with the next command that is.
     QueuedAtCommand { id: u8, command: AtCommand, parameter: Vec<u8> },
     /// 10: send (Zigbee, `DigiMesh`).
     Transmit {
@@ -53,15 +53,15 @@ pub enum Frame {
     Receive16 { from: Address16, rssi_neg_dbm: u8, options: u8, data: Vec<u8> },
     /// 88: the radio's own answer.
     AtResponse { id: u8, command: AtCommand, status: AtStatus, value: Vec<u8> },
-    /// 89: what became of 00 or 01.
+    /// 89: the result of 00 or 01.
     TransmitStatus { id: u8, status: TransmitStatus },
     /// 8A: something happened to the radio.
     ModemStatus { status: ModemStatus },
-    /// 8B: what became of 10 or 11.
+    /// 8B: the result of 10 or 11.
     DeliveryStatus { id: u8, to16: Address16, retries: u8, delivery: DeliveryStatus, discovery: u8 },
     /// 90: received (Zigbee, `DigiMesh`).
     Receive { from64: Address64, from16: Address16, options: u8, data: Vec<u8> },
-    /// 91: received, with what the application layer adds (Zigbee, `DigiMesh`).
+    /// 91: received, with the application layer's fields (Zigbee, `DigiMesh`).
     ExplicitReceive {
         from64: Address64,
         from16: Address16,
@@ -81,7 +81,7 @@ pub enum Frame {
         status: AtStatus,
         value: Vec<u8>,
     },
-    /// Any other, as it came: its first byte, and what follows it.
+    /// Any other, as it came: its first byte, and the rest.
     Unknown { frame_type: u8, data: Vec<u8> },
 }
 
@@ -116,7 +116,7 @@ impl Frame {
         }
     }
 
-    /// Its data: what the checksum is over, the first byte included.
+    /// Its data: all bytes under the checksum, the first one included.
     #[must_use]
     pub fn data(&self) -> Vec<u8> {
         let mut out = vec![self.frame_type()];

@@ -3,7 +3,7 @@ use super::{
     layout::{DELIMITER, ESCAPE, FLIP, HEAD, LONGEST_DATA},
 };
 
-/// How frames are written on the serial line: the radio's parameter `AP`.
+/// Encoding of frames on the serial line: the radio's parameter `AP`.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize,
 )]
@@ -12,7 +12,8 @@ pub enum ApiMode {
     /// `AP` 1: as they are.
     #[default]
     Plain,
-    /// `AP` 2: what begins a frame, and what serial lines take for commands, is escaped.
+    /// `AP` 2: bytes that begin a frame, and bytes that serial lines take for commands, are
+    /// escaped.
     Escaped,
 }
 

@@ -3,8 +3,8 @@ use super::{
 };
 
 impl Frame {
-    /// Content of a frame's data, the type included. Types that are not known are kept as they are;
-    /// what follows the last field of a frame of fixed length is left out.
+    /// Content of a frame's data, the type included. Unknown types are kept as they are; bytes
+    /// after the last field of a frame of fixed length are left out.
     ///
     /// # Errors
     ///

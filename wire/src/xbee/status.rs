@@ -42,8 +42,8 @@ impl DeliveryStatus {
     /// The network's acknowledgement did not come.
     pub const NO_NETWORK_ACK: Self = Self(0x21);
 
-    /// Whether it means that nobody at that address answers: no acknowledgement, no such address,
-    /// no route.
+    /// Returns true if nobody at that address answers: no acknowledgement, no such address, no
+    /// route.
     #[must_use]
     pub fn is_silence(self) -> bool {
         matches!(self.0, 0x01 | 0x21 | 0x24 | 0x25)
@@ -83,7 +83,7 @@ impl TransmitStatus {
     /// No acknowledgement came.
     pub const NO_ACK: Self = Self(1);
 
-    /// Whether it means that nobody at that address answers.
+    /// Returns true if nobody at that address answers.
     #[must_use]
     pub fn is_silence(self) -> bool {
         matches!(self.0, 0x01 | 0x21)
@@ -118,7 +118,7 @@ impl ModemStatus {
     /// Its watchdog bit.
     pub const WATCHDOG_RESET: Self = Self(1);
 
-    /// Whether it has just started.
+    /// Returns true if the radio has just started.
     #[must_use]
     pub fn is_reset(self) -> bool {
         self == Self::HARDWARE_RESET || self == Self::WATCHDOG_RESET

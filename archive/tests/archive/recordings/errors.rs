@@ -1,4 +1,4 @@
-//! What is wrong with a file, where, and with which value.
+//! Errors in files name the fault, its place and the value.
 
 use std::{error::Error, fs, path::PathBuf};
 

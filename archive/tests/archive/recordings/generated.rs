@@ -1,5 +1,5 @@
 //! Small recordings of every shipped format, generated from a seed and committed in `tests/data`,
-//! so that a clone alone tests every reader. `FOXHUNT_WRITE_TEST_DATA=1` writes them anew.
+//! so that a clone alone tests every reader. `FOXHUNT_WRITE_TEST_DATA=1` writes them again.
 
 use std::{
     collections::BTreeMap,
@@ -29,7 +29,7 @@ use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 
 const SEED: u64 = 13;
 
-/// Where the transmitter is in all of them, East and North in metres.
+/// Place of the transmitter in all of them, East and North in metres.
 const TARGET: Vector2<f64> = Vector2::new(60.0, 40.0);
 
 /// The reference receiver of the range differences.
@@ -43,7 +43,8 @@ fn read(file: &str) -> Recording {
     Recording::read(folder().join(file), &options(file)).expect("it is in the repository")
 }
 
-/// How a file is read: one without a header by its format, of the tag's frequency, along a track.
+/// Options to read a file: one without a header by its format, of the tag's frequency, along a
+/// track.
 fn options(file: &str) -> ReadOptions {
     let format = file.strip_suffix(".csv").unwrap_or_default();
     let mut options = ReadOptions::default();
@@ -72,7 +73,7 @@ fn normal(rng: &mut Xoshiro256PlusPlus) -> f64 {
 const OTTERS: [(&str, &str); 4] =
     [("Arthur", "1.0"), ("Arthur", "2.0"), ("Caren", "1.0"), ("Caren", "2.0")];
 
-/// Where the otter of that number is, in UTM metres.
+/// Place of the otter with that number, in UTM metres.
 fn otter(number: usize) -> Vector2<f64> {
     let step = [0.0, 1.0, 2.0, 3.0][number];
     Vector2::new(609_500.0 + 700.0 * step, 4_074_700.0 + 900.0 * step * step)
@@ -115,7 +116,8 @@ fn generate() -> BTreeMap<&'static str, String> {
     let mut lines = vec!["obs,x,y,bearing_deg".to_owned()];
     for i in 0..6_u32 {
         let (sin, cos) = (0.5 * f64::from(i)).sin_cos();
-        let (east, north) = (60.0 - 50.0 * cos, 40.0 - 50.0 * sin);
+        let east = 60.0 - 50.0 * cos;
+        let north = 40.0 - 50.0 * sin;
         let error = 3.0_f64.to_radians() * normal(&mut rng);
         let compass = radians_to_compass_deg(bearing_from(east, north) + error);
         lines.push(format!("{},{east:.2},{north:.2},{compass:.1}", i + 1));
@@ -155,14 +157,16 @@ fn generate() -> BTreeMap<&'static str, String> {
         let place = Vector3::new(400.0 * angle.cos(), 400.0 * angle.sin(), 0.0);
         let at = frame.to_geodetic(&place);
         let mut time = String::new();
-        let (day, second) = (1 + i / 24, 20 * (i % 24));
+        let day = 1 + i / 24;
+        let second = 20 * (i % 24);
         // Writing to a text cannot fail.
         let _ = write!(time, "2026-05-0{day} 10:{:02}:{:02}", second / 60, second % 60);
         for (antenna, compass) in [(1, 245.0_f64), (2, 155.0), (3, 65.0), (4, 335.0)] {
             let off = angle::wrap((90.0 - compass).to_radians() - angle);
             let level = -85.0 - 12.0 * (1.0 - off.cos()) + 2.0 * normal(&mut rng);
             if level > -105.0 {
-                let (lat, lon) = (at.lat_deg, at.lon_deg);
+                let lat = at.lat_deg;
+                let lon = at.lon_deg;
                 lines.push(format!("{time},{antenna},{level:.0},{lat:.7},{lon:.7}"));
             }
         }
@@ -192,7 +196,8 @@ fn generate() -> BTreeMap<&'static str, String> {
     for i in 0..12_u32 {
         let (sin, cos) = (0.6 * f64::from(i)).sin_cos();
         let place = Vector3::new(50.0 + 70.0 * cos, 30.0 + 60.0 * sin, 20.0);
-        let (east, north) = (place.x, place.y);
+        let east = place.x;
+        let north = place.y;
         let range = range_from(place) + normal(&mut rng);
         ranges.push(format!("{i},{east:.3},{north:.3},20,{range:.3},1"));
         let difference = range_from(place) - range_from(REFERENCE) + 0.5 * normal(&mut rng);
@@ -211,7 +216,8 @@ fn generate() -> BTreeMap<&'static str, String> {
         let at = frame.to_geodetic(&place);
         let level = 20.0 - 23.0 * range_from(place + Vector3::z() * up).log10();
         let level = level + 1.5 * normal(&mut rng);
-        let (lat, lon) = (at.lat_deg, at.lon_deg);
+        let lat = at.lat_deg;
+        let lon = at.lon_deg;
         lines
             .push(format!("{i},{lat:.8},{lon:.8},{up:.1},{:.1},1,-2,{level:.2}", -4.0 + 6.0 * sin));
     }
@@ -229,7 +235,8 @@ fn generate() -> BTreeMap<&'static str, String> {
             let error = 3.0_f64.to_radians() * normal(&mut rng);
             let compass = radians_to_compass_deg((-sin).atan2(-cos) + error);
             let compass = if i == 2 { compass + 360.0 } else { compass - 360.0 * f64::from(i / 3) };
-            let (x, y) = (receiver.x, receiver.y);
+            let x = receiver.x;
+            let y = receiver.y;
             lines.push(format!("{x:.2},{y:.2},{compass:.2},{animal},{day}"));
         }
     }
@@ -264,7 +271,9 @@ fn add_standards(rng: &mut Xoshiro256PlusPlus, files: &mut BTreeMap<&'static str
             .to_owned(),
         "<trk><name>flight</name><trkseg>".to_owned(),
     ];
-    let (mut kraken, mut rtl, mut hackrf) = (Vec::new(), Vec::new(), Vec::new());
+    let mut kraken = Vec::new();
+    let mut rtl = Vec::new();
+    let mut hackrf = Vec::new();
     let mut motus = vec![
         "hitID,ts,sig,port,antBearing,recvType,recvDeployName,recvDeployLat,recvDeployLon,\
          motusTagID,motusFilter"
@@ -278,7 +287,8 @@ fn add_standards(rng: &mut Xoshiro256PlusPlus, files: &mut BTreeMap<&'static str
         let (sin, cos) = (TAU * f64::from(i) / 60.0).sin_cos();
         let place = Vector3::new(60.0 + 90.0 * cos, 40.0 + 60.0 * sin, 20.0);
         let at = frame.to_geodetic(&place);
-        let (lat, lon) = (at.lat_deg, at.lon_deg);
+        let lat = at.lat_deg;
+        let lon = at.lon_deg;
         let level = -30.0 - 23.0 * range_from(place).log10() + 1.5 * normal(rng);
         let heading = radians_to_compass_deg((60.0 * cos).atan2(-90.0 * sin));
         if i % 3 == 0 {
@@ -314,7 +324,8 @@ fn add_standards(rng: &mut Xoshiro256PlusPlus, files: &mut BTreeMap<&'static str
             "2026-06-01, 12:00:{i:02}.500000, 149150000, 150200000, 350000.00, 20, -inf, nan, {level:.2}"
         ));
         if i % 6 == 0 {
-            let (seconds, number) = (1_780_308_000 + 20 * i, 4 * i);
+            let seconds = 1_780_308_000 + 20 * i;
+            let number = 4 * i;
             for (port, compass) in [(1, 30.0_f64), (2, 150.0), (3, 270.0)] {
                 let off = (radians_to_compass_deg(bearing_from(0.0, 0.0)) - compass).to_radians();
                 let sig = -40.0 - 12.0 * (1.0 - off.cos()) + normal(rng);

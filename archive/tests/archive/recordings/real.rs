@@ -1,5 +1,5 @@
-//! The recordings beside the checkout. Row counts and values are those of a few lines of Python's
-//! csv module over the same files.
+//! The recordings beside the checkout. Row counts and values come from a few lines of Python's csv
+//! module over the same files.
 
 use std::{f64::consts::PI, path::Path};
 

@@ -201,7 +201,8 @@ fn a_recording_is_a_pattern_source() {
     let beacons = ["hare", "fox"].map(str::to_owned);
     let mut source = RecordedSource::new(sweeps, "kite", &beacons);
     assert_eq!(source.left(), 3, "the owl is no beacon of the hunt, and the crow is another drone");
-    let (hare, fox) = (BeaconId(0), BeaconId(1));
+    let hare = BeaconId(0);
+    let fox = BeaconId(1);
     laws::pattern_source(&mut source.clone(), &[fox, hare], 2, || {});
     let mut next = |beacons: &[BeaconId]| {
         source.begin(beacons).expect("it begins");

@@ -1,4 +1,4 @@
-//! What is wrong with files of widespread formats, where, and with which value.
+//! Errors in files of widespread formats name the fault, its place and the value.
 
 use foxhunt_archive::recording::{Band, Column, Mapping, ReadOptions, Recording, Rover};
 

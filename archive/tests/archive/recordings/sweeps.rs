@@ -1,4 +1,4 @@
-//! How rows become turns of the antenna.
+//! Rows become turns of the antenna.
 
 use std::f64::consts::TAU;
 

@@ -1,4 +1,4 @@
-//! What single columns of our own format come to mean.
+//! Meaning of single columns of our own format.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
@@ -20,7 +20,8 @@ fn bearings_bring_their_sigma() {
     let recording =
         read("east_m,north_m,bearing_deg_compass,bearing_sigma_deg\n0,0,225,18\n0,0,-45,\n");
     let [first, second] = recording.records() else { panic!("two rows") };
-    let (first, second) = (first.bearing.expect("one"), second.bearing.expect("one"));
+    let first = first.bearing.expect("one");
+    let second = second.bearing.expect("one");
     assert!(distance(first.angle, -3.0 * FRAC_PI_4) < 1e-14, "225° looks South-West");
     assert!((first.sigma.expect("given") - PI / 10.0).abs() < 1e-15);
     assert!(distance(second.angle, 3.0 * FRAC_PI_4) < 1e-14 && second.sigma.is_none());

@@ -1,4 +1,4 @@
-//! What every peer in Rust reads, and how it is measured.
+//! Input of every peer in Rust, and the measurement of its time.
 //!
 //! `PEER PROBLEM FILE REPEATS`: with no repeats the answer is printed, else the nanoseconds of a
 //! step, the least of ten parts.
@@ -12,10 +12,10 @@ use std::{
     process,
 };
 
-/// How many parts a measurement has; the least counts.
+/// Number of parts of a measurement; the least counts.
 const PARTS: usize = 10;
 
-/// From how many seeds a cloud's answer is, each of so many particles and steps.
+/// Numbers of seeds, particles and steps that a cloud's answer is from.
 const SEEDS: u64 = 40;
 const PARTICLES: usize = 1000;
 const STEPS: usize = 20;
@@ -68,10 +68,11 @@ impl Beacon {
         self.sigmas.map(|sigma| sigma * sigma)
     }
 
-    /// What is measured of a beacon here.
+    /// Returns the expected measurement of a beacon here.
     #[inline]
     pub fn expected(&self, x: f64, y: f64, receiver: &[f64; 3]) -> [f64; 2] {
-        let (x, y) = (x - receiver[0], y - receiver[1]);
+        let x = x - receiver[0];
+        let y = y - receiver[1];
         let range = (x * x + y * y + receiver[2] * receiver[2]).sqrt();
         [self.reference_dbm - 10.0 * self.exponent * range.log10(), y.atan2(x)]
     }
@@ -79,7 +80,8 @@ impl Beacon {
     /// Its derivatives, one row for each quantity.
     #[inline]
     pub fn jacobian(&self, x: f64, y: f64, receiver: &[f64; 3]) -> [[f64; 2]; 2] {
-        let (x, y) = (x - receiver[0], y - receiver[1]);
+        let x = x - receiver[0];
+        let y = y - receiver[1];
         let flat = x * x + y * y;
         let slope = -10.0 * self.exponent / LN_10 / (flat + receiver[2] * receiver[2]);
         [[slope * x, slope * y], [-y / flat, x / flat]]
@@ -114,7 +116,8 @@ impl Bearings {
             Bearing { receiver: [x, y], z }
         };
         let sequence = lines.map(measured).collect();
-        let (prior, spread) = ([a, b, c, d], [e, f, g, h]);
+        let prior = [a, b, c, d];
+        let spread = [e, f, g, h];
         Self { prior, spread, noise, bias, sigma, share, sequence }
     }
 
@@ -163,7 +166,7 @@ pub fn moments<'a>(particles: impl Iterator<Item = (&'a [f64], f64)> + Clone) ->
     mean
 }
 
-/// What this run of a peer is to do.
+/// Task of this run of a peer.
 pub struct Call {
     pub problem: String,
     file: String,
@@ -205,7 +208,8 @@ impl Call {
         self.measure(beacon.sweep.len(), || sweep());
     }
 
-    /// Answers, or measures, as a particle filter of so many particles and this seed.
+    /// Answers, or measures, with the particle filter that `make` returns for a number of particles
+    /// and a seed.
     pub fn cloud<C: Cloud>(&self, make: impl Fn(&Bearings, usize, u64) -> C) {
         let bearings = Bearings::read(&self.file);
         if self.repeats == 0 {

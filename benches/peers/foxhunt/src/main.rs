@@ -24,7 +24,8 @@ fn write(folder: &Path) {
         beacon::ALPHA
     );
     for observation in beacon::sweep() {
-        let (place, z) = (observation.receiver().position, observation.value());
+        let place = observation.receiver().position;
+        let z = observation.value();
         let _ = writeln!(text, "{} {} {} {} {}", place.x, place.y, place.z, z.x, z.y);
     }
     fs::write(folder.join("beacon"), text).expect("the folder can be written to");
@@ -42,7 +43,8 @@ fn write(folder: &Path) {
         bearings::SHARE
     );
     for observation in bearings::observations() {
-        let (place, z) = (observation.receiver().position, observation.value());
+        let place = observation.receiver().position;
+        let z = observation.value();
         let _ = writeln!(text, "{} {} {}", place.x, place.y, z.x);
     }
     fs::write(folder.join("bearings"), text).expect("the folder can be written to");

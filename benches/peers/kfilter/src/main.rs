@@ -23,7 +23,8 @@ struct LevelBearing<'a> {
 impl<'a> LevelBearing<'a> {
     fn new(beacon: &'a Beacon, measured: &'a Measured, h: Matrix2<f64>) -> Self {
         let r = Matrix2::from_diagonal(&Vector2::from(beacon.r()));
-        let (z, h_transposed) = (Vector2::from(measured.z), h.transpose());
+        let z = Vector2::from(measured.z);
+        let h_transposed = h.transpose();
         Self { beacon, receiver: &measured.receiver, z, r, h, h_transposed }
     }
 }

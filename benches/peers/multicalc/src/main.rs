@@ -1,5 +1,5 @@
 //! multicalc: its extended filter, whose Jacobians come from automatic differentiation, and its
-//! particles. Its unscented filter draws no points anew after a prediction: another filter.
+//! particles. Its unscented filter draws no new points after a prediction: another filter.
 
 use common::{Beacon, Bearing, Bearings, Call, Cloud, Kalman, Measured, moments};
 use multicalc::{
@@ -42,7 +42,8 @@ impl Kalman for Ekf {
         self.0.update(&model, Vector::new(measured.z)).expect("positive definite");
     }
     fn belief(&self) -> ([f64; 2], [f64; 4]) {
-        let (x, p) = (self.0.state(), self.0.covariance());
+        let x = self.0.state();
+        let p = self.0.covariance();
         ([x[0], x[1]], [p[(0, 0)], p[(0, 1)], p[(1, 0)], p[(1, 1)]])
     }
 }
@@ -85,7 +86,8 @@ fn main() {
     let call = Call::read();
     match call.problem.as_str() {
         "ekf" => call.kalman(|beacon| {
-            let (p, q) = (diagonal([beacon.variance; 2]), diagonal([beacon.q(); 2]));
+            let p = diagonal([beacon.variance; 2]);
+            let q = diagonal([beacon.q(); 2]);
             Ekf(ExtendedKalmanFilter::new(Vector::zeros(), p, q, diagonal(beacon.r())))
         }),
         "systematic" => {

@@ -122,7 +122,7 @@ fn coverage(beacon: &BeaconCampaign) -> String {
     text(beacon.coverage_95.map(|share| format!("{:.1} %", 100.0 * share)))
 }
 
-/// What the columns mean.
+/// Meaning of the columns.
 const LEGEND: &str = "Errors in metres. The ratio is the geometric mean of the two errors' ratios \
      run by run, on the same seeds; where its interval leaves out 1, the antennas differ. p is \
      that of Student's paired t-test on the logarithms.";

@@ -60,7 +60,7 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     output.result(&report, text)
 }
 
-/// What the columns mean.
+/// Meaning of the columns.
 const LEGEND: &str = "Errors and σ in degrees. For a consistent extractor error/σ is 1 in the \
      root mean square, and 95 % of the errors lie within 1.96 σ. r is the correlation \
      of σ and error.";

@@ -80,7 +80,7 @@ fn compared(given: &[String], registry: &Registry) -> Vec<PlannerEntry> {
     planners
 }
 
-/// What the columns of a planner's figures are.
+/// Columns of a planner's figures.
 const FIGURES: [&str; 9] = [
     "steps to 3 m",
     "s to 3 m",
@@ -93,10 +93,10 @@ const FIGURES: [&str; 9] = [
     "outcomes",
 ];
 
-/// What the columns of a comparison are.
+/// Columns of a comparison.
 const RATIOS: [&str; 4] = ["steps to 3 m", "s to 3 m", "path", "error"];
 
-/// How many columns name a row before these.
+/// Number of columns before these that name a row.
 const NAMES: usize = 4;
 
 /// Tables for each scenario: the figures of each beacon, and the ratios to the reference.
@@ -129,7 +129,8 @@ fn head(reports: &[PlannersReport]) -> String {
 
 /// All scenarios in two tables in Markdown.
 fn for_documents(reports: &[PlannersReport]) -> String {
-    let (mut figures, mut ratios) = (Vec::new(), Vec::new());
+    let mut figures = Vec::new();
+    let mut ratios = Vec::new();
     for report in reports {
         figures.extend(rows(report));
         ratios.extend(report.comparisons.iter().map(|paired| ratio(&report.scenario, paired)));
@@ -170,7 +171,7 @@ fn rows(report: &PlannersReport) -> Vec<Vec<String>> {
     rows
 }
 
-/// How searches ended; those that did not are the rest of the runs.
+/// Outcomes of searches with their counts; searches that did not end are the rest of the runs.
 fn outcomes(counts: &[OutcomeCount], runs: u32) -> String {
     let ended = counts.iter().map(|count| count.runs).sum::<u32>();
     let failed = runs.saturating_sub(ended);
@@ -200,7 +201,7 @@ fn ratio(scenario: &str, comparison: &PlannerComparison) -> Vec<String> {
     ]
 }
 
-/// What the columns mean.
+/// Meaning of the columns.
 const LEGEND: &str = "To 3 m: the median until the 95 % ellipse's semi-major axis is below 3 m; a \
      run that never gets there counts as infinite. Path: the median of what all drones flew \
      together. The second table has geometric means of the ratios run by run, on the same seeds, \

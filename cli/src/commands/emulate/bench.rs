@@ -110,7 +110,8 @@ fn serve(
     ctrlc::set_handler(move || stopped.store(true, Ordering::Relaxed))
         .map_err(CliError::failure)?;
     let target = field.link.as_ref().and_then(|link| fs::read_link(link).ok());
-    let (mut due, mut before) = (world.time(), Instant::now());
+    let mut due = world.time();
+    let mut before = Instant::now();
     while !stop.load(Ordering::Relaxed) {
         let now = Instant::now();
         due += now.duration_since(before).as_secs_f64() * field.speed;

@@ -34,9 +34,9 @@ pub(super) struct Field {
 
 /// A device that is ready to be served.
 pub(super) struct Placed {
-    /// What it is, such as `xbee`.
+    /// Kind of the device, such as `xbee`.
     pub(super) device: &'static str,
-    /// How it is reached, as `foxhunt fly` takes it.
+    /// Its endpoint, as `foxhunt fly` takes it.
     pub(super) endpoint: String,
     pub(super) emulator: Box<dyn Emulator>,
 }

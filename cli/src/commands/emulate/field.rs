@@ -60,7 +60,7 @@ pub(super) fn place(args: &Args, scenario: &Scenario, world: &World) -> Result<P
     Ok(Placed { device: "field", endpoint, emulator: Box::new(Whole(field)) })
 }
 
-/// How a field is emulated, by a file where there is one.
+/// Returns the settings of a field, from a file if one is given.
 fn config(path: Option<&Path>) -> Result<EmulatedFieldConfig, CliError> {
     let Some(path) = path else { return Ok(EmulatedFieldConfig::default()) };
     let wrong = |source: Box<dyn std::error::Error>| {

@@ -29,7 +29,8 @@ pub(super) struct Pose {
 fn origin(text: &str) -> Result<MavlinkOrigin, String> {
     let (lat, lon) = text.split_once(',').ok_or("two numbers, such as -35.363262,149.165237")?;
     let number = |text: &str| text.trim().parse().map_err(|_| format!("{text:?} is no number"));
-    let (lat_deg, lon_deg) = (number(lat)?, number(lon)?);
+    let lat_deg = number(lat)?;
+    let lon_deg = number(lon)?;
     Geodetic::new(lat_deg, lon_deg, 0.0).map_err(|error| error.to_string())?;
     Ok(MavlinkOrigin { lat_deg, lon_deg })
 }

@@ -75,7 +75,7 @@ impl Args {
         self.to.as_deref()
     }
 
-    /// What the receiver is like, by the file where there is one.
+    /// Returns the settings of the receiver, from the file if one is given.
     pub(super) fn config(&self) -> Result<EmulatedRtlTcpConfig, CliError> {
         let seeded = EmulatedRtlTcpConfig { seed: self.field.seed, ..Default::default() };
         let Some(path) = &self.receiver else { return Ok(seeded) };

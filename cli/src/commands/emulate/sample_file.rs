@@ -14,13 +14,13 @@ use serde::Serialize;
 use super::rtl_tcp::{Args, PulseList};
 use crate::{error::CliError, output::Output};
 
-/// How much is sampled at once, in seconds: antennas and drones stand still meanwhile.
+/// Time that is sampled at once, in seconds: antennas and drones stand still meanwhile.
 const STEP_S: f64 = 0.01;
 
-/// How far below the first beacon the middle is, in Hz: away from the receiver's own line.
+/// Distance of the middle below the first beacon, in Hz: away from the receiver's own line.
 const BESIDE_HZ: f64 = 20_000.0;
 
-/// What was written.
+/// Description of the written samples.
 #[derive(Debug, Serialize)]
 struct Written {
     file: String,
@@ -57,8 +57,10 @@ pub(super) fn write(
     };
     let mut file = create(&data)?;
     let mut list = args.pulses.as_deref().map(PulseList::create).transpose()?;
-    let (begun, seconds) = (world.time(), args.field.duration_s.unwrap_or(0.0));
-    let (mut samples, mut pulses) = (0, 0);
+    let begun = world.time();
+    let seconds = args.field.duration_s.unwrap_or(0.0);
+    let mut samples = 0;
+    let mut pulses = 0;
     while world.time() < begun + seconds - 1e-9 {
         world.advance(STEP_S.min(begun + seconds - world.time())).map_err(CliError::failure)?;
         let bytes = dongle.take();
@@ -105,7 +107,7 @@ pub(super) fn write(
     })
 }
 
-/// Where the samples themselves go.
+/// Path of the file with the samples themselves.
 fn data_file(to: &Path) -> Result<PathBuf, CliError> {
     match to.extension().and_then(OsStr::to_str) {
         Some("cu8" | "bin") => Ok(to.to_owned()),

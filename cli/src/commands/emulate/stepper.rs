@@ -28,7 +28,7 @@ pub(super) struct Args {
     switch_pin: Option<u8>,
 }
 
-/// How wide the home switch is.
+/// Width of the home switch.
 const SWITCH_WIDTH_DEG: f64 = 8.0;
 
 pub(super) fn place(args: &Args, _scenario: &Scenario, world: &World) -> Result<Placed, CliError> {

@@ -14,7 +14,7 @@ use serde::Serialize;
 use super::args::Args;
 use crate::error::CliError;
 
-/// What a look for samples came to.
+/// Result of a look for samples.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Came {
     /// Samples, the first of which has this index.
@@ -25,18 +25,18 @@ pub(super) enum Came {
     End,
 }
 
-/// What was lost on the way.
+/// Losses on the way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub(super) struct Losses {
     pub(super) gaps: u32,
     pub(super) samples: u64,
-    /// How often a stream stalled and was opened again.
+    /// Number of times that a stream stalled and was opened again.
     pub(super) stalls: u32,
 }
 
-/// Where samples come from.
+/// Source of samples.
 pub(super) trait Input {
-    /// What lists of pulses call it.
+    /// Name in lists of pulses.
     fn name(&self) -> &str;
 
     fn rate_hz(&self) -> f64;
@@ -46,28 +46,29 @@ pub(super) trait Input {
     /// The power of the noise that rounding gave the samples.
     fn rounding_noise(&self) -> f64;
 
-    /// Whether samples come as they are taken.
+    /// Returns true if samples come as they are taken.
     fn is_live(&self) -> bool {
         false
     }
 
-    /// How long it has been open, where time passes without samples.
+    /// Time since it was opened, in seconds, if time passes without samples.
     fn elapsed_s(&self) -> Option<f64> {
         None
     }
 
-    /// Replaces what is in `samples` by the next ones; waits a little where there are none.
+    /// Replaces the contents of `samples` by the next ones; waits a little if there are no new
+    /// ones.
     fn read(&mut self, samples: &mut Vec<Complex32>) -> Result<Came, CliError>;
 
     fn losses(&self) -> Losses;
 
-    /// What has become of it, once.
+    /// Takes the news about it, if there are any.
     fn news(&mut self) -> Option<String> {
         None
     }
 }
 
-/// What the names of receivers of `SoapySDR` begin with.
+/// Prefix of the names of `SoapySDR` receivers.
 const SOAPY: &str = "soapy:";
 
 /// Opens what the arguments name.
@@ -86,10 +87,10 @@ pub(super) fn open(args: &Args) -> Result<Box<dyn Input>, CliError> {
     Ok(Box::new(Recorded::new(source)))
 }
 
-/// How long a pipe is waited for until the view is looked after, in milliseconds.
+/// Maximum wait for a pipe until the view is looked after.
 const PATIENCE: Duration = Duration::from_millis(100);
 
-/// How many chunks are read ahead.
+/// Number of chunks that are read ahead.
 const AHEAD: usize = 8;
 
 type Chunk = Result<(u64, Vec<Complex32>), SampleError>;
@@ -109,8 +110,10 @@ struct Recorded {
 impl Recorded {
     fn new(mut source: SampleSource) -> Self {
         let (sender, chunks) = sync_channel(AHEAD);
-        let (rate_hz, center_hz) = (source.rate_hz(), source.center_hz());
-        let (rounding_noise, name) = (source.rounding_noise(), source.file().to_owned());
+        let rate_hz = source.rate_hz();
+        let center_hz = source.center_hz();
+        let rounding_noise = source.rounding_noise();
+        let name = source.file().to_owned();
         thread::spawn(move || {
             let mut samples = Vec::new();
             while let Some(chunk) = source.read(&mut samples).transpose() {
@@ -188,7 +191,7 @@ mod live {
 
     use super::{Args, Came, CliError, Input, Losses, SOAPY};
 
-    /// How often a receiver is looked at.
+    /// Time between two looks at a receiver.
     const PAUSE: Duration = Duration::from_millis(5);
 
     /// A receiver whose samples come as they are taken.
@@ -199,13 +202,13 @@ mod live {
 
         fn rounding_noise(&self) -> f64;
 
-        /// Replaces what is in `samples` by those that have come: the index of the first.
+        /// Replaces the contents of `samples` by the new ones, and returns the index of the first.
         fn poll(&mut self, samples: &mut Vec<Complex32>) -> Result<Option<u64>, Failure>;
 
         fn losses(&self) -> SampleLosses;
     }
 
-    /// Why nothing comes.
+    /// Reason why nothing comes.
     enum Failure {
         /// It may come again.
         Passing(String),
@@ -217,7 +220,7 @@ mod live {
         receiver: R,
         clock: SystemClock,
         name: String,
-        /// Whether samples come at present.
+        /// True if samples come at present.
         flows: Option<bool>,
         news: Option<String>,
     }

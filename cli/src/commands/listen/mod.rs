@@ -34,20 +34,20 @@ use crate::{
     output::{Output, warn},
 };
 
-/// What `--json` prints at the end.
+/// Output of `--json` at the end.
 #[derive(Debug, Serialize)]
 struct Report {
     source: String,
     rate_hz: f64,
     /// Without it frequencies are about the middle of the band.
     center_hz: Option<f64>,
-    /// How long a stretch was searched, without gaps.
+    /// Searched time without gaps, in seconds.
     searched_s: f64,
-    /// Whether levels are in dBm, and not in dB of full scale.
+    /// True if levels are in dBm, and not in dB of full scale.
     calibrated: bool,
     /// The energy over the noise's power density that a pulse must have, at the end.
     threshold_db: f64,
-    /// What was allowed.
+    /// Allowed rate of false alarms, per hour.
     false_alarms_per_hour: f64,
     lost: Losses,
     tags: Vec<TagRow>,
@@ -56,7 +56,7 @@ struct Report {
     pulses: Vec<Detection>,
 }
 
-/// How pulses are shown.
+/// View of pulses.
 enum View {
     Screen(Box<Screen>),
     Csv,
@@ -74,14 +74,16 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let wrong = |error: foxhunt::signal::detector::DetectorError| {
         CliError::input(InFile { file: args.source.clone(), source: error.into() })
     };
-    let (rate, center) = (input.rate_hz(), input.center_hz());
+    let rate = input.rate_hz();
+    let center = input.center_hz();
     let mut config = args.search.config(rate, center, input.rounding_noise());
     config.search_every_s = input.is_live().then_some(SEARCH_EVERY_S);
     let mut detector = Detector::new(config).map_err(wrong)?;
     let mut tracker = Tracker::new(table, args.intervals_s);
     let mut view = view(args, input.as_ref(), output)?;
     let stop = stop_on_interrupt(output)?;
-    let (mut samples, mut found) = (Vec::new(), Vec::new());
+    let mut samples = Vec::new();
+    let mut found = Vec::new();
     let mut time_s = 0.0;
     while !stop.load(Ordering::Relaxed) && args.for_s.is_none_or(|limit| time_s < limit) {
         match input.read(&mut samples)? {
@@ -128,10 +130,10 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     if is_csv { Ok(()) } else { output.result(&report, text) }
 }
 
-/// How often what came from a receiver is searched, in seconds.
+/// Time between two searches of a receiver's samples, in seconds.
 const SEARCH_EVERY_S: f64 = 0.1;
 
-/// How many columns the waterfall has where the terminal does not limit it.
+/// Number of columns of the waterfall, if the terminal does not limit it.
 const MOST_COLUMNS: u16 = 160;
 
 fn view(args: &Args, input: &dyn Input, output: Output<'_>) -> Result<View, CliError> {

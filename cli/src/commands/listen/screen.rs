@@ -24,17 +24,17 @@ const EVERY: Duration = Duration::from_millis(200);
 /// Colours of a terminal with 256 of them, from noise to a strong pulse.
 const COLOURS: [u8; 16] = [16, 17, 18, 19, 20, 26, 32, 38, 44, 49, 83, 154, 226, 214, 208, 196];
 
-/// The same where there are no colours.
+/// Characters in place of [`COLOURS`] on a terminal without colours.
 const SHADES: [char; 16] =
     [' ', ' ', ' ', '.', '.', ':', ':', '-', '=', '+', '*', 'o', '%', '#', '@', '@'];
 
-/// How far above the median of a row the highest colour is, in dB, and the lowest.
+/// Levels of the lowest and the highest colour above the median of a row, in dB.
 const RANGE_DB: [f32; 2] = [-1.0, 20.0];
 
 /// Lines that are neither waterfall nor tags: what is received, the frequencies, what has happened.
 const OTHER_LINES: usize = 4;
 
-/// How many rows the table of tags has besides tags.
+/// Number of rows of the table of tags besides tags.
 const TABLE_LINES: usize = 4;
 
 /// A waterfall and a table of tags on a terminal, which is as it was when this is dropped.
@@ -58,7 +58,8 @@ impl Screen {
         input: &dyn Input,
         waterfall: Waterfall,
     ) -> Result<Self, CliError> {
-        let (rate, center) = (input.rate_hz(), input.center_hz().unwrap_or(0.0));
+        let rate = input.rate_hz();
+        let center = input.center_hz().unwrap_or(0.0);
         let term = Term::stdout();
         let mut screen = Self {
             colours: std::env::var_os("NO_COLOR").is_none(),
@@ -165,7 +166,8 @@ impl Screen {
         let name = |hz: f64| {
             if low > 0.0 { format!("{:.4} MHz", hz / 1e6) } else { format!("{:.1} kHz", hz / 1e3) }
         };
-        let (left, right) = (format!("└{}", name(low)), format!("{}┘", name(high)));
+        let left = format!("└{}", name(low));
+        let right = format!("{}┘", name(high));
         let middle = name(f64::midpoint(low, high));
         let room = width.saturating_sub(left.chars().count() + right.chars().count());
         format!("{left}{middle:^room$}{right}")

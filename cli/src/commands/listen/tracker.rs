@@ -12,9 +12,9 @@ use crate::{
 /// From one association to the next, in seconds of the samples.
 const EVERY_S: f64 = 2.0;
 
-/// Pulses are associated anew while they are no older than this, in seconds, and no more than this:
-/// the time that it takes grows with their third power. Of twenty tags in one kilohertz 500 pulses
-/// took 0.24 s, 960 took 2.6 s and 1,800 took 20 s, with little optimisation.
+/// Pulses are associated again while they are no older than this, in seconds, and no more than
+/// this: the time that it takes grows with their third power. With twenty tags in one kilohertz 500
+/// pulses took 0.24 s, 960 took 2.6 s and 1,800 took 20 s, with little optimisation.
 const WINDOW_S: f64 = 120.0;
 const MOST_PULSES: usize = 600;
 
@@ -27,39 +27,39 @@ const SAME_INTERVAL: f64 = 0.02;
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct TagRow {
     pub(super) name: String,
-    /// Whether its name is that of a table.
+    /// True if its name comes from a table.
     pub(super) known: bool,
     pub(super) frequency_hz: f64,
     pub(super) interval_s: f64,
     pub(super) jitter_s: f64,
     pub(super) width_s: f64,
-    /// Of the last pulse.
+    /// Power of the last pulse.
     pub(super) power_dbm: f64,
     pub(super) snr_db: f64,
-    /// When the last pulse came, in seconds of the samples' clock.
+    /// Time of the last pulse, in seconds of the samples' clock.
     pub(super) last_pulse_s: f64,
-    /// How many came.
+    /// Number of its pulses.
     pub(super) pulses: usize,
-    /// How many of them are older than what is associated.
+    /// Number of its pulses that are too old to be associated again.
     #[serde(skip)]
     before: usize,
 }
 
-/// The tags of pulses that go on coming. What was received is associated again and again, over the
-/// last two minutes; what is older stays as it was given then.
+/// The tags of pulses that go on coming. Pulses of the last two minutes are associated again and
+/// again; older ones keep their tags.
 #[derive(Debug)]
 pub(super) struct Tracker {
     table: TagTable,
     config: AssociationConfig,
-    /// Those that are associated, in the order of their times.
+    /// Pulses that are associated, in the order of their times.
     pulses: Vec<Pulse>,
-    /// How many were left behind.
+    /// Number of pulses left behind.
     older: usize,
-    /// Whether pulses have come since the last association.
+    /// True if pulses have come since the last association.
     is_stale: bool,
     associated_s: f64,
     rows: Vec<TagRow>,
-    /// Of the last association: the row of each pulse, where it has one.
+    /// Row of each pulse by the last association, if it has one.
     given: Vec<Option<usize>>,
     unknown: usize,
 }
@@ -107,7 +107,7 @@ impl Tracker {
         self.rows
     }
 
-    /// How many pulses are of no tag.
+    /// Returns the number of pulses of no tag.
     pub(super) fn others(&self) -> usize {
         let all = self.older + self.pulses.len();
         all.saturating_sub(self.rows.iter().map(|row| row.pulses).sum())

@@ -19,13 +19,13 @@ use foxhunt::{
 use super::{LivePlan, Shown, server, shared::Shared};
 use crate::{commands::views::Antennas, error::CliError, output::warn};
 
-/// How many places stand for one belief at most: a long hunt is sent as a whole to who joins late.
+/// Maximum number of places for one belief: a long hunt is sent as a whole to who joins late.
 const PLACES: u32 = 500;
 
-/// How long browsers have to take the last news before the program ends.
+/// Time for browsers to take the last news before the program ends.
 const FAREWELL: Duration = Duration::from_secs(2);
 
-/// What happens in a hunt.
+/// A turn or an event of a hunt.
 enum Happening {
     Turn(Box<KeptTurn>),
     Event(Box<Event>),
@@ -38,7 +38,7 @@ pub(in crate::commands) struct LiveView {
     shared: Arc<Shared>,
     until_done: bool,
     address: String,
-    /// How many turns were shown.
+    /// Number of turns that were shown.
     turns: Cell<usize>,
     /// Ends when the server does.
     ended: Receiver<()>,
@@ -60,8 +60,10 @@ impl LiveView {
         listener.set_nonblocking(true).map_err(refused)?;
         let address = listener.local_addr().map_err(refused)?;
         let orders = shown.orders && token.is_some();
-        let (header, registry) = (shown.header.clone(), shown.registry.clone());
-        let (estimator, extractor) = (shown.estimator.clone(), shown.extractor.clone());
+        let header = shown.header.clone();
+        let registry = shown.registry.clone();
+        let estimator = shown.estimator.clone();
+        let extractor = shown.extractor.clone();
         let beginning = OverviewReader::new(&header, &registry, Some(&estimator), None)
             .map_err(CliError::failure)?;
         let log = PageLog::live(&header, None);
@@ -112,7 +114,7 @@ impl LiveView {
         }
     }
 
-    /// Whether somebody who has the token has broken the flight off since the last call.
+    /// Returns true if somebody who has the token has broken the flight off since the last call.
     pub(in crate::commands) fn is_broken_off(&self) -> bool {
         self.shared.take_break_off()
     }

@@ -61,10 +61,10 @@ pub(super) struct LiveArgs {
 /// The environment variable of the token.
 const TOKEN_VARIABLE: &str = "FOXHUNT_LIVE_TOKEN";
 
-/// How short a token may be.
+/// Minimum length of a token.
 const SHORTEST_TOKEN: usize = 8;
 
-/// Where a hunt is shown, and to whom.
+/// Plan to show a hunt: the address, the token, the end and the map.
 #[derive(Clone, Debug)]
 #[cfg_attr(not(feature = "live"), expect(dead_code, reason = "nothing is served"))]
 pub(super) struct LivePlan {
@@ -75,7 +75,7 @@ pub(super) struct LivePlan {
     tiles: Option<Arc<tiles::Tiles>>,
 }
 
-/// What is shown.
+/// The hunt that is shown.
 #[derive(Clone, Copy, Debug)]
 #[cfg_attr(not(feature = "live"), expect(dead_code, reason = "nothing is served"))]
 pub(super) struct Shown<'a> {
@@ -83,12 +83,12 @@ pub(super) struct Shown<'a> {
     pub(super) registry: &'a Registry,
     pub(super) estimator: &'a EstimatorEntry,
     pub(super) extractor: &'a ExtractorConfig,
-    /// Whether who has the token may break it off.
+    /// True if who has the token may break it off.
     pub(super) orders: bool,
 }
 
 impl LiveArgs {
-    /// What was wanted, if it was; refused before anything flies.
+    /// Returns the plan for `--live`, if it is given; a wrong one is refused before anything flies.
     pub(super) fn plan(&self) -> Result<Option<LivePlan>, CliError> {
         let Some(address) = self.live else { return Ok(None) };
         if !cfg!(feature = "live") {
@@ -108,7 +108,7 @@ impl LiveArgs {
         Ok(Some(plan))
     }
 
-    /// Whether a map is wanted.
+    /// Returns true if a map is wanted.
     pub(super) fn has_tiles(&self) -> bool {
         self.tiles.is_some()
     }

@@ -11,11 +11,11 @@ pub(in crate::commands) struct PaceArgs {
     pace: Option<f64>,
 }
 
-/// What simulated time passes at unless it is given.
+/// Default pace of simulated time.
 const FACTOR: f64 = 20.0;
 
 impl PaceArgs {
-    /// Whether it was given.
+    /// Returns true if the pace was given.
     #[cfg(feature = "hardware")]
     pub(in crate::commands) fn is_given(&self) -> bool {
         self.pace.is_some()
@@ -34,7 +34,7 @@ pub(in crate::commands) struct Pace {
 }
 
 impl Pace {
-    /// Waits until it is so many simulated seconds; not at all where it is later.
+    /// Waits until this simulated time, in seconds; not at all if it is over.
     pub(in crate::commands) fn wait_until(&self, time: f64) {
         let due = Duration::try_from_secs_f64(time / self.factor).unwrap_or_default();
         thread::sleep(due.saturating_sub(self.begun.elapsed()));

@@ -19,13 +19,13 @@ use super::{
 };
 use crate::error::CliError;
 
-/// How often a browser without news is written to, so that connections that are gone are noticed.
+/// Time between two messages to a browser without news, so that lost connections are noticed.
 const KEEP_ALIVE: Duration = Duration::from_secs(10);
 
 /// The cookie of the token.
 const COOKIE: &str = "foxhunt_live_token";
 
-/// How many browsers are served at once.
+/// Maximum number of browsers served at once.
 const MOST_BROWSERS: usize = 100;
 
 /// Serves the page on a thread of its own; `end` is dropped when it ends: never, or when the hunt
@@ -100,7 +100,7 @@ fn to_the_page(token: &str) -> Response {
     (StatusCode::SEE_OTHER, headers).into_response()
 }
 
-/// Whether a browser took this computer for what it is.
+/// Returns true if the browser's `Host` is this computer: a loopback address or `localhost`.
 fn is_local(headers: &HeaderMap) -> bool {
     let host = headers.get(header::HOST).and_then(|host| host.to_str().ok()).unwrap_or_default();
     let name =

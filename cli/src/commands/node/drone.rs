@@ -68,7 +68,8 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
 }
 
 fn simulate(args: &Args, scenario: &str, context: Context<'_>) -> Result<(), CliError> {
-    let (name, registry) = (scenario, context.registry);
+    let name = scenario;
+    let registry = context.registry;
     let scenario = choice::scenario(name)?;
     let world = World::new(&scenario.world, args.seed).map_err(CliError::input)?;
     let vehicle = world.vehicle(args.drone).map_err(CliError::input)?;
@@ -79,7 +80,8 @@ fn simulate(args: &Args, scenario: &str, context: Context<'_>) -> Result<(), Cli
         .hunt_extractor(&scenario.extractor, scenario.bearings)
         .map_err(|error| choice::simulation_error(error.into(), name))?;
     let link = args.link(world.clock())?;
-    let (stop, clock) = (Stop::listen()?, args.shared.clock());
+    let stop = Stop::listen()?;
+    let clock = args.shared.clock();
     let epoch = clock.unix()?;
     let config = DroneNodeConfig::default();
     let mut node = DroneNode::new(source, vehicle, extractor, link, epoch, config)
@@ -102,7 +104,7 @@ fn simulate(args: &Args, scenario: &str, context: Context<'_>) -> Result<(), Cli
     Ok(())
 }
 
-/// How long a node reports that its drone is down before it ends, in seconds.
+/// Time for which a node reports that its drone is down before it ends, in seconds.
 const FAREWELL_S: f64 = 3.0;
 
 fn fly(args: &Args, config: &FlightConfig, context: Context<'_>) -> Result<(), CliError> {
@@ -129,14 +131,17 @@ fn fly(args: &Args, config: &FlightConfig, context: Context<'_>) -> Result<(), C
     let ground = config.ground().map_err(CliError::input)?;
     let open = drone.open(config, ground.as_ref(), &mut ports, &clock, origin_s, goal.as_ref());
     let open = open.map_err(fly::open_error)?;
-    let (rules, node_config) = (config.flight, DroneNodeConfig::default());
+    let rules = config.flight;
+    let node_config = DroneNodeConfig::default();
     let node = FlownNode::new(args.drone, open, extractor, link, epoch, rules, node_config);
     let mut node = node.map_err(CliError::input)?;
     if args.take_over {
         node.allow_take_over();
     }
     warn(&format!("{} of {} is on; Ctrl-C has it leave", drone.name, config.name));
-    let (mut failures, mut interrupts, mut over_at) = (Failures::default(), 0, None);
+    let mut failures = Failures::default();
+    let mut interrupts = 0;
+    let mut over_at = None;
     let mut reported = Stage::Over;
     let mut notices = Notices::default();
     loop {

@@ -13,7 +13,7 @@ use foxhunt::{
 
 use crate::{commands::choice, error::CliError};
 
-/// What the drones of a hunt on several computers are.
+/// Drones of a hunt on several computers.
 pub(super) enum Field {
     /// Simulated ones.
     Simulated(Box<Scenario>),
@@ -69,7 +69,7 @@ impl Field {
         }
     }
 
-    /// What reads bearings on board of the drones.
+    /// Returns the extractor that reads bearings on board of the drones.
     pub(super) fn extractor(&self) -> &ExtractorConfig {
         match self {
             Self::Simulated(scenario) => &scenario.extractor,

@@ -70,7 +70,7 @@ pub(super) struct Args {
     shared: Shared,
 }
 
-/// Who stops the node.
+/// Operator who stops the node.
 enum Operator {
     /// A pilot at the keyboard.
     Pilot(Pilot),
@@ -126,12 +126,14 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     }
     let epoch = UnixTime::whole(log.header.epoch_unix_s.unwrap_or_default());
     let hunt = field.hunt(registry, &estimator, log.header.seed, &args.field)?;
-    let (drones, config) = (field.drones(), FusionNodeConfig::default());
+    let drones = field.drones();
+    let config = FusionNodeConfig::default();
     let link = args.shared.fusion(drones)?;
     let mut node =
         FusionNode::new(hunt, drones, link, epoch, past, config).map_err(CliError::failure)?;
     node.wait_for_go(confirms);
-    let (mut failures, mut waiting) = (Failures::default(), Waiting::default());
+    let mut failures = Failures::default();
+    let mut waiting = Waiting::default();
     let mut notices = Notices::default();
     loop {
         let time = clock.unix()?.since(epoch);
@@ -186,7 +188,7 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     }
 }
 
-/// What is waited for before the hunt begins, each thing reported once.
+/// Conditions waited for before the hunt begins, each reported once.
 #[derive(Default)]
 struct Waiting {
     text: String,

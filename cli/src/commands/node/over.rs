@@ -153,7 +153,8 @@ impl Shared {
         Ok(foxhunt::hardware::link::Ros2Config { domain_id })
     }
 
-    /// The clock of all nodes: UNIX time, or a faster one that those of the same speed agree on.
+    /// The clock of all nodes: UNIX time, or a faster one that all nodes of the same speed agree
+    /// on.
     pub(super) fn clock(&self) -> NodeClock {
         let clock = SystemClock::start();
         let unix_s = clock.started_unix_s();
@@ -162,7 +163,8 @@ impl Shared {
     }
 }
 
-/// Faster clocks begin anew every twelve days, so that they stay near to the one on the wall.
+/// Period after which faster clocks begin again, in seconds (twelve days), so that they stay near
+/// to the one on the wall.
 const PERIOD_S: f64 = 1_048_576.0;
 
 /// UNIX time, which may run faster from a moment on that all nodes know.
@@ -185,7 +187,7 @@ impl NodeClock {
         self.unix_after(self.clock.now())
     }
 
-    /// The same when it began.
+    /// UNIX time of its beginning, as all nodes of this speed have it.
     pub(super) fn started(&self) -> Result<UnixTime, CliError> {
         self.unix_after(0.0)
     }
@@ -197,7 +199,7 @@ impl NodeClock {
     }
 }
 
-/// How often the user wanted the program to end.
+/// Counter of the user's requests to end the program.
 pub(super) struct Stop(Arc<AtomicU8>);
 
 impl Stop {
@@ -212,7 +214,7 @@ impl Stop {
         Ok(Self(count))
     }
 
-    /// How often it came.
+    /// Returns the number of requests.
     pub(super) fn count(&self) -> u8 {
         self.0.load(Ordering::Relaxed)
     }

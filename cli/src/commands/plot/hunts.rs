@@ -111,12 +111,12 @@ impl Replaying {
     }
 }
 
-/// What a hunt is called in a title.
+/// Title of a hunt.
 fn title(overview: &Overview) -> String {
     format!("{} · {}", overview.title, overview.method)
 }
 
-/// What a graph is made of: a title, and searches.
+/// Function that draws a graph from a title and searches.
 type Draw = fn(&str, &[NamedSearch<'_>]) -> Graph;
 
 fn over_steps(args: &Logs, context: Context<'_>, draw: Draw) -> Result<(), CliError> {

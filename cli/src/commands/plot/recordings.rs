@@ -93,8 +93,8 @@ pub(super) fn pattern(args: &OneTurn, context: Context<'_>) -> Result<(), CliErr
 type Points = Vec<[f64; 2]>;
 
 impl Measured {
-    /// What `of_log` takes of the receptions of logs, with the truth, or else `of_recordings` of
-    /// recordings: where `pooled` those of every beacon, unless one is chosen.
+    /// Applies `of_log` to the receptions of logs, with the truth, or else `of_recordings` to
+    /// recordings: if `pooled`, to all beacons, unless one is chosen.
     fn measured<T>(
         &self,
         context: Context<'_>,
@@ -275,7 +275,8 @@ pub(super) fn bearing_errors(args: &Measured, context: Context<'_>) -> Result<()
     args.drawing.write(graph_svg(&graph), context.output)
 }
 
-/// How far errors are shown to either side, in degrees: to the largest, and half a turn at most.
+/// Range of the shown errors to either side, in degrees: the largest error, and half a turn at
+/// most.
 fn reach_deg(errors: &[f64]) -> f64 {
     let largest = errors.iter().map(|error| error.abs().to_degrees()).fold(0.0, f64::max);
     (15.0 * (largest / 15.0).ceil()).clamp(30.0, 180.0)

@@ -214,7 +214,7 @@ struct Results<'a> {
     campaigns: &'a [Summary],
 }
 
-/// What a filter lets through; an error where it is nothing.
+/// Returns the runs that fit a filter; an error if there are no such runs.
 fn fitting(store: &Store, filter: &Filter) -> Result<Vec<Summary>, CliError> {
     let summaries = store.summaries(filter).map_err(reading)?;
     if summaries.is_empty() {

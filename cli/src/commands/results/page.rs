@@ -31,7 +31,7 @@ p { color: #333; max-width: 75ch; }
 pre { white-space: pre-wrap; overflow-wrap: anywhere; font-size: .85rem; }
 @media print { svg, table { break-inside: avoid; } details { display: none; } }";
 
-/// What the columns mean.
+/// Meaning of the columns.
 const LEGEND: &str = "Errors in metres. A consistent estimator's ANEES lies in the interval with \
      95 %, and its ellipses of 95 % hold the truth in 95 % of the runs. To 3 m: the median number \
      of steps until the semi-major axis of the 95 % ellipse is below 3 m.";

@@ -25,7 +25,7 @@ pub(super) fn fly(flight: &EmulatedFlight, registry: &Registry) -> Tally {
     tally
 }
 
-/// The same flight with as few faults as still make it fail, as TOML.
+/// Reduces a flight to as few faults as still make it fail.
 pub(super) fn minimal(
     mut flight: EmulatedFlight,
     fails: impl Fn(&EmulatedFlight) -> bool,

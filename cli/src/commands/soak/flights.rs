@@ -32,14 +32,15 @@ pub(super) fn fly(flight: &SoakFlight, registry: &Registry) -> Tally {
     }
 }
 
-/// How many estimates a replay gives again to the bit.
+/// Returns the number of estimates that a replay gives again to the bit.
 fn replayed(log: &[u8], registry: &Registry) -> Result<u64, SoakFailure> {
     let failure = |what: String| SoakFailure::new("replay", what);
     let log = Log::parse(&String::from_utf8_lossy(log), Path::new("soak.jsonl"));
     let log = log.map_err(|error| failure(error.to_string()))?;
     let replay = replay(&log, registry, None).map_err(|error| failure(error.to_string()))?;
     if replay.different > 0 {
-        let (different, compared) = (replay.different, replay.compared);
+        let different = replay.different;
+        let compared = replay.compared;
         return Err(failure(format!("{different} of {compared} estimates differ")));
     }
     Ok(u64::try_from(replay.compared).unwrap_or(u64::MAX))

@@ -1,4 +1,4 @@
-/// Leaves out lines as long as what is left fails: first halves, then quarters, down to single
+/// Leaves out lines as long as the rest still fails: first halves, then quarters, down to single
 /// lines (Zeller & Hildebrandt 2002).
 pub(super) fn least<'a>(
     mut lines: Vec<&'a [u8]>,

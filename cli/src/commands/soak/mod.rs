@@ -86,7 +86,7 @@ pub(crate) struct Args {
     world: World,
 }
 
-/// What a soak came to.
+/// Results of a soak.
 #[derive(Debug, Default, Serialize)]
 struct Report {
     /// The seed of the first run.
@@ -107,13 +107,13 @@ struct Report {
     device_flights: u64,
     /// Recordings that were drawn and bent.
     recordings: u64,
-    /// Those of them that could be read.
+    /// Recordings that could be read.
     read: u64,
     /// Places that were found in them.
     located: u64,
     /// The most memory that the program held, in mebibytes; absent where it is not known.
     most_memory_mib: Option<f64>,
-    /// What did not hold.
+    /// Runs that failed.
     failures: Vec<Failed>,
 }
 
@@ -122,7 +122,7 @@ struct Report {
 struct Failed {
     /// Its seed.
     seed: u64,
-    /// What did not hold.
+    /// Condition that did not hold.
     what: String,
     /// The command that shows it again.
     again: String,
@@ -166,7 +166,8 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     }
     let most = args.hours.map(|hours| Duration::try_from_secs_f64(3600.0 * hours));
     let most = most.transpose().map_err(|error| CliError::input(format!("--hours: {error}")))?;
-    let (begun, runs) = (Instant::now(), args.runs.unwrap_or(u64::MAX));
+    let begun = Instant::now();
+    let runs = args.runs.unwrap_or(u64::MAX);
     let is_on = |_: &u64| most.is_none_or(|most| begun.elapsed() < most);
     let seeds = (0..runs).map(|run| args.seed.wrapping_add(run)).take_while(is_on);
 

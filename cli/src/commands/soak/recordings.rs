@@ -58,7 +58,7 @@ impl Random {
 /// A recording that could not be read.
 const UNREAD: Kind = Kind::Recording { is_read: false };
 
-/// What bent rows hold in place of a number.
+/// Texts in bent rows in place of a number.
 const INSTEAD: [&str; 12] = [
     "",
     "nan",
@@ -88,7 +88,7 @@ impl BentRecording {
         Self { seed, text }
     }
 
-    /// What an earlier soak has left, located with what the seed chose.
+    /// Takes a recording that an earlier soak has left, located as the seed chose.
     pub(super) fn again(text: Vec<u8>, seed: u64) -> Self {
         Self { seed, text }
     }
@@ -153,8 +153,8 @@ impl BentRecording {
     }
 }
 
-/// What a few drones receive of a beacon or two, without any error: turns of an antenna, or levels
-/// and bearings that were made already.
+/// Receptions of a few drones from a beacon or two, without any error: turns of an antenna, or
+/// levels and bearings that were made already.
 fn clean(random: &mut Random) -> String {
     let beacons: Vec<Vector2<f64>> = (0..=random.below(2))
         .map(|_| Vector2::new(random.between(-200.0, 200.0), random.between(-200.0, 200.0)))
@@ -194,7 +194,8 @@ fn clean(random: &mut Random) -> String {
 /// Does one thing to a text that a broken card or a careless hand might do.
 fn bend(text: &mut Vec<u8>, random: &mut Random) {
     let mut lines: Vec<Vec<u8>> = text.split(|byte| *byte == b'\n').map(<[u8]>::to_vec).collect();
-    let (one, other) = (random.below(lines.len()), random.below(lines.len()));
+    let one = random.below(lines.len());
+    let other = random.below(lines.len());
     match random.below(6) {
         0 => lines.swap(one, other),
         1 => drop(lines.remove(one)),
@@ -230,7 +231,9 @@ mod tests {
     #[test]
     fn recordings_are_read_located_and_refused() {
         let registry = Registry::builtin();
-        let (mut read, mut located, mut bent) = (0, 0, 0);
+        let mut read = 0;
+        let mut located = 0;
+        let mut bent = 0;
         for seed in 0..60 {
             let recording = BentRecording::draw(seed);
             let tally = recording.locate(&registry);

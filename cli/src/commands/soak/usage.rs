@@ -13,10 +13,10 @@ pub(super) struct Memory {
     is_reported: bool,
 }
 
-/// In so many runs of each thread everything that is kept has been made once.
+/// Number of runs of each thread after which everything that is kept has been made once.
 const WARM_RUNS: u64 = 200;
 
-/// What may come on top of it, in mebibytes: clouds and grids differ from run to run.
+/// Allowed growth after that, in mebibytes: clouds and grids differ from run to run.
 const ROOM_MIB: f64 = 192.0;
 
 impl Memory {

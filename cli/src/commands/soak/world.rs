@@ -294,8 +294,8 @@ impl ClassReport {
         all.into_iter().filter(|(_, applies)| *applies).map(|(what, _)| what).collect()
     }
 
-    /// Returns the row with the least median error among the simple ways, or among the others;
-    /// those that answer less than nine times in ten do not count.
+    /// Returns the row with the least median error among the simple ways, or among the others; rows
+    /// that answer less than nine times in ten do not count.
     fn best(&self, is_simple: bool) -> Option<&Row> {
         let answers = |row: &Row| row.scores.fixes - row.scores.failed;
         let most = self.estimators.iter().map(answers).max().unwrap_or(0);

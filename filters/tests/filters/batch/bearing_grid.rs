@@ -13,7 +13,7 @@ const RECEIVERS: [Vector2<f64>; 4] = [
     Vector2::new(700.0, 700.0),
 ];
 
-/// The prior's density, written out anew.
+/// The prior's density, written out again.
 fn prior(place: &Vector2<f64>) -> f64 {
     let beyond = |x: f64, low: f64, high: f64| (x - high).max(low - x).max(0.0);
     let (x, y) = (beyond(place.x, 200.0, 800.0), beyond(place.y, 0.0, 800.0));
@@ -140,7 +140,7 @@ fn what_cannot_be_located_is_refused() {
 }
 
 /// Bearings from the first `stations` receivers, six each, a metre or two apart, as hovers drift:
-/// each with an error of its own of `SIGMA`, and those of a station with one in common.
+/// each with an error of its own of `SIGMA`, and one in common at each station.
 fn spins(
     place: Vector2<f64>,
     stations: usize,
@@ -162,7 +162,7 @@ fn spins(
     (taken, errors)
 }
 
-/// Whether a place is in the region of highest density with 95 %.
+/// Returns true if a place is in the region of highest density with 95 %.
 fn holds(map: &PosteriorMap, place: &Vector2<f64>) -> bool {
     let half = 0.5 * map.cell_m();
     let own = map.cells().find(|(cell, _)| (cell - place).amax() <= half);

@@ -13,7 +13,7 @@ fn white(rng: &mut Xoshiro256PlusPlus) -> f64 {
     rng.sample(StandardNormal)
 }
 
-/// What a field is drawn with; the chosen hyperparameters are these.
+/// Parameters that a field is drawn with; the chosen hyperparameters are these.
 const LENGTH_M: f64 = 60.0;
 const NOISE_SHARE: f64 = 0.1;
 const SIGMA_DB: f64 = 8.0;
@@ -31,7 +31,7 @@ fn known() -> FieldMapConfig {
     }
 }
 
-/// A field of the model over some places, written out anew.
+/// A field of the model over some places, written out again.
 fn draw(rng: &mut Xoshiro256PlusPlus, places: &[Vector2<f64>]) -> DVector<f64> {
     let n = places.len();
     let covariance = DMatrix::from_fn(n, n, |i, j| {
@@ -97,7 +97,7 @@ fn levels_and_maxima_are_calibrated() {
     assert!((sigmas - 1.0).abs() < 0.05, "{sigmas}");
 }
 
-/// Universal kriging written out anew: the weights are best and unbiased whatever the mean.
+/// Universal kriging written out again: the weights are best and unbiased whatever the mean.
 #[test]
 fn levels_are_those_of_kriging() {
     let places = [(0.0, 0.0), (90.0, 15.0), (40.0, -70.0), (10.0, 160.0), (155.0, 41.0)];

@@ -153,7 +153,7 @@ fn it_settles_in_coordinates_of_any_origin_and_scale() {
     }
 }
 
-/// Whether a place is in an ellipse.
+/// Returns true if a place is in an ellipse.
 fn holds(ellipse: &Ellipse, centre: &Vector2<f64>, place: &Vector2<f64>) -> bool {
     let (sin, cos) = ellipse.orientation.sin_cos();
     let away = place - centre;

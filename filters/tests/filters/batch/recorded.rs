@@ -36,8 +36,8 @@ fn starts(prior: &Estimate<3>) -> Vec<State<3>> {
     grid.map(|offset| prior.mean + offset).collect()
 }
 
-/// The errors are those of a law's fit; the covariance, inflated or not, is too narrow, as
-/// neighbouring levels fade alike.
+/// The errors are from a law's fit; the covariance, inflated or not, is too narrow, as neighbouring
+/// levels fade alike.
 #[test]
 fn recorded_levels_are_fitted() {
     let flights = match flights() {

@@ -1,4 +1,4 @@
-//! What is not proper is named.
+//! Improper inputs are named.
 
 use foxhunt_core::{
     Estimate, Estimator, EstimatorError, MeasurementModel, Pose, Quantity, RandomWalk, Role, State,

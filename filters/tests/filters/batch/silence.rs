@@ -1,4 +1,4 @@
-//! What was not observed, in a batch.
+//! Missing observations, in a batch.
 
 use foxhunt_core::{
     Correction, Estimate, Estimator, MeasurementModel, Observation, Pose, Quantity, RandomWalk,

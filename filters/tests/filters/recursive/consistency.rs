@@ -17,7 +17,7 @@ const RUNS: u32 = 400;
 struct Hunt {
     prior_sigma: f64,
     drift: f64,
-    /// How far the drone flies from the prior mean, in metres.
+    /// Distance of the flight from the prior mean, in metres.
     radius: f64,
     steps: u32,
     sigma_rss_db: f64,

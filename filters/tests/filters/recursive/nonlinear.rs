@@ -1,5 +1,5 @@
-//! How far the Kalman family falls short of the exact posterior where the model is far from
-//! linear over the prior; truth is drawn from the prior, run `i` from seed `i`.
+//! Losses of the Kalman family against the exact posterior where the model is far from linear over
+//! the prior; truth is drawn from the prior, run `i` from seed `i`.
 
 use foxhunt_core::{
     Estimate, Estimator, MeasurementModel, Observation, Pose, RandomWalk, State, nalgebra::Vector2,
@@ -15,7 +15,7 @@ use super::{
 };
 
 struct Problem {
-    /// How far from the prior mean the drone listens, in metres.
+    /// Distance of the listening drone from the prior mean, in metres.
     radius: f64,
     steps: u32,
     sigma_bearing: f64,
@@ -40,7 +40,7 @@ fn all(prior: Estimate<2>) -> [Box<dyn Estimator<2, 2>>; 5] {
     ]
 }
 
-/// Of each estimator: the rms error over that of the exact posterior's mean, and the ANEES.
+/// Returns each estimator's rms error over the one of the exact posterior's mean, and its ANEES.
 fn report(problem: &Problem) -> [(f64, f64); 6] {
     let (mut squares, mut nees) = ([0.0; 6], [0.0; 6]);
     for seed in 0..u64::from(RUNS) {
@@ -74,8 +74,8 @@ fn report(problem: &Problem) -> [(f64, f64); 6] {
     core::array::from_fn(|i| ((squares[i] / squares[0]).sqrt(), nees[i]))
 }
 
-/// What a problem must show of the iterated CKF, at most: its error over the exact posterior's,
-/// and its ANEES; and of every filter that linearises once, at least.
+/// Limits for a problem: at most of the iterated CKF, its error over the exact posterior's, and its
+/// ANEES; at least of every filter that linearises once.
 struct Band {
     iterated: (f64, f64),
     once: (f64, f64),

@@ -1,4 +1,4 @@
-//! What particle filters may do besides: adaptive sizes, correction in stages, evidence.
+//! Further features of particle filters: adaptive sizes, correction in stages, evidence.
 
 use core::f64::consts::TAU;
 

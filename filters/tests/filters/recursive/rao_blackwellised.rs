@@ -140,7 +140,7 @@ fn exact(observed: &[Observation<2>]) -> (Estimate<3>, f64) {
     (Estimate { mean, covariance: (covariance + covariance.transpose()) * 0.5 }, total.ln())
 }
 
-/// How far the filter is from the exact posterior after the flight: its mean in standard
+/// Returns the filter's distance from the exact posterior after the flight: its mean in standard
 /// deviations, its covariance as a share, and its log-evidence.
 fn off(sigma: f64, with: impl Fn(Power) -> Power) -> (f64, f64, f64) {
     let observed = flight(sigma);
@@ -407,8 +407,8 @@ fn it_is_consistent_with_unknown_power_and_exponent() {
     }
 }
 
-/// What is likely under either direction is likely under both in proportion, and so are the means:
-/// the posterior is the mixture of the two posteriors, in each particle and so in the cloud.
+/// Particles likely under either direction are likely under both in proportion, and so are the
+/// means: the posterior is the mixture of the two posteriors, in each particle and so in the cloud.
 #[test]
 fn competing_bearings_are_the_mixture_of_their_posteriors() {
     let mode = |weight, angle, sigma| BearingMode { weight, angle, sigma };

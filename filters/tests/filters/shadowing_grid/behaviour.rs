@@ -1,4 +1,4 @@
-//! What may change the answer, and what must not.
+//! Inputs that may change the answer, and inputs that must not.
 
 use core::f64::consts::FRAC_PI_6;
 

@@ -28,7 +28,7 @@ impl Tally {
         self.variance += variance;
     }
 
-    /// How far off it is, in standard deviations.
+    /// Distance from the expected value, in standard deviations.
     fn score(&self, what: &'static str) -> Score {
         let z = (self.sum - self.expected) / self.variance.sqrt();
         Score { what, sum: self.sum, expected: self.expected, z }
@@ -62,7 +62,7 @@ impl Squares {
     }
 }
 
-/// How the truth sits in the posterior, over many runs.
+/// Calibration of the posterior against the truth, over many runs.
 #[derive(Clone, Debug, Default)]
 struct Calibration {
     nees: Tally,
@@ -166,7 +166,7 @@ fn draw(slope: &Slope, rng: &mut Xoshiro256PlusPlus) -> f64 {
     nodes[nodes.len() - 1].0
 }
 
-/// Whether a place lies in the outermost ring of cells.
+/// Returns true if a place lies in the outermost ring of cells.
 fn is_on_border(fix: &ShadowingFix, place: &Vector2<f64>) -> bool {
     let first = fix.map.south_west();
     let (last, _) = fix.map.cells().last().expect("a map has cells");
@@ -174,7 +174,7 @@ fn is_on_border(fix: &ShadowingFix, place: &Vector2<f64>) -> bool {
     from_middle.max() > -0.5 * fix.map.cell_m()
 }
 
-/// Bearings of a place from so many of the receivers, whose σ of 8° is right up to a factor with
+/// Bearings of a place from `count` of the receivers, whose σ of 8° is right up to a factor with
 /// the grid's prior.
 fn bearings(
     grid: &BearingGrid,

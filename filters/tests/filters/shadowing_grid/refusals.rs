@@ -1,4 +1,4 @@
-//! What is refused, and with which words.
+//! Refused inputs, and the words of the refusals.
 
 use foxhunt_core::Pose;
 use foxhunt_filters::{

@@ -1,4 +1,4 @@
-//! The model, written out anew: fields drawn from it, and the level's regressor.
+//! The model, written out again: fields drawn from it, and the level's regressor.
 
 use foxhunt_core::Pose;
 use foxhunt_filters::{PlacePrior, ShadowingGridConfig, Slope};
@@ -43,7 +43,7 @@ pub(super) fn lawn_mower(legs: u8, count: u8, step_m: f64, apart_m: f64) -> Vec<
     (0..legs).flat_map(leg).collect()
 }
 
-/// What a field is drawn with.
+/// Parameters that a field is drawn with.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Truth {
     pub(super) place: Vector2<f64>,

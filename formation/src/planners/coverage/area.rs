@@ -62,7 +62,7 @@ impl Area {
         })
     }
 
-    /// The same turned by an angle about the origin.
+    /// Returns the area turned by an angle about the origin.
     pub(super) fn turned(&self, angle: f64) -> Self {
         Self { corners: self.corners.iter().map(|corner| turn(corner, angle)).collect() }
     }
@@ -73,8 +73,8 @@ impl Area {
         self.corners.iter().fold(ends, |(low, high), c| (low.min(c.y), high.max(c.y)))
     }
 
-    /// What of the row at `north` is inside and at least `margin` from every side, from West to
-    /// East.
+    /// Returns the parts of the row at `north` that are inside and at least `margin` from every
+    /// side, from West to East.
     pub(super) fn row(&self, north: f64, margin: f64) -> Vec<Interval> {
         // A row along a side counts as inside.
         let (low, high) = self.rows();
@@ -101,7 +101,8 @@ impl Area {
 
 /// Turns a place counter-clockwise about the origin.
 pub(super) fn turn(place: &Vector2<f64>, angle: f64) -> Vector2<f64> {
-    let (sin, cos) = (libm::sin(angle), libm::cos(angle));
+    let sin = libm::sin(angle);
+    let cos = libm::cos(angle);
     Vector2::new(cos * place.x - sin * place.y, sin * place.x + cos * place.y)
 }
 
@@ -113,10 +114,11 @@ fn without((west, east): Interval, (from, to): Interval) -> [Option<Interval>; 2
     [(west <= from).then_some((west, from)), (to <= east).then_some((to, east))]
 }
 
-/// What of the row at `north` is nearer than `reach` to a side: the row's cut through two discs and
-/// the strip between them, which together are convex.
+/// Returns the part of the row at `north` that is nearer than `reach` to a side: the row's cut
+/// through two discs and the strip between them, which together are convex.
 fn near(a: &Vector2<f64>, b: &Vector2<f64>, north: f64, reach: f64) -> Option<Interval> {
-    let (mut west, mut east) = (f64::INFINITY, f64::NEG_INFINITY);
+    let mut west = f64::INFINITY;
+    let mut east = f64::NEG_INFINITY;
     let mut take = |x: f64| (west, east) = (west.min(x), east.max(x));
     for end in [a, b] {
         let half = reach * reach - (north - end.y) * (north - end.y);
@@ -141,15 +143,17 @@ fn orientation(a: &Vector2<f64>, b: &Vector2<f64>, c: &Vector2<f64>) -> f64 {
     (b - a).perp(&(c - a))
 }
 
-/// Whether a place on the line of a side lies on the side itself.
+/// Returns true if a place on the line of a side lies on the side itself.
 fn between(a: &Vector2<f64>, b: &Vector2<f64>, place: &Vector2<f64>) -> bool {
     (place - a).dot(&(place - b)) <= 0.0
 }
 
-/// Whether two sides meet (Cormen et al. 2009, §33.1).
+/// Returns true if two sides meet (Cormen et al. 2009, §33.1).
 fn cross(a: &Vector2<f64>, b: &Vector2<f64>, c: &Vector2<f64>, d: &Vector2<f64>) -> bool {
-    let (c_side, d_side) = (orientation(a, b, c), orientation(a, b, d));
-    let (a_side, b_side) = (orientation(c, d, a), orientation(c, d, b));
+    let c_side = orientation(a, b, c);
+    let d_side = orientation(a, b, d);
+    let a_side = orientation(c, d, a);
+    let b_side = orientation(c, d, b);
     let on = |side: f64, p, q, place| side.abs() <= 0.0 && between(p, q, place);
     (c_side * d_side < 0.0 && a_side * b_side < 0.0)
         || on(c_side, a, b, c)
@@ -158,7 +162,7 @@ fn cross(a: &Vector2<f64>, b: &Vector2<f64>, c: &Vector2<f64>, d: &Vector2<f64>)
         || on(b_side, c, d, b)
 }
 
-/// Whether two neighbouring sides lie on one another, or one of them has no length.
+/// Returns true if two neighbouring sides lie on one another, or one of them has no length.
 fn folds(a: &Vector2<f64>, b: &Vector2<f64>, c: &Vector2<f64>, d: &Vector2<f64>) -> bool {
     // The corner that they share comes last of one and first of the other.
     let (before, corner, after) = if b == c { (a, b, d) } else { (c, a, b) };

@@ -39,7 +39,7 @@ pub(super) fn cells(rows: &[(f64, Vec<Interval>)]) -> Vec<Vec<Strip>> {
     cells
 }
 
-/// Whether exactly one interval of a row meets one of the row before.
+/// Returns true if exactly one interval of a row meets one of the row before.
 fn one_above(below: &Interval, row: &[Interval]) -> bool {
     row.iter().filter(|i| i.0 <= below.1 && below.0 <= i.1).count() == 1
 }

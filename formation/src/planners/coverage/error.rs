@@ -1,6 +1,6 @@
 use foxhunt_core::parameter::ParameterError;
 
-/// Why there is no sweep.
+/// Reason that there is no sweep.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CoverageError {
@@ -10,7 +10,7 @@ pub enum CoverageError {
     /// Fewer corners than an area has.
     #[error("{corners} corners make no area; it takes 3")]
     Corners {
-        /// How many there are.
+        /// Number of corners.
         corners: usize,
     },
     /// A corner holds NaN or infinity.

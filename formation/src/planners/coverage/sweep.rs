@@ -21,7 +21,7 @@ pub struct CoverageConfig {
     pub row_spacing_m: f64,
     /// The most from one place to the next along a row, in metres.
     pub along_spacing_m: f64,
-    /// How far every place stays from the sides of the area, in metres.
+    /// Least distance of every place from the sides of the area, in metres.
     pub margin_m: f64,
     /// The direction of the rows, in radians counter-clockwise from East; along the area's longest
     /// side unless given.
@@ -30,8 +30,8 @@ pub struct CoverageConfig {
 }
 
 impl Default for CoverageConfig {
-    /// Those of the reference's sweep (Pritzl 2018, §7.4): rows 38 / 3 m apart, places on them
-    /// 53 / 3 m, 6 m from the sides.
+    /// The reference's sweep (Pritzl 2018, §7.4): rows 38 / 3 m apart, places on them 53 / 3 m, 6 m
+    /// from the sides.
     fn default() -> Self {
         Self {
             row_spacing_m: 38.0 / 3.0,
@@ -77,7 +77,8 @@ impl Coverage {
         let direction = config.direction_rad.unwrap_or_else(|| area.longest_side());
         let area = area.turned(-direction);
         let (low, high) = area.rows();
-        let (low, high) = (low + config.margin_m, high - config.margin_m);
+        let low = low + config.margin_m;
+        let high = high - config.margin_m;
         let norths = spread((low, high), config.row_spacing_m)?;
         let rows: Vec<(f64, Vec<Interval>)> =
             norths.into_iter().map(|north| (north, area.row(north, config.margin_m))).collect();
@@ -113,7 +114,7 @@ impl AsRef<[Vector2<f64>]> for Coverage {
     }
 }
 
-/// What is wrong with a spacing that is too small.
+/// Requirement on a spacing that is too small.
 const TOO_MANY: &str = "so large that 10 000 places are enough";
 
 /// Evenly spread values from one end to the other, both included, at most `spacing` apart; none

@@ -20,11 +20,12 @@ fn to_side(corners: &[Vector2<f64>], place: &Vector2<f64>) -> f64 {
     sides.map(distance).fold(f64::INFINITY, f64::min)
 }
 
-/// Whether a place is inside, by the angle that the sides turn by about it.
+/// Returns true if a place is inside, by the angle that the sides turn by about it.
 fn inside(corners: &[Vector2<f64>], place: &Vector2<f64>) -> bool {
     let sides = corners.iter().zip(corners.iter().cycle().skip(1));
     let turned = |(a, b): (&Vector2<f64>, &Vector2<f64>)| {
-        let (a, b) = (a - place, b - place);
+        let a = a - place;
+        let b = b - place;
         libm::atan2(a.perp(&b), a.dot(&b))
     };
     sides.map(turned).sum::<f64>().abs() > 3.0
@@ -39,7 +40,8 @@ fn the_references_sixteen_places() {
     for row in 0..4_u8 {
         for column in 0..4_u8 {
             let column = if row % 2 == 0 { column } else { 3 - column };
-            let (column, row) = (f64::from(column), f64::from(row));
+            let column = f64::from(column);
+            let row = f64::from(row);
             expected.push(Vector2::new(6.0 + 53.0 * column / 3.0, 6.0 + 38.0 * row / 3.0));
         }
     }

@@ -9,11 +9,11 @@ use crate::spiral::spiral;
 /// Fewer places than this give a belief's moments and not its shape.
 const FEWEST_PLACES: usize = 16;
 
-/// How many places are drawn for a belief that only gives its moments.
+/// Number of places drawn for a belief that only gives its moments.
 const DRAWN_PLACES: u32 = 512;
 
-/// How far kurtosis and skewness of a nearly Gaussian belief may be from 8 and from 0. Mardia's
-/// standard errors for 2000 particles are 0.2 and below 0.1; two separate modes have 6.
+/// Largest distances of a nearly Gaussian belief's kurtosis and skewness from 8 and from 0.
+/// Mardia's standard errors for 2000 particles are 0.2 and below 0.1; two separate modes have 6.
 const KURTOSIS_TOLERANCE: f64 = 1.2;
 const SKEWNESS_TOLERANCE: f64 = 0.6;
 
@@ -40,16 +40,17 @@ pub(super) struct CellBlock {
 pub(super) struct Cells {
     pub(super) moments: Estimate<2>,
     pub(super) cells: Vec<Cell>,
-    /// The same cells in columns.
+    /// The cells in columns.
     pub(super) blocks: Vec<CellBlock>,
-    /// Whether it is nearly Gaussian, so that its moments are all there is.
+    /// True if it is nearly Gaussian, so that its moments are all there is.
     pub(super) gaussian: bool,
 }
 
 impl Cells {
     pub(super) fn new(moments: Estimate<2>, cells: Vec<Cell>, gaussian: bool) -> Self {
         let numbers = |cell: &Cell| {
-            let (mean, covariance) = (cell.mean, cell.covariance);
+            let mean = cell.mean;
+            let covariance = cell.covariance;
             let [xx, xy, yy] = [covariance[(0, 0)], covariance[(0, 1)], covariance[(1, 1)]];
             [mean.x, mean.y, xx, xy, yy, cell.weight]
         };
@@ -120,12 +121,14 @@ fn moments_of(places: &[(Vector2<f64>, f64)]) -> Estimate<2> {
     Estimate { mean, covariance }
 }
 
-/// Whether skewness and kurtosis are about a Gaussian's (Mardia 1970): 0 and p (p + 2) = 8.
+/// Returns true if skewness and kurtosis are about a Gaussian's (Mardia 1970): 0 and p (p + 2) = 8.
 fn is_gaussian(places: &[(Vector2<f64>, f64)]) -> bool {
     let moments = moments_of(places);
     let Some(factor) = moments.covariance.cholesky() else { return false };
     let lower = factor.l();
-    let (mut skew, mut kurtosis, mut total) = ([0.0; 4], 0.0, 0.0);
+    let mut skew = [0.0; 4];
+    let mut kurtosis = 0.0;
+    let mut total = 0.0;
     for (place, weight) in places {
         let off = place - moments.mean;
         let x = off.x / lower[(0, 0)];
@@ -142,7 +145,7 @@ fn is_gaussian(places: &[(Vector2<f64>, f64)]) -> bool {
     (kurtosis / total - 8.0).abs() < KURTOSIS_TOLERANCE && skewness < SKEWNESS_TOLERANCE
 }
 
-/// Appends `count` cells of the places, fewer where there are not so many places.
+/// Appends `count` cells of the places, fewer if there are fewer places.
 fn split(places: &mut [(Vector2<f64>, f64)], count: usize, cells: &mut Vec<Cell>) {
     let moments = moments_of(places);
     if count <= 1 || places.len() <= 1 {
@@ -151,7 +154,8 @@ fn split(places: &mut [(Vector2<f64>, f64)], count: usize, cells: &mut Vec<Cell>
         return;
     }
     let axis = usize::from(moments.covariance[(1, 1)] > moments.covariance[(0, 0)]);
-    let (lower, upper) = (count / 2, count - count / 2);
+    let lower = count / 2;
+    let upper = count - count / 2;
     let share = |part: usize| f64::from(u32::try_from(part).unwrap_or(u32::MAX));
     let total: f64 = places.iter().map(|(_, weight)| weight).sum();
     let middle = first_with(places, axis, total * share(lower) / share(count));
@@ -161,10 +165,11 @@ fn split(places: &mut [(Vector2<f64>, f64)], count: usize, cells: &mut Vec<Cell>
     split(above, upper, cells);
 }
 
-/// How many places it takes along an axis until their weights sum to `wanted`; these come first
+/// Returns the number of places along an axis until their weights sum to `wanted`; these come first
 /// then. Halves are selected and not sorted, which takes time in proportion to their number.
 fn first_with(places: &mut [(Vector2<f64>, f64)], axis: usize, mut wanted: f64) -> usize {
-    let (mut from, mut to) = (0, places.len());
+    let mut from = 0;
+    let mut to = places.len();
     while to - from > 1 {
         let half = (to - from) / 2;
         let range = &mut places[from..to];

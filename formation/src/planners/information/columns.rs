@@ -2,7 +2,7 @@ use alloc::vec::Vec;
 
 use super::TARGETS;
 
-/// A number of each of so many cells.
+/// A number for each of [`TARGETS`] cells.
 pub(super) type Column = [f64; TARGETS];
 
 /// Some numbers of each cell in columns. The last cell fills up the last block, so that no loop has

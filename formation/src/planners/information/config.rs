@@ -7,7 +7,7 @@ use foxhunt_core::parameter::{
 use super::RssBearingTurn;
 use crate::planners::altitude::AltitudeRule;
 
-/// How the worth of a turn is computed.
+/// Measure of a turn's worth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
@@ -25,7 +25,7 @@ pub enum Criterion {
     Entropy,
 }
 
-/// What the planner optimises.
+/// Quantity that the planner optimises.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
@@ -53,23 +53,23 @@ pub struct InformationConfig {
     /// σ in dB of what is known beforehand of the level at a given range: of the transmitter's
     /// power, which all drones share. It is found along with the place; 0 where it is known.
     pub power_sigma_db: f64,
-    /// How high the drones fly.
+    /// Rule for the altitude.
     pub altitude: AltitudeRule,
-    /// How fast a drone flies over ground, in metres per second.
+    /// Speed of a drone over ground, in metres per second.
     pub speed_mps: f64,
-    /// How fast it climbs and sinks, in metres per second.
+    /// Speed of climbing and sinking, in metres per second.
     pub climb_mps: f64,
-    /// How long a turn of the antenna takes.
+    /// Duration of a turn of the antenna.
     pub turn_s: f64,
     /// No two goals are nearer to each other than this.
     pub separation_m: f64,
-    /// How many turns the planner looks ahead, the next one included.
+    /// Number of turns that the planner looks ahead, the next one included.
     pub horizon: u32,
-    /// What is made best.
+    /// Quantity to optimise.
     pub objective: Objective,
-    /// How the worth of a turn is computed.
+    /// Measure of a turn's worth.
     pub criterion: Criterion,
-    /// How many places stand for the belief; half as many where their pairs are compared
+    /// Number of places that stand for the belief; half as many where their pairs are compared
     /// ([`Criterion::Entropy`]).
     pub places: u32,
     /// Another plan has to save this many seconds over turning again to be worth a move.
@@ -83,7 +83,7 @@ pub struct InformationConfig {
     /// σ of what is believed of a target before anything was received, about the drones or
     /// `prior_centre_m`; 0 where nothing is believed, and the drones listen where they are first.
     pub prior_sigma_m: f64,
-    /// What it is about, East and North; the centroid of the drones where absent.
+    /// Centre of that belief, East and North; the centroid of the drones where absent.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub prior_centre_m: Option<[f64; 2]>,
 }
@@ -131,7 +131,7 @@ impl InformationConfig {
         RssBearingTurn::new(self.exponent, self.level_sigma_db, bearing_sigma, limit)
     }
 
-    /// Whether every field is in its range.
+    /// Checks that every field is in its range.
     pub(super) fn check(&self) -> Result<(), ParameterError> {
         self.altitude.check()?;
         positive("exponent", self.exponent)?;

@@ -47,7 +47,7 @@ pub struct Information<S = RssBearingTurn> {
 /// A target: which beacon it is, where that is known, and what is believed of it.
 type TargetBelief<'a> = (Option<BeaconId>, &'a dyn Belief);
 
-/// Why the last decision was taken.
+/// Account of the last decision.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Account {
     None,
@@ -55,7 +55,7 @@ enum Account {
     Finish { outcome: Outcome, ellipse_m: f64, best: Option<Worth>, positions: u32 },
 }
 
-/// What a plan's turn is expected to teach, and in what time.
+/// Expected information of a plan's turn, and the time for it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Worth {
     nats: f64,
@@ -110,7 +110,8 @@ impl<S: TurnInformation> Information<S> {
         beliefs: &[TargetBelief<'_>],
         stations: &mut [Station],
     ) -> Result<Worth, PlanError> {
-        let (turn, config) = (&self.turn, &self.config);
+        let turn = &self.turn;
+        let config = &self.config;
         let mut search = Search::new(turn, config, &self.levels, beliefs, stations)?;
         let (best, again) = search.best();
         let from: Vec<_> = stations.iter().map(|station| station.pose.position).collect();
@@ -235,8 +236,8 @@ impl<S: TurnInformation> FormationPlanner for Information<S> {
         self.decide(&beliefs, stations)
     }
 
-    /// Of any beacon: what is known of each one's power comes from its own levels, and how sure
-    /// bearings are from all of them.
+    /// Learns from any beacon: each one's power is known from its own levels, and how sure bearings
+    /// are from all of them.
     fn observe(&mut self, reception: &Reception) {
         self.turn.learn(reception);
         self.levels.add(reception);
@@ -261,7 +262,7 @@ impl<S: TurnInformation> FormationPlanner for Information<S> {
     }
 }
 
-/// Whether there is a drone and every drone is somewhere.
+/// Checks that there is a drone and that every drone's place is finite.
 pub(super) fn flyable(stations: &[Station]) -> Result<(), PlanError> {
     if stations.is_empty() {
         return Err(PlanError::TooFew { needed: 1, have: 0 });

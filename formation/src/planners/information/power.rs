@@ -9,7 +9,7 @@ use super::{
     columns::{Column, blocks},
 };
 
-/// From where the levels of beacons were received: what is known of their power comes from there.
+/// Places where the levels of beacons were received: they tell what is known of their power.
 ///
 /// Every reception that an estimator fused comes in, of whichever beacon. A search begins or is
 /// resumed without its beacon being named: that is the first target of the next plan, or where a
@@ -18,24 +18,24 @@ use super::{
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct LevelRecord {
     of: Vec<Places>,
-    /// Whose search it is, where that is known.
+    /// Beacon that is searched for, where known.
     first: Option<BeaconId>,
-    /// Whose search was over before.
+    /// Beacon of the search before.
     before: Option<BeaconId>,
-    /// What is believed of the target begins anew, once it is known which one it is.
+    /// True if the target's earlier levels are forgotten once its beacon is known.
     anew: bool,
-    /// Where the last plan had the targets.
+    /// Places of the targets in the last plan.
     targets: Vec<(BeaconId, Vector2<f64>)>,
 }
 
-/// From where the levels of one beacon were received.
+/// Places where the levels of one beacon were received.
 #[derive(Clone, Debug, PartialEq)]
 struct Places {
     beacon: BeaconId,
     places: Vec<Vector3<f64>>,
-    /// How many of them were received before the present search began.
+    /// Number of places from before the present search began.
     earlier: usize,
-    /// Whether anything was received since then, a level or not.
+    /// True if anything was received since then, a level or not.
     received: bool,
 }
 
@@ -75,8 +75,8 @@ impl LevelRecord {
         }
     }
 
-    /// Which beacon is resumed with this mean of its belief: the one that the last plan had
-    /// nearest to there, or else the only other one that was received.
+    /// Returns the beacon that is resumed with this mean of its belief: the one that the last plan
+    /// had nearest to there, or else the only other one that was received.
     pub(super) fn resumed(&self, mean: &Vector2<f64>) -> Option<BeaconId> {
         let off = |target: &&(BeaconId, Vector2<f64>)| (target.1 - mean).norm_squared();
         let others = self.targets.iter().filter(|target| Some(target.0) != self.first);
@@ -87,7 +87,7 @@ impl LevelRecord {
         others.next().filter(|_| others.next().is_none()).map(|known| known.beacon)
     }
 
-    /// Whose search it is, where the plan does not name it.
+    /// Returns the beacon that is searched for, also where the plan does not name it.
     pub(super) fn first(&self) -> Option<BeaconId> {
         let now = || self.of.iter().filter(|known| known.received);
         let other = || now().find(|known| Some(known.beacon) != self.before);
@@ -108,14 +108,14 @@ impl LevelRecord {
         }
     }
 
-    /// From where the levels of a beacon were received.
+    /// Returns the places where the levels of a beacon were received.
     pub(super) fn places(&self, beacon: Option<BeaconId>) -> &[Vector3<f64>] {
         let of = self.of.iter().find(|known| Some(known.beacon) == beacon);
         of.map_or(&[], |known| &known.places)
     }
 }
 
-/// What the levels received so far show of the power if the target is in a cell.
+/// Evidence of the power from the levels received so far, if the target is in a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct PowerIn {
     level_db: f64,
@@ -123,7 +123,7 @@ struct PowerIn {
     variance: f64,
 }
 
-/// The same for many cells.
+/// Evidence of the power for many cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct PowerBlock {
     /// The mean level expected at the places where it was received, weighted with its information,
@@ -207,7 +207,8 @@ mod tests {
 
     #[test]
     fn a_target_keeps_its_levels_unless_it_begins_anew() {
-        let (zero, one) = (Some(BeaconId(0)), Some(BeaconId(1)));
+        let zero = Some(BeaconId(0));
+        let one = Some(BeaconId(1));
         let mut all = LevelRecord::default();
         all.begin();
         assert_eq!(all.first(), None);

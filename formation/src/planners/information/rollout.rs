@@ -22,10 +22,10 @@ pub(super) const CHI_SQUARED_95: f64 = 5.991_464_547_107_979;
 const RANGES: usize = 512;
 const NEAREST_M2: f64 = 0.25;
 const FARTHEST_M2: f64 = 4e18;
-/// How many of a number's bits follow those.
+/// Number of bits of a number that follow those.
 const REST: u32 = 49;
 
-/// What is expected of the turns after the next one: from then on a regular formation follows the
+/// Expectation of the turns after the next one: from then on a regular formation follows the
 /// estimate. (A rollout of a base policy; Bertsekas 2020, §2.)
 ///
 /// The formation is as small as suits a target in its middle, and the estimate's own spread adds to
@@ -42,18 +42,17 @@ pub(super) struct Rollout {
     wanted: f64,
 }
 
-/// What a plan comes to.
+/// Expected course of a plan.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Course {
     /// Until the ellipse is small enough, in seconds.
     pub(super) to_ellipse_s: f64,
-    /// What is learned within the horizon, in nats, where the rate of that is made best, and how
-    /// long it takes.
+    /// Information within the horizon, in nats, where its rate is the objective, and its duration.
     pub(super) nats: f64,
     pub(super) seconds: f64,
 }
 
-/// The same for many cells.
+/// Courses for many cells.
 struct Courses {
     to_ellipse_s: Column,
     nats: Column,
@@ -103,7 +102,8 @@ impl Rollout {
         config: &InformationConfig,
         drones: usize,
     ) -> Self {
-        let (mut worth, mut best) = (Box::new([[0.0; 2]; RANGES]), (0.0, 0.0));
+        let mut worth = Box::new([[0.0; 2]; RANGES]);
+        let mut best = (0.0, 0.0);
         for index in (0..RANGES).rev() {
             let range = libm::sqrt(squared_range(index));
             let place = Vector3::new(range, 0.0, config.altitude.altitude(range));
@@ -129,7 +129,8 @@ impl Rollout {
     #[inline(always)]
     fn worths(&self, large: &Column, small: &Column) -> Column {
         let nearest2 = self.best_m * self.best_m;
-        let (mut places, mut shares) = ([0_u64; TARGETS], [0.0; TARGETS]);
+        let mut places = [0_u64; TARGETS];
+        let mut shares = [0.0; TARGETS];
         for i in 0..TARGETS {
             let range2 = nearest2 + large[i] + small[i];
             let bits = range2.clamp(NEAREST_M2, FARTHEST_M2).to_bits();
@@ -137,7 +138,8 @@ impl Rollout {
             let share = ((bits & ((1 << REST) - 1)) << (52 - REST)) | 1.0_f64.to_bits();
             shares[i] = f64::from_bits(share) - 1.0;
         }
-        let (mut heres, mut changes) = ([0.0; TARGETS], [0.0; TARGETS]);
+        let mut heres = [0.0; TARGETS];
+        let mut changes = [0.0; TARGETS];
         for i in 0..TARGETS {
             #[expect(clippy::cast_possible_truncation, reason = "the table has as many places")]
             let [here, change] = self.worth[places[i] as usize % RANGES];
@@ -150,17 +152,18 @@ impl Rollout {
         heres
     }
 
-    /// What follows once the posterior has these variances, the larger first, and the drones that
-    /// are farthest are at these distances from the target; of the learned and its time only where
-    /// `RATE`.
+    /// Returns the courses from posteriors with these variances, the larger first, and these
+    /// distances of the farthest drones from the target; with nats and seconds only where `RATE`.
     #[inline(always)]
     fn follow<const RATE: bool>(&self, left: &Left) -> Courses {
-        let (turn_s, horizon) = (self.config.turn_s, self.config.horizon);
+        let turn_s = self.config.turn_s;
+        let horizon = self.config.horizon;
         let pace = 1.0 / self.config.speed_mps;
         let [mut large, mut small] = left.axes;
         let mut travel = left.farthest2;
         travel.iter_mut().for_each(|way| *way = (sqrt(*way) - self.best_m).max(0.0));
-        let (mut seconds, mut grown) = ([0.0; TARGETS], [1.0; TARGETS]);
+        let mut seconds = [0.0; TARGETS];
+        let mut grown = [1.0; TARGETS];
         // Targets that need no more turns stay as they are: 0 in this column.
         let mut on = [1_u64; TARGETS];
         for _ in 1..horizon {
@@ -168,7 +171,8 @@ impl Rollout {
             let mut any = 0;
             for i in 0..TARGETS {
                 let worth = worths[i];
-                let (by_large, by_small) = (1.0 + large[i] * worth, 1.0 + small[i] * worth);
+                let by_large = 1.0 + large[i] * worth;
+                let by_small = 1.0 + small[i] * worth;
                 let both = by_large * by_small;
                 let inverse = 1.0 / both;
                 let way = sqrt(large[i] + small[i]);
@@ -191,7 +195,8 @@ impl Rollout {
         let mut courses =
             Courses { to_ellipse_s: [0.0; TARGETS], nats: [0.0; TARGETS], seconds: [0.0; TARGETS] };
         let worths = self.worths(&large, &small);
-        let (mut gains, mut shares) = ([0.0; TARGETS], [0.0; TARGETS]);
+        let mut gains = [0.0; TARGETS];
+        let mut shares = [0.0; TARGETS];
         for i in 0..TARGETS {
             gains[i] = ln_1p(large[i] * worths[i]);
         }
@@ -218,9 +223,10 @@ impl Rollout {
         courses
     }
 
-    /// What follows a turn that leaves this of a belief of these cells, on average.
+    /// Returns the mean course after a turn that leaves this posterior of a belief of these cells.
     pub(super) fn after(&self, posterior: &ExpectedPosterior, cells: &[CellBlock]) -> Course {
-        let (rollout, left) = (self, &posterior.left[..]);
+        let rollout = self;
+        let left = &posterior.left[..];
         let mut mean = match self.config.objective {
             Objective::TimeToEllipse => vectorised::run(After::<false> { rollout, left, cells }),
             Objective::InformationRate => vectorised::run(After::<true> { rollout, left, cells }),
@@ -229,8 +235,8 @@ impl Rollout {
         mean
     }
 
-    /// How good a plan is that begins with so many seconds and goes on so; smaller is better, and
-    /// what is no finite number is worst.
+    /// Returns the cost of a plan that begins with `seconds` and goes on with `course`; smaller is
+    /// better, and a cost that is not finite is worst.
     pub(super) fn cost(&self, seconds: f64, course: &Course) -> f64 {
         let cost = match self.config.objective {
             Objective::TimeToEllipse => seconds + course.to_ellipse_s,
@@ -252,9 +258,10 @@ mod tests {
         Left { axes: axes.map(|axis| [axis; TARGETS]), farthest2: [distance * distance; TARGETS] }
     }
 
-    /// What follows for one target, turn by turn.
+    /// Returns the course of one target, turn by turn.
     fn one(rollout: &Rollout, [mut large, mut small]: [f64; 2], distance: f64) -> Course {
-        let (config, mut course) = (&rollout.config, Course::default());
+        let config = &rollout.config;
+        let mut course = Course::default();
         let mut travel = (distance - rollout.best_m).max(0.0);
         let mut turn = 1;
         while large > rollout.wanted {
@@ -308,7 +315,8 @@ mod tests {
     #[test]
     fn the_table_is_the_information() {
         let config = InformationConfig::default();
-        let (turn, rollout) = (config.turn().expect("in range"), rollout(&config, 3));
+        let turn = config.turn().expect("in range");
+        let rollout = rollout(&config, 3);
         for range in [3.5, 10.0, 40.0, 250.0, 280.0, 300.0, 400.0, 2000.0, 1e6] {
             let place = Vector3::new(range, 0.0, config.altitude.altitude(range));
             let truth = 1.5 * turn.fisher(&Vector2::zeros(), &place).total().trace();
@@ -325,7 +333,8 @@ mod tests {
             let rollout = rollout(&config, 3);
             let cost = |axes| {
                 let courses = rollout.follow::<true>(&left(axes, 10.0));
-                let (nats, seconds) = (courses.nats[0], courses.seconds[0]);
+                let nats = courses.nats[0];
+                let seconds = courses.seconds[0];
                 let to_ellipse_s = courses.to_ellipse_s[0];
                 rollout.cost(45.0, &Course { to_ellipse_s, nats, seconds })
             };

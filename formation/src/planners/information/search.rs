@@ -15,7 +15,7 @@ use super::{
 };
 use crate::shape::number;
 
-/// How many of the formations are refined.
+/// Number of formations that are refined.
 const REFINED: usize = 2;
 
 /// A target that is not done.
@@ -24,7 +24,7 @@ struct Aim {
     /// P⁻¹, where its moments are all that is known.
     information: Option<Matrix2<f64>>,
     power: Power,
-    /// What the formation looked at last would leave of it.
+    /// Expected posterior after the formation looked at last.
     posterior: ExpectedPosterior,
 }
 
@@ -32,13 +32,13 @@ struct Aim {
 #[derive(Clone, Debug)]
 pub(super) struct Plan {
     pub(super) candidate: Candidate,
-    /// Whether drones were moved from where its form has them.
+    /// True if drones were moved from where its form has them.
     pub(super) refined: bool,
     /// Smaller is better.
     cost: f64,
-    /// What its turn is expected to teach, in nats.
+    /// Expected information of its turn, in nats.
     pub(super) nats: f64,
-    /// How long the move and the turn take.
+    /// Duration of the move and the turn.
     pub(super) seconds: f64,
 }
 
@@ -99,14 +99,16 @@ impl<'a, S: TurnInformation + ?Sized> Search<'a, S> {
         }
     }
 
-    /// What is expected of a formation.
+    /// Returns the expectation of a formation.
     fn look(&mut self, candidate: Candidate) -> Plan {
         let travel = farthest(&self.from, &exchanged(&self.from, &candidate.places));
         let moved = (travel.over_ground_m / self.config.speed_mps)
             .max(travel.height_m / self.config.climb_mps);
         let seconds = moved + self.config.turn_s;
-        let (mut nats, mut total) = (0.0, Course::default());
-        let (turn, places) = (self.turn, &candidate.places);
+        let mut nats = 0.0;
+        let mut total = Course::default();
+        let turn = self.turn;
+        let places = &candidate.places;
         for Aim { belief, information, power, posterior } in &mut self.aims {
             match information {
                 Some(prior) => posterior.by_fisher(turn, belief, power, prior, places),
@@ -179,7 +181,7 @@ fn middle(places: &[Vector3<f64>]) -> Vector2<f64> {
     places.iter().map(|place| place.xy()).sum::<Vector2<f64>>() / number(places.len())
 }
 
-/// How often the steps of a refinement are halved.
+/// Number of times that the steps of a refinement are halved.
 const HALVINGS: u8 = 4;
 
 fn aim<S: TurnInformation + ?Sized>(
@@ -227,7 +229,8 @@ mod tests {
             let places = search.from.clone();
             search.look(Candidate { form: Form::Stay, places }).cost
         };
-        let (one, two) = (cost(&[(None, &belief)]), cost(&[(None, &belief), (None, &belief)]));
+        let one = cost(&[(None, &belief)]);
+        let two = cost(&[(None, &belief), (None, &belief)]);
         assert!(one < 0.0 && (two - 2.0 * one).abs() < 1e-12, "{one} and {two}");
     }
 }

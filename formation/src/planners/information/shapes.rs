@@ -17,7 +17,7 @@ use crate::{
 /// root mean square distance: √(−ln 0.9).
 const NEAR: f64 = 0.324_592_845_974_501_2;
 
-/// What a formation looks like.
+/// Shape of a formation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Form {
     /// Everyone stays.
@@ -51,11 +51,11 @@ pub(super) struct Candidate {
     pub(super) places: Vec<Vector3<f64>>,
 }
 
-/// What candidates are made of.
+/// Data that candidates are made of.
 pub(super) struct Drawing<'a> {
     pub(super) rule: AltitudeRule,
     pub(super) count: usize,
-    /// Where the drones are now, on average.
+    /// Mean place of the drones now.
     pub(super) from: Vector2<f64>,
     pub(super) separation_m: f64,
     /// The distance at which a drone measures a target best.
@@ -220,7 +220,7 @@ pub(super) fn low_over(
     place.push(rule.altitude(NEAR * libm::sqrt(square)))
 }
 
-/// Whether no two places are nearer to each other over ground than the separation.
+/// Returns true if no two places are nearer to each other over ground than the separation.
 pub(super) fn apart(places: &[Vector3<f64>], separation_m: f64) -> bool {
     let least = separation_m * separation_m * (1.0 - 1e-9);
     places

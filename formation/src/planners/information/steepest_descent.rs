@@ -18,10 +18,10 @@ use super::{
 };
 use crate::planners::altitude::AltitudeRule;
 
-/// How many places stand for the belief.
+/// Number of places that stand for the belief.
 const PLACES: usize = 64;
 
-/// A step is halved so often before the drones stay where they are.
+/// Number of times that a step is halved before the drones stay where they are.
 const HALVINGS: u8 = 8;
 
 /// Configuration of [`SteepestDescent`]. Lengths are metres, angles degrees.
@@ -35,7 +35,7 @@ pub struct SteepestDescentConfig {
     pub level_sigma_db: f64,
     /// σ of a turn's bearing in degrees; something like 1000 for an antenna without a direction.
     pub bearing_sigma_deg: f64,
-    /// How high the drones fly.
+    /// Rule for the altitude.
     pub altitude: AltitudeRule,
     /// The longest step of a drone.
     pub step_m: f64,
@@ -125,7 +125,7 @@ impl<S: TurnInformation> SteepestDescent<S> {
         Ok(Self { config, turn, measured: 0, last: None, ended: None })
     }
 
-    /// Where the steepest step leads, how long it is and what it is expected to teach.
+    /// Returns the steepest step, with its length and its expected information.
     fn step(&self, belief: &dyn Belief, stations: &[Station]) -> Result<Step, PlanError> {
         let cells = Cells::of(belief, |_| PLACES)?;
         let Some(factor) = cells.moments.covariance.cholesky() else {

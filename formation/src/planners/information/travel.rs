@@ -2,7 +2,7 @@ use alloc::vec::Vec;
 
 use nalgebra::Vector3;
 
-/// How far the drone flies that flies farthest, in metres.
+/// Farthest distances that any drone flies, in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Farthest {
     pub(super) over_ground_m: f64,

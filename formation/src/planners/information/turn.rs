@@ -23,7 +23,7 @@ pub struct ExpectedReading {
 /// The Fisher information of one turn of an antenna about a target's place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TurnFisher {
-    /// How the level changes with the target's East and North, in dB/m.
+    /// Gradient of the level over the target's East and North, in dB/m.
     pub level_gradient: Vector2<f64>,
     /// The inverse of the level's variance, in 1/dB².
     pub level_information: f64,
@@ -31,7 +31,8 @@ pub struct TurnFisher {
     pub bearing: Matrix2<f64>,
 }
 
-/// How many targets a model is given at once, so that it can go through them in loops over columns.
+/// Number of targets that a model is given at once, so that it can go through them in loops over
+/// columns.
 pub const TARGETS: usize = 32;
 
 /// The expected readings of many targets in one turn, a column for each field of
@@ -52,7 +53,7 @@ pub struct ExpectedReadings {
 /// [`TurnFisher`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TurnFishers {
-    /// How the level changes with the target's East and North, in dB/m.
+    /// Gradient of the level over the target's East and North, in dB/m.
     pub level_gradient: [[f64; TARGETS]; 2],
     /// The inverse of the level's variance, in 1/dB².
     pub level_information: [f64; TARGETS],
@@ -131,11 +132,12 @@ impl TurnFisher {
 /// # Ok::<(), foxhunt_core::parameter::ParameterError>(())
 /// ```
 pub trait TurnInformation {
-    /// What a receiver at `receiver` is expected to read of a target at `target`.
+    /// Returns the reading that a receiver at `receiver` is expected to have of a target at
+    /// `target`.
     fn expected(&self, target: &Vector2<f64>, receiver: &Vector3<f64>) -> ExpectedReading;
 
-    /// How the reading changes with the target's place: level in the first row, in dB/m, bearing in
-    /// the second, in rad/m. Unless overridden, by central differences.
+    /// Returns the reading's Jacobian over the target's place: level in the first row, in dB/m,
+    /// bearing in the second, in rad/m. Unless overridden, by central differences.
     fn jacobian(&self, target: &Vector2<f64>, receiver: &Vector3<f64>) -> Matrix2<f64> {
         let mut jacobian = Matrix2::zeros();
         let offset = (target - receiver.xy()).norm();
@@ -217,7 +219,7 @@ impl<F: Fn(&Vector2<f64>, &Vector3<f64>) -> ExpectedReading> TurnInformation for
 /// Both are as certain as the distance is short: with exponent γ and σ in dB, range alone has a
 /// standard deviation of σ ln 10 d / (10 γ), and across the range that of the bearing times the
 /// range (Patwari et al. 2005). Straight above the target the level changes no longer and the
-/// bearing is none: its σ grows with 1/cos ε of the elevation ε, and above the limit with
+/// bearing has no meaning: its σ grows with 1/cos ε of the elevation ε, and above the limit with
 /// (tan ε / tan limit)² besides.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RssBearingTurn {
@@ -272,7 +274,8 @@ impl RssBearingTurn {
     /// division for each target.
     #[inline(always)]
     fn slopes(&self, ground2: f64, height2: f64) -> [f64; 2] {
-        let (precision, limit) = (1.0 / self.bearing.variance(), self.steep / height2);
+        let precision = 1.0 / self.bearing.variance();
+        let limit = self.steep / height2;
         let range2 = (ground2 + height2).max(1e-24);
         let ground2 = ground2.max(1e-12 * (1.0 + height2));
         let both = 1.0 / (ground2 * range2);
@@ -296,7 +299,8 @@ impl Kernel for ExpectedOfAll<'_> {
         let Self { turn, targets: [east, north], receiver, readings } = self;
         let height2 = receiver.z * receiver.z;
         for i in 0..TARGETS {
-            let (x, y) = (east[i] - receiver.x, north[i] - receiver.y);
+            let x = east[i] - receiver.x;
+            let y = north[i] - receiver.y;
             let ground2 = x * x + y * y;
             let range2 = (ground2 + height2).max(f64::MIN_POSITIVE);
             readings.level_db[i] = -0.5 * turn.slope * elementary::ln(range2);
@@ -321,7 +325,8 @@ impl Kernel for FisherOfAll<'_> {
     fn run(self) {
         let Self { turn, targets: [east, north], receiver, fishers } = self;
         for i in 0..TARGETS {
-            let (x, y) = (east[i] - receiver.x, north[i] - receiver.y);
+            let x = east[i] - receiver.x;
+            let y = north[i] - receiver.y;
             let [level, across] = turn.slopes(x * x + y * y, receiver.z * receiver.z);
             fishers.level_gradient[0][i] = x * level;
             fishers.level_gradient[1][i] = y * level;
@@ -336,7 +341,8 @@ impl Kernel for FisherOfAll<'_> {
 impl TurnInformation for RssBearingTurn {
     fn expected(&self, target: &Vector2<f64>, receiver: &Vector3<f64>) -> ExpectedReading {
         let offset = target - receiver.xy();
-        let (ground2, height2) = (offset.norm_squared(), receiver.z * receiver.z);
+        let ground2 = offset.norm_squared();
+        let height2 = receiver.z * receiver.z;
         let range2 = (ground2 + height2).max(f64::MIN_POSITIVE);
         ExpectedReading {
             level_db: -0.5 * self.slope * libm::log(range2),
@@ -356,7 +362,8 @@ impl TurnInformation for RssBearingTurn {
 
     fn fisher(&self, target: &Vector2<f64>, receiver: &Vector3<f64>) -> TurnFisher {
         let offset = target - receiver.xy();
-        let (x, y) = (offset.x, offset.y);
+        let x = offset.x;
+        let y = offset.y;
         let [level, across] = self.slopes(x * x + y * y, receiver.z * receiver.z);
         TurnFisher {
             level_gradient: offset * level,
@@ -454,14 +461,16 @@ mod tests {
 
     #[test]
     fn many_targets_are_as_each_of_them() {
-        let (turn, receiver) = (turn(), Vector3::new(3.0, -7.0, 4.0));
+        let turn = turn();
+        let receiver = Vector3::new(3.0, -7.0, 4.0);
         let mut targets = [[0.0_f64; TARGETS]; 2];
         for i in 1..TARGETS {
             let range = libm::exp(0.2 * targets[0][i - 1].abs().min(25.0));
             targets[0][i] = 3.0 + range * libm::cos(2.4 * range);
             targets[1][i] = -7.0 + range * libm::sin(2.4 * range);
         }
-        let (mut readings, mut fishers) = (ExpectedReadings::default(), TurnFishers::default());
+        let mut readings = ExpectedReadings::default();
+        let mut fishers = TurnFishers::default();
         turn.expected_of_all(&targets, &receiver, &mut readings);
         turn.fisher_of_all(&targets, &receiver, &mut fishers);
         for (i, (east, north)) in targets[0].iter().zip(&targets[1]).enumerate() {

@@ -19,7 +19,7 @@ use crate::shape::number;
 /// A bearing without information is uniform on the circle, whose variance is π²/3.
 const UNIFORM: f64 = PI * PI / 3.0;
 
-/// How many cells are weighed at once: half a block, which often is one of two modes.
+/// Number of cells weighed at once: half a block, which often is one of two modes.
 const PART: usize = 16;
 
 /// A weight of less than e⁻⁵⁰ of a cell's own is lost in rounding.
@@ -28,18 +28,18 @@ const NEGLIGIBLE: f64 = -50.0;
 /// The posterior that a turn is expected to leave of a belief: one for each belief and power.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct ExpectedPosterior {
-    /// How much is learned, in nats.
+    /// Expected information, in nats.
     pub(super) nats: f64,
-    /// What is left if the target is in a cell, for each block of cells.
+    /// Expected posterior if the target is in a cell, for each block of cells.
     pub(super) left: Vec<Left>,
-    /// What each drone contributes where it is; most formations differ from the last one in a
-    /// single drone.
+    /// Contribution of each drone where it is; most formations differ from the last one in a single
+    /// drone.
     drones: Vec<Drone>,
-    /// What all drones together know of each cell, where cells are compared.
+    /// Knowledge of all drones together about each cell, where cells are compared.
     known: Vec<Known>,
 }
 
-/// What is left if the target is in one of some cells.
+/// Expected posterior if the target is in one of a block of cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Left {
     /// The posterior variances along its principal axes, the larger one first.
@@ -48,20 +48,20 @@ pub(super) struct Left {
     pub(super) farthest2: Column,
 }
 
-/// What a drone at a place contributes.
+/// Contribution of a drone at a place.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Drone {
     place: Option<Vector3<f64>>,
-    /// What it teaches of a target in each cell.
+    /// Information on a target in each cell.
     taught: Vec<Taught>,
-    /// What it would read from each cell, where cells are compared by that.
+    /// Readings expected from each cell, where cells are compared by them.
     readings: Vec<Readings>,
     /// For each cell, and each block of cells, the parts of the divergence of these from it.
     pairs: Vec<Pairs>,
 }
 
-/// What a turn teaches of a target in each of some cells: the power known, and what is taken off
-/// that for the power in doubt.
+/// Information of a turn on a target in each of some cells: the power known, and the parts to take
+/// off that for the power in doubt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Taught {
     /// The information about East, both and North; the weighted gradient of the level; and the
@@ -81,14 +81,14 @@ struct Readings {
     log_variance: Column,
 }
 
-/// What all drones together know of each of some cells.
+/// Knowledge of all drones together about each of some cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Known {
     /// The covariance that is left within it: East, both and North.
     within: [Column; 3],
     /// The sum of the logarithms of the variances of all readings.
     log_variance: Column,
-    /// What the doubt of the power takes off the divergence from it.
+    /// Share of the power's doubt to take off the divergence from it.
     shared: Column,
 }
 
@@ -98,7 +98,7 @@ struct Known {
 /// well.
 type Pairs = [Column; 2];
 
-/// What a model gives of a block of cells.
+/// Results of a model for a block of cells.
 #[derive(Debug, Default)]
 struct Given {
     fishers: TurnFishers,
@@ -109,7 +109,8 @@ struct Given {
 /// determinant, given as East, both and North; infinite for one that is not.
 #[inline(always)]
 fn axes_of_inverse(xx: f64, xy: f64, yy: f64, determinant: f64) -> [f64; 2] {
-    let (centre, half) = (0.5 * (xx + yy), 0.5 * (xx - yy));
+    let centre = 0.5 * (xx + yy);
+    let half = 0.5 * (xx - yy);
     let larger = centre + sqrt(half * half + xy * xy);
     let definite = (determinant > 0.0) & (determinant < f64::INFINITY) & (centre > 0.0);
     // The smaller eigenvalue as determinant over the larger one, where a difference would cancel.
@@ -154,7 +155,8 @@ impl Kernel for Teach<'_> {
             taught.sums[3][i] = x * information;
             taught.sums[4][i] = y * information;
             taught.sums[5][i] = information;
-            let (east, north) = (cells.mean[0][i] - place.x, cells.mean[1][i] - place.y);
+            let east = cells.mean[0][i] - place.x;
+            let north = cells.mean[1][i] - place.y;
             taught.distance2[i] = east * east + north * north;
         }
     }
@@ -199,7 +201,7 @@ impl Kernel for Read<'_> {
 
 /// Sets how readings distinguish the cells.
 struct Compare<'a> {
-    /// How many there are.
+    /// Number of cells.
     cells: usize,
     readings: &'a [Readings],
     pairs: &'a mut [Pairs],
@@ -211,7 +213,8 @@ impl Kernel for Compare<'_> {
     #[inline(always)]
     fn run(self) {
         for (j, row) in self.pairs.chunks_mut(self.readings.len()).take(self.cells).enumerate() {
-            let (from, j) = (&self.readings[j / TARGETS], j % TARGETS);
+            let from = &self.readings[j / TARGETS];
+            let j = j % TARGETS;
             let [level, bearing] =
                 [&from.level, &from.bearing].map(|number| [number[0][j], number[2][j]]);
             for (of, [twice, weighted]) in self.readings.iter().zip(row) {
@@ -232,11 +235,12 @@ impl Kernel for Compare<'_> {
 impl Taught {
     const ZERO: Self = Self { sums: [[0.0; TARGETS]; 6], distance2: [0.0; TARGETS] };
 
-    /// What all drones teach, the power in doubt taken off, and how far the farthest is.
+    /// Returns the information of all drones, the power in doubt taken off, and the farthest one's
+    /// distance.
     ///
     /// Levels have the covariance σ² I + τ 1 1ᵀ with the power in doubt, which they share; its
-    /// inverse is by Sherman and Morrison. Their gradients are those of the difference to the
-    /// levels received before.
+    /// inverse is by Sherman and Morrison. Their gradients are of the difference to the levels
+    /// received before.
     #[inline(always)]
     fn of_all(drones: &[Drone], block: usize, power: &PowerBlock) -> Self {
         let mut all = Self::ZERO;
@@ -265,7 +269,7 @@ fn add(sum: &mut Column, part: &Column) {
     sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
 }
 
-/// Sets what is left by Fisher information, and returns what is learned, in nats.
+/// Sets the expected posterior by Fisher information, and returns the expected nats.
 struct ByFisher<'a> {
     belief: &'a Cells,
     power: &'a Power,
@@ -302,13 +306,13 @@ impl Kernel for ByFisher<'_> {
     }
 }
 
-/// Sets what is left by the mutual information, and returns what is learned, in nats.
+/// Sets the expected posterior by the mutual information, and returns the expected nats.
 struct ByEntropy<'a> {
     belief: &'a Cells,
     power: &'a Power,
     drones: &'a [Drone],
     left: &'a mut [Left],
-    /// What all drones together know of each cell.
+    /// Knowledge of all drones together about each cell.
     known: &'a mut [Known],
 }
 
@@ -320,7 +324,8 @@ impl Kernel for ByEntropy<'_> {
         let Self { belief, power, drones, left, known } = self;
         let mut nats = 0.0;
         for (block, left) in left.iter_mut().enumerate() {
-            let (cells, power) = (&belief.blocks[block], &power.blocks[block]);
+            let cells = &belief.blocks[block];
+            let power = &power.blocks[block];
             let all = Taught::of_all(drones, block, power);
             let mut learned = [0.0; TARGETS];
             let known = &mut known[block];
@@ -383,15 +388,19 @@ fn weigh(
     first: usize,
     sums: &mut [Column; 6],
 ) {
-    let (of, of_known) = (&belief.blocks[block], &known[block]);
+    let of = &belief.blocks[block];
+    let of_known = &known[block];
     let two_each = 2.0 * number(drones.len());
     let mut moments = [[0.0; PART]; 6];
     for (j, cell) in belief.cells.iter().enumerate() {
         let pair = j * belief.blocks.len() + block;
-        let (from, j) = (&known[j / TARGETS], j % TARGETS);
-        let (rest, shared) = (from.log_variance[j] - two_each, from.shared[j]);
+        let from = &known[j / TARGETS];
+        let j = j % TARGETS;
+        let rest = from.log_variance[j] - two_each;
+        let shared = from.shared[j];
         let within = [from.within[0][j], from.within[1][j], from.within[2][j]];
-        let (mut twice, mut weighted) = ([0.0; PART], [0.0; PART]);
+        let mut twice = [0.0; PART];
+        let mut weighted = [0.0; PART];
         for drone in drones {
             let pairs = &drone.pairs[pair];
             for i in 0..PART {
@@ -399,7 +408,8 @@ fn weigh(
                 weighted[i] += pairs[1][first + i];
             }
         }
-        let (mut exponents, mut negligible) = ([0.0; PART], true);
+        let mut exponents = [0.0; PART];
+        let mut negligible = true;
         for i in 0..PART {
             let twice = twice[i] + (rest - of_known.log_variance[first + i]);
             exponents[i] = 0.5 * (weighted[i] * weighted[i] * shared - twice);
@@ -442,7 +452,8 @@ impl ExpectedPosterior {
     }
 
     fn leave_by_fisher(&mut self, belief: &Cells, power: &Power, prior: &Matrix2<f64>) {
-        let (drones, left) = (&self.drones, &mut self.left);
+        let drones = &self.drones;
+        let left = &mut self.left;
         self.nats = vectorised::run(ByFisher { belief, power, prior, drones, left });
     }
 
@@ -467,13 +478,15 @@ impl ExpectedPosterior {
     }
 
     fn leave_by_entropy(&mut self, belief: &Cells, power: &Power) {
-        let (drones, left, known) = (&self.drones, &mut self.left, &mut self.known);
+        let drones = &self.drones;
+        let left = &mut self.left;
+        let known = &mut self.known;
         let zeros = [0.0; TARGETS];
         known.resize(left.len(), Known { within: [zeros; 3], log_variance: zeros, shared: zeros });
         self.nats = vectorised::run(ByEntropy { belief, power, drones, left, known });
     }
 
-    /// Sets anew what those drones contribute that are not where they were.
+    /// Sets the contributions of the drones that are not where they were.
     fn move_to<S: TurnInformation + ?Sized>(
         &mut self,
         turn: &S,
@@ -505,26 +518,31 @@ impl Drone {
         compared: bool,
         Given { fishers, expected }: &mut Given,
     ) {
-        let (blocks, zeros) = (belief.blocks.len(), [0.0; TARGETS]);
+        let blocks = belief.blocks.len();
+        let zeros = [0.0; TARGETS];
         self.place = Some(*place);
         self.taught.resize(blocks, Taught::ZERO);
         if compared {
-            let (level, bearing) = ([zeros; 3], [zeros; 3]);
+            let level = [zeros; 3];
+            let bearing = [zeros; 3];
             self.readings.resize(blocks, Readings { level, bearing, log_variance: zeros });
             self.pairs.resize(belief.cells.len() * blocks, [zeros; 2]);
         }
         for (block, (cells, power)) in belief.blocks.iter().zip(&power.blocks).enumerate() {
             turn.fisher_of_all(&cells.mean, place, fishers);
-            let (fishers, taught) = (&*fishers, &mut self.taught[block]);
+            let fishers = &*fishers;
+            let taught = &mut self.taught[block];
             vectorised::run(Teach { fishers, cells, power, place, taught });
             if compared {
                 turn.expected_of_all(&cells.mean, place, expected);
-                let (expected, readings) = (&*expected, &mut self.readings[block]);
+                let expected = &*expected;
+                let readings = &mut self.readings[block];
                 vectorised::run(Read { expected, fishers, cells, power, readings });
             }
         }
         if compared {
-            let (cells, readings) = (belief.cells.len(), &self.readings);
+            let cells = belief.cells.len();
+            let readings = &self.readings;
             vectorised::run(Compare { cells, readings, pairs: &mut self.pairs });
         }
     }
@@ -575,10 +593,13 @@ mod tests {
         const DRAWS: u32 = 40_000;
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(7);
         let log_density = |cell: &Cell, read: &[[f64; 2]]| {
-            let (mut square, mut sum, mut known) = (0.0, 0.0, 0.0);
+            let mut square = 0.0;
+            let mut sum = 0.0;
+            let mut known = 0.0;
             for (place, [level, bearing]) in places.iter().zip(read) {
                 let e = turn.expected(&cell.mean, place);
-                let (off, way) = (level - e.level_db, angle::wrap(bearing - e.bearing));
+                let off = level - e.level_db;
+                let way = angle::wrap(bearing - e.bearing);
                 square += (way / e.bearing_sigma) * (way / e.bearing_sigma)
                     + 2.0 * libm::log(e.bearing_sigma);
                 let variance = e.level_sigma_db * e.level_sigma_db;
@@ -649,7 +670,8 @@ mod tests {
     fn all_pairs_of_all_blocks_count() {
         let turn = RssBearingTurn::new(2.765, 4.0, 0.4, 0.6).expect("in range");
         let at = |i: u32| {
-            let (range, angle) = (0.4 * f64::from(i), 2.4 * f64::from(i));
+            let range = 0.4 * f64::from(i);
+            let angle = 2.4 * f64::from(i);
             let east = if i < 40 { -200.0 } else { 150.0 };
             [east + range * libm::cos(angle), range * libm::sin(angle)]
         };
@@ -659,7 +681,9 @@ mod tests {
         let mut posterior = ExpectedPosterior::default();
         posterior.by_entropy(&turn, &points, &known, &places);
         let divergence = |of: &Cell, from: &Cell| {
-            let (mut twice, mut weighted, mut information) = (0.0, 0.0, 0.0);
+            let mut twice = 0.0;
+            let mut weighted = 0.0;
+            let mut information = 0.0;
             for place in &places {
                 let [of, from] = [of, from].map(|cell| turn.expected(&cell.mean, place));
                 let off = of.level_db - from.level_db;
@@ -796,7 +820,8 @@ mod tests {
         entropy.by_entropy(&turn, &belief, &power, &places);
         assert!((fisher.nats - entropy.nats).abs() < 1e-9);
         let axes = |posterior: &ExpectedPosterior| posterior.left[0].axes.map(|axis| axis[0]);
-        let (fisher, entropy) = (axes(&fisher), axes(&entropy));
+        let fisher = axes(&fisher);
+        let entropy = axes(&entropy);
         assert!(fisher.iter().zip(entropy).all(|(a, b)| (a - b).abs() < 1e-9));
         // The power as a third unknown, of which a level received before teaches as well.
         let mut whole = nalgebra::Matrix3::zeros();

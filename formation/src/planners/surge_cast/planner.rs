@@ -25,25 +25,25 @@ use crate::{
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct SurgeCastConfig {
-    /// How far a surge goes at most, in metres; it never passes the estimate.
+    /// Largest length of a surge, in metres; it never passes the estimate.
     pub surge_m: f64,
-    /// How far the first cast goes across the surge, in metres.
+    /// Length of the first cast across the surge, in metres.
     pub cast_m: f64,
-    /// Each further cast is so many times longer, to the other side; at least 1.
+    /// Factor of each further cast's length, to the other side; at least 1.
     pub cast_growth: f64,
-    /// After so many casts in a row the formation surges towards the estimate.
+    /// Number of casts in a row after which the formation surges towards the estimate.
     pub most_casts: u32,
-    /// The level has fallen when it is so many dB below that of the last surge.
+    /// The level has fallen when it is this many dB below that of the last surge.
     pub fall_db: f64,
     /// From the centre of the formation to each of several drones on the way, in metres.
     pub circumradius_m: f64,
     /// The distance to the estimate over ground, in metres, at which the drones circle it.
     pub standoff_m: f64,
-    /// How far they then go round from one formation position to the next, in radians; not 0.
+    /// Angle that they then go round from one formation position to the next, in radians; not 0.
     pub step_rad: f64,
-    /// How high they fly.
+    /// Rule for the altitude.
     pub altitude: AltitudeRule,
-    /// When they have finished.
+    /// Rule that ends the search.
     pub settling: SettlingRule,
 }
 
@@ -67,7 +67,7 @@ impl Default for SurgeCastConfig {
     }
 }
 
-/// What was done last, for the log.
+/// The last move, for the log.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Move {
     Begin,
@@ -140,7 +140,7 @@ impl SurgeCast {
         self.circle.advance(estimate, *standoff_m, *step_rad, altitude, stations);
     }
 
-    /// Where the centre of the formation goes next.
+    /// Returns the next centre of the formation.
     fn surge_or_cast(
         &mut self,
         here: Vector2<f64>,
@@ -175,7 +175,7 @@ impl SurgeCast {
         away(&here, length, self.heading)
     }
 
-    /// Starts anew on a target.
+    /// Starts again on a target.
     fn reset(&mut self) {
         self.receptions.begin();
         self.best = None;
@@ -239,8 +239,9 @@ impl FormationPlanner for SurgeCast {
         self.plan(target.belief, stations)
     }
 
-    /// Of any beacon: only the one that it follows counts, which is the first target of a plan, or
-    /// where no plan names it, the one that was received first since the beginning.
+    /// Takes receptions of any beacon: only the one that it follows counts, which is the first
+    /// target of a plan, or where no plan names it, the one that was received first since the
+    /// beginning.
     fn observe(&mut self, reception: &Reception) {
         self.receptions.add(reception);
     }

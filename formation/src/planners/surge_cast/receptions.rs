@@ -3,7 +3,7 @@ use foxhunt_core::{BeaconId, Reception, angle::Resultant};
 /// The bearings of a formation position point nowhere below this mean resultant length.
 const AGREE: f64 = 0.3;
 
-/// How many beacons are kept apart while it is not known which one is followed.
+/// Number of beacons kept apart while it is not known which one is followed.
 const BEACONS: usize = 16;
 
 /// Levels and bearings received of the target since the last decision.
@@ -63,7 +63,7 @@ impl Receptions {
         }
     }
 
-    /// The mean level in dBm and the direction of the bearings, weighted with 1/σ²; begins anew.
+    /// Takes the mean level in dBm and the direction of the bearings, weighted with 1/σ².
     pub(super) fn take(&mut self) -> (Option<f64>, Option<f64>) {
         let received = || self.sums.iter().flatten();
         if self.followed.is_none() {

@@ -1,13 +1,13 @@
 use super::{Kept, Publisher, Subscriber, Text, Topics, drone_topic};
 use crate::link::{Carrier, LinkError};
 
-/// So many messages wait for an end that is slow.
+/// Number of messages that wait for a slow end.
 const DEPTH: usize = 100;
 
 /// Signed messages as text, on two topics of each drone: `signed_report` and `signed_order`.
 pub(in crate::link) struct RosCarrier {
     channels: Vec<Channel>,
-    /// Whose turn it was last.
+    /// Index of the channel whose turn was last.
     turn: usize,
 }
 
@@ -24,7 +24,7 @@ impl RosCarrier {
         Self::new(node, std::iter::once(drone), "signed_report", "signed_order")
     }
 
-    /// The end of the one that fuses for so many drones.
+    /// The end of the one that fuses, for a number of drones.
     pub(super) fn fusion(node: &mut impl Topics<Text>, drones: usize) -> Result<Self, LinkError> {
         Self::new(node, 0..drones, "signed_order", "signed_report")
     }

@@ -92,7 +92,8 @@ pub(in crate::link) fn report_of_status<H: RosHeader>(message: ros::Status<H>) -
 pub(in crate::link) fn reception_message<H: RosHeader>(
     delivery: &Delivery,
 ) -> Result<ros::Reception<H>, LinkError> {
-    let (header, beacon) = (H::at(delivery.ended)?, delivery.beacon.0);
+    let header = H::at(delivery.ended)?;
+    let beacon = delivery.beacon.0;
     let reception = match &delivery.reception {
         Ok(reception) => reception,
         Err(reason) => {
@@ -131,9 +132,10 @@ pub(in crate::link) fn reception_message<H: RosHeader>(
     })
 }
 
-/// What a message delivers; one without a reception carries the reason.
+/// Returns the delivery of a message; one without a reception carries the reason.
 pub(in crate::link) fn delivery<H: RosHeader>(message: ros::Reception<H>) -> Delivery {
-    let (beacon, ended) = (BeaconId(message.beacon), message.header.moment());
+    let beacon = BeaconId(message.beacon);
+    let ended = message.header.moment();
     let reception = if message.heard { reception(&message) } else { Err(message.reason) };
     Delivery { beacon, ended, reception }
 }
@@ -189,7 +191,7 @@ fn three(field: &str, numbers: &[f64]) -> Result<Option<Vector3<f64>>, String> {
     }
 }
 
-/// What was measured besides level and bearing.
+/// Returns the quantities that were measured besides level and bearing.
 fn measured<H>(message: &ros::Reception<H>) -> Result<MeasuredList, String> {
     let ros::Reception { quantity_names, quantity_values, quantity_sigmas, .. } = message;
     let count = quantity_names.len();
@@ -238,8 +240,8 @@ pub(in crate::link) fn order_message<H: RosHeader>(
     })
 }
 
-/// The order of a message; a goal that is no place is none, and half a delivery is left
-/// out.
+/// Returns the order of a message; a goal that is not finite is dropped, and half a delivery is
+/// left out.
 pub(in crate::link) fn order<H: RosHeader>(message: &ros::Order<H>) -> Order {
     let position = place(&message.goal);
     let is_place = message.has_goal && position.iter().all(|metres| metres.is_finite());

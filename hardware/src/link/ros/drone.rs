@@ -16,7 +16,7 @@ pub(in crate::link) struct DroneEnd<H, N> {
     _node: N,
 }
 
-/// What orders and all reports but the pose go by.
+/// Topics of orders and of all reports but the pose, signed or not.
 enum Channel<H> {
     Open {
         status: Publisher<Status<H>>,

@@ -21,7 +21,7 @@ pub(in crate::link) struct FusionEnd<H, N> {
     node: N,
 }
 
-/// What orders and reports go by.
+/// Topics of orders and reports, signed or not.
 enum Channel<H> {
     Open(Drones<H>),
     Signed(CarriedFusion<RosCarrier>),
@@ -30,7 +30,7 @@ enum Channel<H> {
 /// The topics of all drones.
 struct Drones<H> {
     drones: Vec<Drone<H>>,
-    /// Which drone's topics were read last, so that each has its turn.
+    /// Index of the drone whose topics were read last, so that each has its turn.
     turn: usize,
 }
 
@@ -42,7 +42,7 @@ struct Drone<H> {
     order: Publisher<Order<H>>,
 }
 
-/// What viewers see of one drone.
+/// Topics of one drone for viewers.
 struct Shown<H> {
     goal: Publisher<PoseStamped<H>>,
     path: Publisher<Path<H>>,
@@ -64,7 +64,7 @@ where
         + Topics<DiagnosticArray<H>>
         + Topics<Text>,
 {
-    /// The topics of so many drones. With a key no report counts that is not signed with it.
+    /// The topics of a number of drones. With a key no report counts that is not signed with it.
     pub(in crate::link) fn new(
         mut node: N,
         drones: usize,

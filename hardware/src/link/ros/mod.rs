@@ -1,5 +1,5 @@
-//! What ROS 1 and ROS 2 share: topics, messages, which differ in their headers alone, and the two
-//! ends of a link.
+//! Common parts of ROS 1 and ROS 2: topics, messages, which differ in their headers alone, and the
+//! two ends of a link.
 
 mod carrier;
 mod convert;

@@ -1,9 +1,9 @@
 use crate::link::LinkError;
 
-/// How many messages are kept: for subscribers that are slow, or for those that come late.
+/// Messages that are kept: for subscribers that are slow, or for those that come late.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::link) enum Kept {
-    /// So many for subscribers that are slow, none for those that come late.
+    /// A queue of this length for subscribers that are slow; those that come late get nothing.
     Queue(usize),
     /// The last one, for subscribers that come late.
     Last,
@@ -37,6 +37,6 @@ pub(in crate::link) trait Topics<M> {
     /// has to be made again.
     fn late_publisher(&mut self, topic: &str) -> Result<Publisher<M>, LinkError>;
 
-    /// A topic to subscribe to, with a queue of so many messages.
+    /// A topic to subscribe to, with a queue of `depth` messages.
     fn subscriber(&mut self, topic: &str, depth: usize) -> Result<Subscriber<M>, LinkError>;
 }

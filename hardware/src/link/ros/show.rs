@@ -1,4 +1,4 @@
-//! What a hunt shows, in messages that every viewer knows.
+//! A hunt in messages that every viewer knows.
 
 use foxhunt_core::{Estimate, Waypoint};
 
@@ -14,7 +14,7 @@ use crate::link::{DroneView, Health, LinkError, UnixTime};
 /// The variance of what is not estimated: height and attitude.
 const UNKNOWN: f64 = 1e6;
 
-/// What is believed of a beacon's place. Its height and attitude are not known.
+/// Returns the belief about a beacon's place. Its height and attitude are not known.
 pub(in crate::link) fn estimate<H: RosHeader>(
     at: UnixTime,
     estimate: &Estimate<2>,
@@ -33,7 +33,7 @@ pub(in crate::link) fn estimate<H: RosHeader>(
     Ok(PoseWithCovarianceStamped { header: H::at(at)?, pose })
 }
 
-/// Where a drone shall be.
+/// Returns the ordered place of a drone.
 pub(in crate::link) fn goal<H: RosHeader>(
     at: UnixTime,
     goal: &Waypoint,
@@ -41,7 +41,7 @@ pub(in crate::link) fn goal<H: RosHeader>(
     pose_message(at, &foxhunt_core::Pose::level(goal.position, 0.0))
 }
 
-/// Where a drone has been.
+/// Returns the past path of a drone.
 pub(in crate::link) fn path<H: RosHeader>(
     at: UnixTime,
     drone: &DroneView,
@@ -53,7 +53,7 @@ pub(in crate::link) fn path<H: RosHeader>(
     Ok(Path { header: H::at(at)?, poses: poses.collect::<Result<_, LinkError>>()? })
 }
 
-/// How everyone is.
+/// Returns the health of the drones and of the hunt.
 pub(in crate::link) fn diagnostics<H: RosHeader>(
     at: UnixTime,
     health: &[Health],

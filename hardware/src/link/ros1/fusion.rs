@@ -8,9 +8,9 @@ use crate::link::{FusionLink, LinkError, Order, Report, TeamKey, View, ros::Fusi
 pub struct Ros1Fusion(FusionEnd<Header, Node>);
 
 impl Ros1Fusion {
-    /// Joins the network as the one that fuses for so many drones; waits for the master's answers.
-    /// Nothing waits later: a beacon's topic is published on as soon as the master knows of it.
-    /// Without a key nothing is signed, and whoever sends is believed.
+    /// Joins the network as the one that fuses, for a number of drones; waits for the master's
+    /// answers. Nothing waits later: a beacon's topic is published on as soon as the master knows
+    /// of it. Without a key nothing is signed, and whoever sends is believed.
     ///
     /// # Errors
     ///

@@ -19,18 +19,18 @@ use crate::link::{
     ros::{Kept, Publish, Publisher, Subscribe, Subscriber, Topics},
 };
 
-/// What errors call it.
+/// Name of the link in errors.
 const OVER: &str = "ROS 1";
 
-/// How many messages are kept for subscribers that are slow.
+/// Most messages that are kept for subscribers that are slow.
 const QUEUE: usize = 100;
 
-/// How a node joins the network. Its own name in it comes from `ROS_HOSTNAME` or `ROS_IP`, as for
-/// every node of ROS 1.
+/// Settings of a node in the network. Its own name in it comes from `ROS_HOSTNAME` or `ROS_IP`, as
+/// for every node of ROS 1.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Ros1Config {
-    /// Where the master is, as in `ROS_MASTER_URI`.
+    /// Address of the master, as in `ROS_MASTER_URI`.
     pub master_uri: String,
 }
 
@@ -92,7 +92,8 @@ impl<M: RosMessageType> Topics<M> for Node {
 
     fn late_publisher(&mut self, topic: &str) -> Result<Publisher<M>, LinkError> {
         let (node, runtime) = self.parts()?;
-        let (node, name) = (node.clone(), topic.to_owned());
+        let node = node.clone();
+        let name = topic.to_owned();
         let requested = runtime.spawn(async move { node.advertise::<M>(&name, QUEUE, true).await });
         Ok(Box::new(Pending::Requested(requested, topic.to_owned())))
     }
@@ -113,7 +114,7 @@ impl Drop for Node {
     }
 }
 
-/// What a future has by now; nothing is waited for.
+/// Returns a future's output if it is there by now; nothing is waited for.
 fn now<F: Future>(future: F) -> Option<F::Output> {
     match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
         Poll::Ready(output) => Some(output),

@@ -1,5 +1,5 @@
-//! What ROS 1 calls the messages: their names, definitions and MD5 sums, by which nodes make sure
-//! that they mean the same.
+//! Names, definitions and MD5 sums of messages in ROS 1, by which nodes make sure that they mean
+//! the same.
 
 use roslibrust::{MessageDescriptor, RosMessageType};
 

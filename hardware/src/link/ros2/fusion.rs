@@ -8,8 +8,8 @@ use crate::link::{FusionLink, LinkError, Order, Report, TeamKey, View, ros::Fusi
 pub struct Ros2Fusion(FusionEnd<Header, Node>);
 
 impl Ros2Fusion {
-    /// Joins the network as the one that fuses for so many drones.
-    /// Without a key nothing is signed, and whoever sends is believed.
+    /// Joins the network as the one that fuses, for a number of drones. Without a key nothing is
+    /// signed, and whoever sends is believed.
     ///
     /// # Errors
     ///

@@ -12,10 +12,10 @@ use crate::link::{
     ros::{self, Kept, Publish, Publisher, Subscribe, Subscriber, Topics},
 };
 
-/// What errors call it.
+/// Name of the link in errors.
 const OVER: &str = "ROS 2";
 
-/// How a node joins the network.
+/// Settings of a node in the network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Ros2Config {
@@ -68,7 +68,7 @@ fn cannot(what: &str) -> impl FnOnce(Reason) -> LinkError {
     move |Reason(reason)| LinkError::Open { over: OVER, what, reason }
 }
 
-/// Why something could not be made.
+/// Reason why something could not be made.
 struct Reason(String);
 
 impl<E: std::fmt::Display> From<E> for Reason {

@@ -1,26 +1,26 @@
-//! When the drones of a hunt fly home, and how they land.
+//! Way home of a hunt's drones, and their landing.
 
 use foxhunt_core::{Outcome, Waypoint};
 use foxhunt_formation::{Duty, Travel};
 
 use super::{Command, Event, Flight, FlownDrone, LandingRefused, Outbox};
 
-/// Why all searches end.
+/// Reason why all searches end.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::hunt) struct Recall {
     pub(in crate::hunt) outcome: Outcome,
     pub(in crate::hunt) reason: String,
 }
 
-/// How often the time that a return takes is computed, in seconds; the reserve covers what changes
+/// Interval at which the duration of a return is computed, in seconds; the reserve covers changes
 /// in between.
 const RETURN_CHECKED_EVERY_S: f64 = 1.0;
 
-/// After how many seconds an order to land is repeated.
+/// Time after which an order to land is repeated, in seconds.
 const LANDING_REPEATED_AFTER_S: f64 = 5.0;
 
 impl Flight {
-    /// Why the drones have to fly home now, if they have to.
+    /// Returns the reason why the drones have to fly home now, if they have to.
     pub(in crate::hunt) fn must_return(&mut self, time: f64) -> Option<Recall> {
         let unlocated_s = |drone: &FlownDrone| drone.attendance.unlocated_s(time);
         let unlocated_s = self.drones.iter().map(unlocated_s).fold(f64::INFINITY, f64::min);
@@ -47,12 +47,13 @@ impl Flight {
         Some(Recall { outcome, reason })
     }
 
-    /// When the way home is computed again.
+    /// Returns the time when the way home is computed again.
     pub(in crate::hunt) fn return_check_at(&self) -> f64 {
         self.return_checked + RETURN_CHECKED_EVERY_S
     }
 
-    /// Why the formation that was just planned cannot be flown to, if it cannot; once.
+    /// Returns the reason why the formation that was just planned cannot be flown to, if it cannot;
+    /// once.
     pub(in crate::hunt) fn cannot_afford(&mut self) -> Option<Recall> {
         let reason = self.unaffordable.take()?;
         Some(Recall { outcome: Outcome::BudgetSpent, reason })
@@ -80,7 +81,7 @@ impl Flight {
         }
     }
 
-    /// Whether nobody is on the way home any more.
+    /// Returns true if nobody is on the way home any more.
     pub(in crate::hunt) fn is_over(&self) -> bool {
         self.recalled.is_none() && !self.returns || self.airborne().is_empty()
     }

@@ -1,4 +1,4 @@
-//! How a hunt that was broken off goes on from its log.
+//! Resumption from its log of a hunt that was broken off.
 
 use foxhunt_core::{BeaconId, Correction, Estimate, Reception, Station};
 use foxhunt_formation::{Phase, PhaseError, Signal};
@@ -11,13 +11,14 @@ impl Hunt {
     ///
     /// The receptions of the log are fused again, so that every estimate is the same to the bit,
     /// and [never after that](Self::has_fused). Fixes stay. The planner observes all that was used,
-    /// and begins anew around what is believed of the first beacon that is not done; orders to land
+    /// and restarts around what is believed of the first beacon that is not done; orders to land
     /// are repeated. `homes` is where the drones began; where they stand now, unless there is one
     /// for each. `events` are not emitted again: what follows belongs behind them in the log.
     ///
     /// # Errors
     ///
-    /// Those of [`start`](Self::start), and [`HuntError::OtherHunt`]; the hunt has not begun then.
+    /// The errors of [`start`](Self::start), and [`HuntError::OtherHunt`]; the hunt has not begun
+    /// then.
     pub fn resume(
         &mut self,
         time: f64,

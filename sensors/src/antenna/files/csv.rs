@@ -30,7 +30,8 @@ impl PatternTable {
         if names != ["angle_deg", "gain_db"] {
             return Err(PatternFileReason::Header { found: header.into() }.at(line));
         }
-        let (mut rows, mut last) = (Vec::new(), line);
+        let mut rows = Vec::new();
+        let mut last = line;
         for (line, row) in lines {
             let fields: Vec<&str> = row.split(',').collect();
             let [angle, gain] = fields[..] else {
@@ -42,7 +43,7 @@ impl PatternTable {
         turn(rows, last)
     }
 
-    /// The same as text: a row for each of the table's, in degrees to nine decimals.
+    /// Writes it as text: a row for each of the table's, in degrees to nine decimals.
     #[must_use]
     pub fn to_csv(&self) -> String {
         let row = |(angle, gain): (f64, f64)| format!("{},{gain}\n", rounded(angle.to_degrees()));
@@ -75,7 +76,8 @@ impl PatternTable3d {
             let gains = fields.map(|text| number(line, "gain", text));
             let gains = gains.collect::<Result<Vec<_>, _>>()?;
             if gains.len() != azimuths.len() {
-                let (found, expected) = (gains.len() + 1, azimuths.len() + 1);
+                let found = gains.len() + 1;
+                let expected = azimuths.len() + 1;
                 return Err(PatternFileReason::Fields { found, expected }.at(line));
             }
             let cells = azimuths.iter().zip(gains).map(|(angle, gain)| (line, *angle, gain));
@@ -98,7 +100,7 @@ pub(super) fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     text.lines().enumerate().map(|(i, line)| (i + 1, line.trim())).filter(|(_, l)| !l.is_empty())
 }
 
-/// Degrees without what the way through radians added.
+/// Degrees without the rounding of the way through radians.
 fn rounded(degrees: f64) -> f64 {
     libm::round(degrees * 1e9) / 1e9
 }
@@ -126,7 +128,7 @@ fn turn(mut rows: Vec<(usize, f64, f64)>, last: usize) -> Result<PatternTable, P
     PatternTable::from_rows(&rows).map_err(|error| PatternFileReason::Table(error).at(last))
 }
 
-/// Whether angles rise or fall throughout.
+/// Checks that angles rise or fall throughout.
 fn in_order(angles: impl Iterator<Item = (usize, f64)>) -> Result<(), PatternFileError> {
     let mut before: Option<f64> = None;
     let mut rising: Option<bool> = None;

@@ -2,17 +2,17 @@ use alloc::string::String;
 
 use crate::PatternTableError;
 
-/// Why the text of an antenna file is refused, and in which line.
+/// Reason for refusing the text of an antenna file, and its line.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("line {line}: {reason}")]
 pub struct PatternFileError {
-    /// The line, from 1; the last one for what is missing at the end.
+    /// The line, from 1; the last one for anything missing at the end.
     pub line: usize,
-    /// What is wrong there.
+    /// The fault in the line.
     pub reason: PatternFileReason,
 }
 
-/// What is wrong with a line of an antenna file.
+/// Fault in a line of an antenna file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PatternFileReason {
@@ -22,23 +22,23 @@ pub enum PatternFileReason {
          elevation with \"elevation_deg\\azimuth_deg,…\""
     )]
     Header {
-        /// What it is.
+        /// The header.
         found: String,
     },
     /// A field holds no finite number.
     #[error("the {field} is {value:?}, not a finite number")]
     NotANumber {
-        /// What the field is.
+        /// Name of the field.
         field: &'static str,
-        /// What it holds.
+        /// Text of the field.
         value: String,
     },
     /// A line has too few or too many fields.
     #[error("there are {found} fields where {expected} are needed")]
     Fields {
-        /// How many there are.
+        /// Number of fields.
         found: usize,
-        /// How many are needed.
+        /// Number of fields that are needed.
         expected: usize,
     },
     /// Angles neither rise nor fall throughout.
@@ -70,19 +70,19 @@ pub enum PatternFileReason {
     /// The gain of an MSI file has no unit that is known.
     #[error("the gain {value:?} needs a unit, dBi or dBd")]
     Unit {
-        /// What the field holds.
+        /// Text of the field.
         value: String,
     },
     /// A field or a section is missing.
     #[error("{name} is missing")]
     Missing {
-        /// What it is called.
+        /// Its name.
         name: &'static str,
     },
     /// A field or a section stands there twice.
     #[error("{name} stands there twice")]
     Twice {
-        /// What it is called.
+        /// Its name.
         name: String,
     },
     /// A section has another number of rows than it declares.
@@ -90,9 +90,9 @@ pub enum PatternFileReason {
     Rows {
         /// The section.
         section: &'static str,
-        /// How many there are.
+        /// Number of its rows.
         found: usize,
-        /// How many it declares.
+        /// Number of rows that it declares.
         declared: usize,
     },
     /// The rows make no pattern.

@@ -13,8 +13,8 @@ const DIPOLE_DBI: f64 = 2.15;
 ///
 /// Header lines of a name and a value; the maximum gain in dBi or dBd among them; then the
 /// attenuation below it over a horizontal and a vertical turn. Angles are clockwise: from the
-/// boresight to the right, and from the horizon down. What is read is kept, so that it writes back;
-/// the text is made by [`Display`](core::fmt::Display).
+/// boresight to the right, and from the horizon down. All that is read is kept, so that it can be
+/// written back; the text is made by [`Display`](core::fmt::Display).
 ///
 /// ```
 /// use foxhunt_sensors::{Antenna, Dipole, MsiFile};
@@ -39,7 +39,7 @@ pub struct MsiFile {
     pub(super) tabs: bool,
 }
 
-/// What a gain in a file is over.
+/// Reference of a gain in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MsiUnit {
     /// An isotropic antenna.

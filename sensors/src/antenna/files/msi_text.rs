@@ -3,7 +3,7 @@ use core::{fmt, str::FromStr};
 
 use super::{MsiFile, MsiUnit, PatternFileError, PatternFileReason, csv::lines, number};
 
-/// How a section begins, and its place among them.
+/// Names of the sections, in their order.
 const SECTIONS: [&str; 2] = ["HORIZONTAL", "VERTICAL"];
 
 /// A cut as it is read.
@@ -39,7 +39,8 @@ impl Section {
 
     /// The rows, if they are as many as the section declares.
     fn close(self) -> Result<Vec<(f64, f64)>, PatternFileError> {
-        let (found, declared) = (self.rows.len(), self.declared);
+        let found = self.rows.len();
+        let declared = self.declared;
         if found == declared {
             Ok(self.rows)
         } else {
@@ -58,7 +59,9 @@ impl MsiFile {
     pub fn parse(text: &str) -> Result<Self, PatternFileError> {
         let mut fields: Vec<(String, String)> = Vec::new();
         let mut cuts: [Option<Section>; 2] = [None, None];
-        let (mut open, mut gain, mut last) = (None, None, 1);
+        let mut open = None;
+        let mut gain = None;
+        let mut last = 1;
         for (line, text) in lines(text) {
             last = line;
             let (name, value) = text.split_once(char::is_whitespace).unwrap_or((text, ""));

@@ -18,7 +18,7 @@ impl Cardioid {
     ///
     /// # Errors
     ///
-    /// When the ratio is not a positive number.
+    /// If the ratio is not a positive number.
     pub fn new(front_to_back_db: f64) -> Result<Self, ParameterError> {
         let ratio = parameter::positive("front_to_back_db", front_to_back_db)?;
         // (r − 1) / (r + 1) with r = 10^(ratio/20).

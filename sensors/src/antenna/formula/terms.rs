@@ -1,9 +1,9 @@
-//! What the formulas of several antennas share.
+//! Terms that the formulas of several antennas share.
 
 use core::f64::consts::FRAC_PI_2;
 
-/// A real antenna's nulls are filled; those of the formulas are cut off at this power, −60 dB,
-/// relative to the maximum.
+/// Power relative to the maximum, −60 dB, at which the formulas' nulls are cut off: a real
+/// antenna's nulls are filled.
 const NULL_POWER: f64 = 1e-6;
 
 /// A power in dB, nulls filled.
@@ -29,7 +29,8 @@ pub(super) fn back_lobe(forward: f64, power: f64) -> f64 {
 pub(super) fn half_wave_dipole(elevation: f64) -> f64 {
     // cos(π/2 · sin e) = sin(π/2 · (1 − |sin e|)), and 1 − |sin e| = cos² e / (1 + |sin e|): no
     // cancellation at the poles.
-    let (cos, sin) = (libm::cos(elevation), libm::fabs(libm::sin(elevation)));
+    let cos = libm::cos(elevation);
+    let sin = libm::fabs(libm::sin(elevation));
     if cos.abs() < f64::MIN_POSITIVE {
         return 0.0;
     }

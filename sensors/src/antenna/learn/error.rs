@@ -1,25 +1,25 @@
 use crate::PatternTableError;
 
-/// Why no pattern can be learned from recorded turns.
+/// Reason that no pattern can be learned from recorded turns.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LearnPatternError {
     /// A number is NaN or infinite.
     #[error("turn {turn} has the {field} {value}, not a finite number")]
     NotFinite {
-        /// Which turn, from 0.
+        /// Index of the turn, from 0.
         turn: usize,
-        /// What it is.
+        /// Name of the field.
         field: &'static str,
-        /// What it held.
+        /// Value of the field.
         value: f64,
     },
     /// There are too few directions to fit anything to.
     #[error("{directions} directions have readings; at least {needed} are needed")]
     TooFew {
-        /// How many positions with a reading there are in all turns together.
+        /// Number of positions with a reading, in all turns together.
         directions: usize,
-        /// How many are needed.
+        /// Number of positions that are needed.
         needed: usize,
     },
     /// Too wide a sector has no reading in any of the turns.
@@ -28,9 +28,9 @@ pub enum LearnPatternError {
          missing"
     )]
     Gap {
-        /// How wide the widest sector without a reading is, in degrees.
+        /// Width of the widest sector without a reading, in degrees.
         gap_deg: f64,
-        /// How wide it may be.
+        /// Largest width that is allowed, in degrees.
         limit_deg: f64,
     },
     /// The level does not depend on the direction, as far as the noise lets see.

@@ -17,21 +17,21 @@ use crate::PatternTable;
 pub struct LearnedPattern {
     /// The gain in dB about its mean over the turn, in rows of 1°.
     pub table: PatternTable,
-    /// How many harmonics it has.
+    /// Number of harmonics.
     pub harmonics: u16,
     /// The standard deviation in dB of the positions' levels about it.
     pub sigma_db: f64,
-    /// From how many positions with a reading it was learned, in all turns together.
+    /// Number of positions with a reading that it was learned from, in all turns together.
     pub directions: usize,
 }
 
-/// Of fewer positions nothing is learned.
+/// Minimum number of positions to learn from.
 const FEWEST: usize = 16;
 
-/// Nor of fewer in a turn.
+/// Minimum number of positions of a turn.
 const FEWEST_OF_TURN: usize = 4;
 
-/// At most so many harmonics: finer than 7.5° no stepper's antenna is.
+/// Maximum number of harmonics: no stepper's antenna is finer than 7.5°.
 const MOST_HARMONICS: u16 = 24;
 
 /// A sector of this width without a reading leaves three harmonics.
@@ -65,7 +65,8 @@ pub fn learn_pattern(turns: &[(Sweep<'_>, f64)]) -> Result<LearnedPattern, Learn
     }
     let gap = widest_gap(&directions);
     if gap > WIDEST_GAP {
-        let (gap_deg, limit_deg) = (gap.to_degrees(), WIDEST_GAP.to_degrees());
+        let gap_deg = gap.to_degrees();
+        let limit_deg = WIDEST_GAP.to_degrees();
         return Err(LearnPatternError::Gap { gap_deg, limit_deg });
     }
     // Half as many parameters as directions at most, the turns' levels among them.

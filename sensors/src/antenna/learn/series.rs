@@ -5,11 +5,11 @@ use nalgebra::{DMatrix, DVector};
 /// One direction that was received in one turn.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Direction {
-    /// Of the transmitter, in radians counter-clockwise of the boresight.
+    /// Direction of the transmitter, in radians counter-clockwise of the boresight.
     pub(super) azimuth: f64,
-    /// In dB, about the mean of its turn.
+    /// Level in dB, about the mean of its turn.
     pub(super) level_db: f64,
-    /// Which turn.
+    /// Index of the turn.
     pub(super) turn: usize,
 }
 
@@ -19,7 +19,7 @@ pub(super) struct Series {
     /// a₁, b₁, a₂, b₂, …
     coefficients: Vec<f64>,
     pub(super) harmonics: u16,
-    /// Of what it does not explain.
+    /// Standard deviation of the residuals, in dB.
     pub(super) sigma_db: f64,
 }
 
@@ -37,9 +37,9 @@ fn real(count: usize) -> f64 {
 }
 
 impl Series {
-    /// The least-squares series with so many of `most` harmonics that the generalised
-    /// cross-validation n RSS / (n − p)² is least (Golub, Heath & Wahba 1979); [`None`] where that
-    /// is none at all. Each turn has a level of its own, which is one of the p parameters.
+    /// The least-squares series with the number of harmonics, at most `most`, that minimises the
+    /// generalised cross-validation n RSS / (n − p)² (Golub, Heath & Wahba 1979); [`None`] where
+    /// that number is zero. Each turn has a level of its own, which is one of the p parameters.
     pub(super) fn fit(directions: &[Direction], turns: usize, most: u16) -> Option<Self> {
         let columns = 2 * usize::from(most);
         let mut design = DMatrix::zeros(directions.len(), columns);

@@ -5,8 +5,8 @@ use foxhunt_core::parameter::{ParameterError, finite, require};
 
 use super::{Antenna, spline::PeriodicSpline};
 
-/// How an antenna's mean gain over a turn depends on the elevation: its vertical pattern as a
-/// level over a turn knows it, in dB over that on the horizon.
+/// An antenna's mean gain over a turn by elevation: its vertical pattern as a level over a turn
+/// knows it, in dB over that on the horizon.
 ///
 /// A periodic cubic spline over the great circle through both poles, in steps of 1°.
 ///
@@ -22,11 +22,11 @@ pub struct ElevationPattern {
     spline: PeriodicSpline,
 }
 
-/// How many elevations there are from pole to pole.
+/// Number of elevations from pole to pole.
 const ELEVATIONS: usize = 181;
 
 impl ElevationPattern {
-    /// That of an antenna.
+    /// The pattern of an antenna.
     #[must_use]
     pub fn of(antenna: &(impl Antenna + ?Sized)) -> Self {
         let level = antenna.mean_gain_db(0.0);
@@ -34,8 +34,8 @@ impl ElevationPattern {
         Self::through((-90_i16..=90).map(gain).collect())
     }
 
-    /// That of a way from one antenna to another: the transmitter sees the receiver as far below
-    /// its horizon as the receiver sees it above its own.
+    /// The pattern of a way from one antenna to another: the transmitter sees the receiver as far
+    /// below its horizon as the receiver sees it above its own.
     ///
     /// ```
     /// use foxhunt_sensors::{Dipole, ElevationPattern};

@@ -1,23 +1,23 @@
-/// Why rows make no antenna pattern.
+/// Reason that rows make no antenna pattern.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PatternTableError {
     /// A turn cannot be read from so few rows.
     #[error("the antenna pattern has {rows} rows; it needs at least {needed}")]
     TooFew {
-        /// How many there are.
+        /// Number of rows.
         rows: usize,
-        /// How many are needed.
+        /// Number of rows that are needed.
         needed: usize,
     },
     /// A number is NaN or infinite.
     #[error("row {row} of the antenna pattern has the {field} {value}, not a finite number")]
     NotFinite {
-        /// Which row, from 0.
+        /// Index of the row, from 0.
         row: usize,
-        /// Which of its fields.
+        /// Name of its field.
         field: &'static str,
-        /// What it held.
+        /// Value of the field.
         value: f64,
     },
     /// A gain is beyond what any antenna has.
@@ -25,7 +25,7 @@ pub enum PatternTableError {
         "row {row} of the antenna pattern has the gain {gain} dB; it must be within ±{limit} dB"
     )]
     Gain {
-        /// Which row, from 0.
+        /// Index of the row, from 0.
         row: usize,
         /// Its gain in dB.
         gain: f64,
@@ -35,7 +35,7 @@ pub enum PatternTableError {
     /// An elevation is beyond the poles.
     #[error("the elevation {elevation} rad in row {row} of the antenna pattern is beyond a pole")]
     Elevation {
-        /// Which row, from 0.
+        /// Index of the row, from 0.
         row: usize,
         /// Its elevation in radians.
         elevation: f64,
@@ -43,7 +43,7 @@ pub enum PatternTableError {
     /// The angles do not increase, or by less than the least step.
     #[error("the angle {angle} rad in row {row} of the antenna pattern does not exceed the last")]
     Order {
-        /// Which row, from 0.
+        /// Index of the row, from 0.
         row: usize,
         /// Its angle.
         angle: f64,
@@ -51,7 +51,7 @@ pub enum PatternTableError {
     /// The angles span a turn or more, so that the last row repeats the first.
     #[error("the antenna pattern spans {span} rad; it must stay below a turn")]
     Span {
-        /// From the first angle to the last, in radians.
+        /// Angle from the first row to the last, in radians.
         span: f64,
     },
 }

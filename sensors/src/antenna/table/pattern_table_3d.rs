@@ -19,8 +19,8 @@ impl PatternTable3d {
     ///
     /// # Errors
     ///
-    /// Names the row whose elevation is not finite, out of range or out of order, or states
-    /// that there is none.
+    /// Names the row whose elevation is not finite, out of range or out of order, or states that
+    /// there is no row.
     pub fn from_rows(rows: Vec<(f64, PatternTable)>) -> Result<Self, PatternTableError> {
         if rows.is_empty() {
             return Err(PatternTableError::TooFew { rows: 0, needed: 1 });

@@ -49,7 +49,8 @@ impl PeriodicSpline {
         let curvatures = curvatures(&length, &slope);
         let piece = |(i, &(angle, value)): (usize, &(f64, f64))| {
             // Press et al. 2007, eq. 3.3.3, by powers.
-            let (begin, change) = (curvatures[i], curvatures[next(i)] - curvatures[i]);
+            let begin = curvatures[i];
+            let change = curvatures[next(i)] - curvatures[i];
             let along = slope[i] - length[i] * (3.0 * begin + change) / 6.0;
             let factors = [value, along, 0.5 * begin, change / (6.0 * length[i])];
             Piece { from: angle - origin, factors }
@@ -61,7 +62,7 @@ impl PeriodicSpline {
         self.pieces.iter().map(|piece| piece.factors[0])
     }
 
-    /// Where the rows lie, in radians.
+    /// Angles of the rows, in radians.
     pub(super) fn angles(&self) -> impl Iterator<Item = f64> {
         self.pieces.iter().map(|piece| self.origin + piece.from)
     }
@@ -90,7 +91,7 @@ impl PeriodicSpline {
         self.pieces.iter().zip(ends).map(strip).sum::<f64>() / TAU
     }
 
-    /// The piece that holds `angle`, and how far from its beginning that is.
+    /// The piece that holds `angle`, and the angle's distance from its beginning.
     #[inline]
     fn locate(&self, angle: f64) -> (&Piece, f64) {
         let wrapped = angle::wrap(angle - self.origin);
@@ -168,7 +169,8 @@ mod tests {
         let spline = PeriodicSpline::new(&rows());
         for (i, (angle, value)) in rows().into_iter().enumerate() {
             assert!((spline.at(angle) - value).abs() < 1e-12);
-            let (after, before) = (spline.pieces[i], spline.pieces[(i + 6) % 7]);
+            let after = spline.pieces[i];
+            let before = spline.pieces[(i + 6) % 7];
             let end = if i == 0 { TAU } else { after.from };
             let slope = before.slope(end - before.from);
             assert!((slope - after.slope(0.0)).abs() < 1e-10, "at row {i}");

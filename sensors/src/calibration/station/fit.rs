@@ -13,10 +13,9 @@ use crate::{CalibrationError, StationPattern, calibration::student, extractor::T
 pub struct StationBurst {
     /// The direction from the station to the transmitter, in radians counter-clockwise from East.
     pub truth: f64,
-    /// The day, or another name for bursts that belong together: those of one go through the same
-    /// places.
+    /// The day, or another name for bursts that belong together and go through the same places.
     pub group: i64,
-    /// The reading of each antenna in dBm; none where it received nothing.
+    /// The reading of each antenna in dBm; `None` where it received nothing.
     pub readings_dbm: Vec<Option<f64>>,
 }
 
@@ -36,8 +35,8 @@ pub struct StationFit {
     pub without: Vec<StationPattern>,
 }
 
-/// Fits boresights, gains, beamwidth, front-to-back ratio and what the site does to each antenna to
-/// bursts from known directions; with them the receivers' floor and the scale of what is left.
+/// Fits boresights, gains, beamwidth, front-to-back ratio and the site's effect on each antenna to
+/// bursts from known directions; with them the receivers' floor and the scale of the residuals.
 ///
 /// The level of each burst is free. Residuals have the tails of a Student's t; antennas that
 /// received nothing take part as powers below the floor, imputed by expectation and maximisation
@@ -138,9 +137,12 @@ fn fit(recorded: &[f64], bursts: &[&StationBurst]) -> Result<StationPattern, Cal
     let mut levels: Vec<f64> = bursts.iter().map(|burst| first_level(&shape, burst)).collect();
     for round in 0..ROUNDS {
         let mut terms: Vec<Vec<Term>> = vec![Vec::with_capacity(bursts.len()); recorded.len()];
-        let (mut squares, mut freedom) = (0.0, 0.0);
+        let mut squares = 0.0;
+        let mut freedom = 0.0;
         for (burst, level) in bursts.iter().zip(&mut levels) {
-            let (mut sum, mut weights, mut measured) = (0.0, 0.0, 0.0);
+            let mut sum = 0.0;
+            let mut weights = 0.0;
+            let mut measured = 0.0;
             let mut own = Vec::with_capacity(recorded.len());
             for (antenna, reading) in burst.readings_dbm.iter().enumerate().take(recorded.len()) {
                 let gain = shape.gain(antenna, burst.truth);
@@ -190,8 +192,8 @@ fn fit(recorded: &[f64], bursts: &[&StationBurst]) -> Result<StationPattern, Cal
         .map_err(CalibrationError::Station)
 }
 
-/// Where each antenna's best bursts come from: the mean direction of those that it received
-/// stronger than any other did; its recorded boresight if there are none.
+/// Mean direction of the bursts that each antenna received stronger than any other did; its
+/// recorded boresight if there is no such burst.
 fn start(recorded: &[f64], bursts: &[&StationBurst]) -> Vec<f64> {
     let mut best = vec![Resultant::default(); recorded.len()];
     for burst in bursts {
@@ -206,7 +208,7 @@ fn start(recorded: &[f64], bursts: &[&StationBurst]) -> Vec<f64> {
     recorded.iter().zip(best).map(|(own, best)| best.direction(0.2).unwrap_or(*own)).collect()
 }
 
-/// The level under which the strongest reading is what the antennas make of it.
+/// The level at which the antenna of the largest gain gives the strongest reading.
 fn first_level(shape: &Shape, burst: &StationBurst) -> f64 {
     let strongest = burst.readings_dbm.iter().flatten().fold(-200.0_f64, |a, &b| a.max(b));
     let gains = (0..shape.antennas.len()).map(|antenna| shape.gain(antenna, burst.truth));

@@ -1,13 +1,13 @@
 use crate::extractor::{LOST, normal_cdf};
 
-/// The receivers' floor: where half the bursts are received, and over how many dB that goes.
+/// The receivers' floor: the power at which half the bursts are received, and its spread in dB.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Floor {
     pub(super) dbm: f64,
     pub(super) width_db: f64,
 }
 
-/// What an antenna read, or the power that it should have read and did not.
+/// An antenna's reading, or the power that it should have read and did not.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Chance {
     Received(f64),
@@ -15,8 +15,8 @@ pub(super) enum Chance {
 }
 
 impl Floor {
-    /// What was not received is expected this far below the power that a Gaussian of `sigma_db`
-    /// about `expected` has without a floor.
+    /// Expected power where nothing was received, if the power without a floor is a Gaussian of
+    /// `sigma_db` about `expected`.
     pub(super) fn imputed(&self, expected: f64, sigma_db: f64) -> f64 {
         let spread = libm::hypot(self.width_db, sigma_db);
         let x = (self.dbm - expected) / spread;
@@ -31,8 +31,8 @@ impl Floor {
         expected - (1.0 - lost) * sigma_db * sigma_db / spread * hazard
     }
 
-    /// The floor under which what was and was not received is most likely (Tobin 1958, with a floor
-    /// that is not sharp).
+    /// The floor that makes the receptions and silences most likely (Tobin 1958, with a floor that
+    /// is not sharp).
     pub(super) fn fitted(
         self,
         chances: impl Iterator<Item = Chance> + Clone,
@@ -50,10 +50,12 @@ impl Floor {
             };
             chances.clone().map(one).sum()
         };
-        let (mut best, mut value) = (self, log_likelihood(&self));
+        let mut best = self;
+        let mut value = log_likelihood(&self);
         let mut step = 2.0;
         while step > 0.05 {
-            let (dbm, width_db) = (best.dbm, best.width_db);
+            let dbm = best.dbm;
+            let width_db = best.width_db;
             let tries = [
                 Self { dbm: dbm + step, width_db },
                 Self { dbm: dbm - step, width_db },

@@ -5,7 +5,7 @@ use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
 use crate::{StationAntenna, extractor::lobe_db};
 
-/// How many harmonics over the circle the site is given.
+/// Number of harmonics of the site over the circle.
 pub(super) const HARMONICS: usize = 5;
 
 /// The σ of harmonic k before anything was received is this over k, in dB: what reflections of a
@@ -27,7 +27,7 @@ const MOST_TURN: f64 = 0.087;
 const MOST_STRETCH: f64 = 0.05;
 const MOST_DEEPENING_DB: f64 = 1.0;
 
-/// One reading to be explained: its direction, what is left of it without the antennas, its weight.
+/// One reading to be explained: its direction, its remainder without the antennas, its weight.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Term {
     pub(super) direction: f64,
@@ -71,7 +71,8 @@ impl Shape {
     pub(super) fn turn(&mut self, terms: &[Vec<Term>], variance: f64) {
         const H: f64 = 0.01;
         for (index, terms) in terms.iter().enumerate() {
-            let (boresight, gain) = (self.antennas[index].boresight, self.antennas[index].gain_db);
+            let boresight = self.antennas[index].boresight;
+            let gain = self.antennas[index].gain_db;
             let prior = Vector2::new(
                 variance / (BORESIGHT_SIGMA * BORESIGHT_SIGMA),
                 variance / (GAIN_SIGMA_DB * GAIN_SIGMA_DB),
@@ -103,7 +104,8 @@ impl Shape {
             variance / (BEAMWIDTH_SIGMA * BEAMWIDTH_SIGMA),
             variance / (FRONT_TO_BACK_SIGMA_DB * FRONT_TO_BACK_SIGMA_DB),
         );
-        let (width, depth) = (libm::log(self.beamwidth), self.front_to_back_db);
+        let width = libm::log(self.beamwidth);
+        let depth = self.front_to_back_db;
         let from_start = Vector2::new(libm::log(BEAMWIDTH) - width, FRONT_TO_BACK_DB - depth);
         let mut normal = Matrix2::from_diagonal(&prior);
         let mut right = prior.component_mul(&from_start);
@@ -128,8 +130,8 @@ impl Shape {
         self.front_to_back_db = (depth + deepened).clamp(3.0, 40.0);
     }
 
-    /// What each antenna's readings still show over the direction goes into its Fourier series,
-    /// drawn to nothing where little was received.
+    /// Fits each antenna's Fourier series to what its readings still show over the direction, drawn
+    /// to zero where little was received.
     pub(super) fn learn_site(&mut self, terms: &[Vec<Term>], variance: f64) {
         const SIZE: usize = 2 * HARMONICS;
         for (index, terms) in terms.iter().enumerate() {

@@ -35,14 +35,14 @@ impl Default for FirstHarmonic {
 /// Fewer boresights have no harmonic.
 const FEWEST: u16 = 3;
 
-/// A turn's scatter counts together with so many assumed readings.
+/// Number of assumed readings that a turn's scatter is pooled with.
 const PRIOR_FREEDOM: f64 = 4.0;
 
 /// ln 10 / 10: a dB's share of a power.
 const PER_DB: f64 = core::f64::consts::LN_10 / 10.0;
 
 impl FirstHarmonic {
-    /// That of the level in dB: the pattern's back counts as much as its main lobe.
+    /// The first harmonic of the level in dB: the pattern's back counts as much as its main lobe.
     #[must_use]
     pub fn in_decibels() -> Self {
         Self { decibels: true, ..Self::default() }
@@ -52,16 +52,16 @@ impl FirstHarmonic {
     ///
     /// # Errors
     ///
-    /// When it is not a positive number.
+    /// If it is not a positive number.
     pub fn with_rss_sigma_db(self, sigma: f64) -> Result<Self, ParameterError> {
         Ok(Self { rss_sigma_db: positive("rss_sigma_db", sigma)?, ..self })
     }
 
-    /// The same with bearings used up to the standard deviation `sigma`, in radians.
+    /// Sets the largest standard deviation of bearings that are used, in radians.
     ///
     /// # Errors
     ///
-    /// When it is not a positive number.
+    /// If it is not a positive number.
     pub fn with_max_sigma(self, sigma: f64) -> Result<Self, ParameterError> {
         Ok(Self { max_sigma: positive("max_sigma", sigma)?, ..self })
     }
@@ -85,7 +85,9 @@ impl FirstHarmonic {
                 libm::exp(PER_DB * (arc.mean_dbm - top))
             }
         };
-        let (mut cos, mut sin, mut total) = (0.0, 0.0, 0.0);
+        let mut cos = 0.0;
+        let mut sin = 0.0;
+        let mut total = 0.0;
         for arc in around {
             let weighted = arc.width * value(arc);
             cos += weighted * libm::cos(arc.offset);
@@ -124,7 +126,7 @@ struct Arc {
     mean_dbm: f64,
     count: f64,
     width: f64,
-    /// What its width would be if all were alike.
+    /// The width if all were alike.
     usual: f64,
 }
 

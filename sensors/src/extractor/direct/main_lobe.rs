@@ -42,11 +42,11 @@ const WINDOW: u16 = 7;
 const PRIOR_FREEDOM: f64 = 4.0;
 
 impl MainLobeFit {
-    /// The same with the parabola laid over `half_width` radians to either side.
+    /// Sets the half-width of the parabola, in radians.
     ///
     /// # Errors
     ///
-    /// When it is not between 0 and half a turn.
+    /// If it is not between 0 and half a turn.
     pub fn with_half_width(self, half_width: f64) -> Result<Self, ParameterError> {
         let holds = half_width > 0.0 && half_width < core::f64::consts::PI;
         let half_width = require(holds, "half_width", half_width, "between 0 and π")?;
@@ -57,16 +57,16 @@ impl MainLobeFit {
     ///
     /// # Errors
     ///
-    /// When it is not a positive number.
+    /// If it is not a positive number.
     pub fn with_rss_sigma_db(self, sigma: f64) -> Result<Self, ParameterError> {
         Ok(Self { rss_sigma_db: positive("rss_sigma_db", sigma)?, ..self })
     }
 
-    /// The same with bearings used up to the standard deviation `sigma`, in radians.
+    /// Sets the largest standard deviation of bearings that are used, in radians.
     ///
     /// # Errors
     ///
-    /// When it is not a positive number.
+    /// If it is not a positive number.
     pub fn with_max_sigma(self, sigma: f64) -> Result<Self, ParameterError> {
         Ok(Self { max_sigma: positive("max_sigma", sigma)?, ..self })
     }
@@ -98,7 +98,8 @@ impl MainLobeFit {
                 (off.abs() <= self.half_width).then_some((off, look))
             })
         };
-        let (mut normal, mut pull) = (Matrix3::zeros(), Vector3::zeros());
+        let mut normal = Matrix3::zeros();
+        let mut pull = Vector3::zeros();
         let mut measured = 0_u16;
         let reference = near().map(|(_, look)| look.mean_dbm).fold(f64::NEG_INFINITY, f64::max);
         for (off, look) in near() {
@@ -113,7 +114,8 @@ impl MainLobeFit {
         }
         let factor = normal.cholesky().ok_or(sparse)?;
         let fitted = factor.solve(&pull);
-        let (slope, bend) = (fitted.y, fitted.z);
+        let slope = fitted.y;
+        let bend = fitted.z;
         let top = -0.5 * slope / bend;
         let flat = NoBearing::TooWide { sigma: core::f64::consts::PI, limit: self.max_sigma };
         // No lobe, or one whose top is elsewhere.

@@ -31,7 +31,7 @@ impl Default for Maximum {
     }
 }
 
-/// σ comes from the strongest boresights: one in so many, and at least four.
+/// σ comes from the strongest boresights: one in 20, and at least four.
 const SHARE: usize = 20;
 const FEWEST: usize = 4;
 
@@ -40,7 +40,7 @@ impl Maximum {
     ///
     /// # Errors
     ///
-    /// When it is not a positive number.
+    /// If it is not a positive number.
     pub fn with_rss_sigma_db(self, sigma: f64) -> Result<Self, ParameterError> {
         Ok(Self { rss_sigma_db: positive("rss_sigma_db", sigma)? })
     }
@@ -49,7 +49,8 @@ impl Maximum {
         let mut strongest: Vec<&Look> = looks.looks.iter().collect();
         if strongest.len() < FEWEST {
             let count = |number| u16::try_from(number).unwrap_or(u16::MAX);
-            let (measured, needed) = (count(strongest.len()), count(FEWEST));
+            let measured = count(strongest.len());
+            let needed = count(FEWEST);
             return Err(NoBearing::TooSparse { measured, needed });
         }
         strongest.sort_by(|a, b| b.mean_dbm.total_cmp(&a.mean_dbm));
@@ -61,7 +62,8 @@ impl Maximum {
         let Some(offset) = tied.direction(LEAST_RESULTANT) else {
             return Err(NoBearing::Ambiguous { resultant: tied.length() });
         };
-        let (mut squares, mut near) = (0.0, 0.0);
+        let mut squares = 0.0;
+        let mut near = 0.0;
         for look in above(level(count - 1)) {
             let off = angle::distance(look.offset, offset);
             squares += off * off;

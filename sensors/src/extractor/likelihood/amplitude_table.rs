@@ -10,8 +10,8 @@ pub(super) const DB: f64 = 20.0 * core::f64::consts::LOG10_E;
 /// looks is vectorised.
 #[derive(Clone, Debug)]
 pub(super) struct AmplitudeTable {
-    /// The amplitude at equal steps counter-clockwise from boresight, and what the next one is
-    /// larger by. The second half goes on from the other end of the turn.
+    /// The amplitude at equal steps counter-clockwise from boresight, and the rise to the next one.
+    /// The second half goes on from the other end of the turn.
     rows: Box<[[f64; 2]; LENGTH]>,
 }
 
@@ -26,13 +26,14 @@ impl AmplitudeTable {
         let turn: Vec<f64> = gain.rows().iter().map(|row| libm::exp(row / DB)).collect();
         let rows = core::array::from_fn(|i| {
             let row = if i < LENGTH / 2 { i } else { i + turn.len() - LENGTH };
-            let (from, to) = (turn[row], turn[(row + 1) % turn.len()]);
+            let from = turn[row];
+            let to = turn[(row + 1) % turn.len()];
             [from, to - from]
         });
         Self { rows: Box::new(rows) }
     }
 
-    /// The amplitude so many turns counter-clockwise of boresight, and its slope per radian.
+    /// The amplitude at `turns` counter-clockwise of boresight, and its slope per radian.
     #[inline(always)]
     pub(super) fn with_slope(&self, turns: f64) -> (f64, f64) {
         let within = turns - ((turns + ROUND) - ROUND);
@@ -58,7 +59,8 @@ mod tests {
         let amplitude = |row: f64| libm::exp(gain.at(row * TAU / f64::from(ROWS)) / DB);
         for row in -2160..2160_i32 {
             let row = f64::from(row);
-            let (from, to) = (amplitude(row), amplitude(row + 1.0));
+            let from = amplitude(row);
+            let to = amplitude(row + 1.0);
             let (value, slope) = table.with_slope((row + 0.25) / f64::from(ROWS));
             assert!((value - (0.75 * from + 0.25 * to)).abs() < 1e-9, "row {row}: {value}");
             let rise = slope * TAU / f64::from(ROWS);

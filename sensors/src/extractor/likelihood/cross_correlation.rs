@@ -46,17 +46,17 @@ impl<A: Antenna> CrossCorrelation<A> {
     ///
     /// # Errors
     ///
-    /// When it is negative or not finite.
+    /// If it is negative or not finite.
     pub fn with_rss_sigma_db(mut self, sigma: f64) -> Result<Self, ParameterError> {
         self.limits.rss_sigma_db = not_negative("rss_sigma_db", sigma)?;
         Ok(self)
     }
 
-    /// The same with bearings used up to the standard deviation `sigma`, in radians.
+    /// Sets the largest standard deviation of bearings that are used, in radians.
     ///
     /// # Errors
     ///
-    /// When it is not a positive number.
+    /// If it is not a positive number.
     pub fn with_max_sigma(mut self, sigma: f64) -> Result<Self, ParameterError> {
         self.limits.max_sigma = positive("max_sigma", sigma)?;
         Ok(self)
@@ -74,7 +74,8 @@ impl<A: Antenna> BearingExtractor for CrossCorrelation<A> {
             let offset = node_offset(index);
             fit.gains(offset, &mut gains);
             let looks = fit.looks.looks.iter().zip(&gains);
-            let (mut product, mut rest) = (0.0, 0.0);
+            let mut product = 0.0;
+            let mut rest = 0.0;
             for (look, gain) in looks {
                 product += (look.mean_dbm - mean) * gain;
                 rest += look.mean_dbm - gain;
@@ -90,7 +91,9 @@ impl<A: Antenna> BearingExtractor for CrossCorrelation<A> {
         let count = fit.looks.len();
         let (mean_gain, mean_slope) =
             (gains.iter().sum::<f64>() / count, slopes.iter().sum::<f64>() / count);
-        let (mut information, mut scatter, mut bias) = (0.0, 0.0, 0.0);
+        let mut information = 0.0;
+        let mut scatter = 0.0;
+        let mut bias = 0.0;
         for ((slope, gain), variance) in slopes.iter().zip(&gains).zip(&fit.variances) {
             let centered = slope - mean_slope;
             information += centered * centered;

@@ -2,8 +2,8 @@ use core::f64::consts::PI;
 
 use super::gain_table::GainTable;
 
-/// What diffuse reflections do to a pattern: along every boresight a signal's direct wave meets the
-/// sum of many weaker ones from all around, so that its power is Rician (Rice 1945).
+/// Effect of diffuse reflections on a pattern: along every boresight a signal's direct wave meets
+/// the sum of many weaker ones from all around, so that its power is Rician (Rice 1945).
 ///
 /// For a reflected amplitude `ratio` times the direct one, the reflected power is `ratio`² times
 /// the mean gain along every boresight; K is the direct power over it. The back of a pattern is all
@@ -35,7 +35,7 @@ impl Fading {
 }
 
 /// The variance of the logarithm of a Rician power: π²/6 without a direct wave, 2/K with a strong
-/// one (the delta method); between them what has both limits.
+/// one (the delta method); between them a formula that has both limits.
 fn log_power_variance(factor: f64) -> f64 {
     1.0 / (6.0 / (PI * PI) + 0.5 * factor)
 }

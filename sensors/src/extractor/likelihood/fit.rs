@@ -10,20 +10,20 @@ use super::{
 };
 use crate::Antenna;
 
-/// A turn laid against a known antenna: what the ways of judging residuals have in common.
+/// A turn laid against a known antenna: the data that all ways of judging residuals share.
 #[derive(Debug)]
 pub(super) struct Fit<'a, A> {
     pub(super) antenna: &'a A,
     pub(super) table: &'a GainTable,
     pub(super) looks: Looks,
-    /// The variance of each look's mean in dB², without what the pattern does not explain.
+    /// The variance of each look's mean in dB², without the misfit of the pattern.
     pub(super) variances: Vec<f64>,
     /// The variance of a single reading.
     pub(super) single_variance: f64,
     pub(super) silence: Option<Silence>,
 }
 
-/// The Fisher information about its mean of a reading whose mean lies so many σ above the floor,
+/// The Fisher information about its mean of a reading whose mean lies `above` σ above the floor,
 /// censored below it, over that of one that is always received: P(z > −x) − x φ(x) + φ(x)²/Φ(−x).
 fn uncensored(above: f64) -> f64 {
     let below = normal_cdf(-above);
@@ -50,12 +50,12 @@ impl<'a, A: Antenna> Fit<'a, A> {
         Self { antenna, table, looks, variances, single_variance, silence }
     }
 
-    /// The same turn's received looks with other variances.
+    /// The turn's received looks, with other variances.
     pub(super) fn measured(&self, variances: Vec<f64>) -> Self {
         Self { variances, looks: self.looks.clone(), silence: None, ..*self }
     }
 
-    /// Whether some of the silence may be weakness, for a signal from `offset`.
+    /// Returns true if some of the silence may be weakness, for a signal from `offset`.
     pub(super) fn is_censored(&self, offset: f64, level: f64) -> bool {
         let gain = |silent: f64| self.table.at(offset - silent);
         self.silence.as_ref().is_some_and(|s| s.matters(level, self.single_variance, gain))
@@ -88,13 +88,14 @@ impl<'a, A: Antenna> Fit<'a, A> {
     /// The slope of the gain along each look over the bearing, in dB per radian.
     pub(super) fn slopes(&self, offset: f64) -> Vec<f64> {
         const STEP: f64 = 0.0087;
-        let (mut before, mut after) = (Vec::new(), Vec::new());
+        let mut before = Vec::new();
+        let mut after = Vec::new();
         self.gains(offset - STEP, &mut before);
         self.gains(offset + STEP, &mut after);
         before.iter().zip(&after).map(|(a, b)| (b - a) / (2.0 * STEP)).collect()
     }
 
-    /// What is left of each look's mean at a level and a bearing, in dB.
+    /// Residual of each look's mean at a level and a bearing, in dB.
     pub(super) fn residuals(&self, offset: f64, level: f64) -> Vec<f64> {
         let mut gains = Vec::new();
         self.gains(offset, &mut gains);
@@ -106,7 +107,9 @@ impl<'a, A: Antenna> Fit<'a, A> {
     /// not known either; `None` where nothing bounds it. Looks and silent boresights alike count
     /// with what a reading there tells on average, received or below the floor.
     pub(super) fn bound(&self, offset: f64, level: f64) -> Option<f64> {
-        let (mut tt, mut tl, mut ll) = (0.0, 0.0, 0.0);
+        let mut tt = 0.0;
+        let mut tl = 0.0;
+        let mut ll = 0.0;
         let mut add = |gain: f64, slope: f64, variance: f64| {
             let below = self.silence.as_ref().map_or(f64::INFINITY, |silence| {
                 (level + gain - silence.threshold_dbm) / libm::sqrt(self.single_variance)

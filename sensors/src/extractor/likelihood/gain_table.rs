@@ -13,7 +13,7 @@ pub(super) struct GainTable {
     /// The gain over its mean in dB, at equal steps counter-clockwise from boresight; the last is
     /// the first.
     rows: Vec<f64>,
-    /// The same by their place within a node's step, each over two turns of nodes.
+    /// The gains by their place within a node's step, each over two turns of nodes.
     nodes: [Vec<f64>; STEP],
     mean_db: f64,
     elevation: f64,
@@ -27,7 +27,7 @@ pub(super) const ROWS: u16 = 720;
 const STEP: usize = (ROWS / NODES) as usize;
 const _: () = assert!(ROWS.is_multiple_of(NODES), "a step is a whole number of rows");
 
-/// Every fourth row, from each of the first four on: what a loop over nodes reads is in a column.
+/// Every fourth row, from each of the first four on: a loop over nodes reads a column.
 fn by_node(rows: &[f64]) -> [Vec<f64>; STEP] {
     let turn = &rows[..usize::from(ROWS)];
     let from = |first| turn.iter().chain(turn).skip(first).step_by(STEP).copied().collect();
@@ -42,7 +42,7 @@ impl GainTable {
         Self { nodes: by_node(&rows), rows, mean_db, elevation }
     }
 
-    /// How far above the horizon beacons are, in radians.
+    /// Elevation of the beacons above the horizon, in radians.
     pub(super) fn elevation(&self) -> f64 {
         self.elevation
     }
@@ -68,7 +68,8 @@ impl GainTable {
     pub(super) fn with_slope(&self, azimuth: f64) -> (f64, f64) {
         let (row, share) = row_of(azimuth);
         // One more row than a turn has: the first again.
-        let (from, to) = (self.rows[row], self.rows[row + 1]);
+        let from = self.rows[row];
+        let to = self.rows[row + 1];
         (from + (to - from) * share, (to - from) * (f64::from(ROWS) / TAU))
     }
 
@@ -98,7 +99,7 @@ impl GainTable {
     }
 }
 
-/// The row before an azimuth, and how far it is on to the next one.
+/// The row before an azimuth, and the share of the step from there to the azimuth.
 #[inline]
 fn row_of(azimuth: f64) -> (usize, f64) {
     const ROW: i32 = ROWS as i32;

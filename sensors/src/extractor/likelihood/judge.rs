@@ -17,7 +17,7 @@ pub(super) struct Judged {
     pub(super) posterior: Posterior,
     /// The root mean square of the residuals at the best bearing, in dB.
     pub(super) residual_db: f64,
-    /// What all variances were multiplied by.
+    /// Factor on all variances.
     pub(super) inflation: f64,
 }
 
@@ -67,7 +67,8 @@ pub(super) fn student<A: Antenna>(fit: &Fit<'_, A>, degrees: f64) -> Judged {
     let (offset, level) = summit(&nodes);
     let mut residuals = fit.residuals(offset, level);
     // What has no weight in the fit has none in its quality.
-    let (mut trusted, mut trusts) = (0.0, 0.0);
+    let mut trusted = 0.0;
+    let mut trusts = 0.0;
     for (rest, look) in residuals.iter_mut().zip(&fit.looks.looks) {
         let trust = student::trust(*rest, fit.single_variance, degrees, look.count);
         trusted += trust * *rest * *rest;
@@ -96,9 +97,9 @@ const STEEP: f64 = 0.14;
 /// With fewer looks two paths meet anything.
 const FEWEST: f64 = 16.0;
 
-/// Where one reflection was found there are others of an eighth of its amplitude, which leave
-/// 20 log₁₀ e / 8√2 = 0.77 dB for each unit of it; a dB left within the main lobe comes with
-/// an error of 0.078 rad.
+/// Error of the bearing by unresolved reflections, in rad for each unit of the amplitude of the one
+/// found: the others have an eighth of it, which leaves 20 log₁₀ e / 8√2 = 0.77 dB; a dB left
+/// within the main lobe comes with an error of 0.078 rad.
 const UNRESOLVED: f64 = 0.06;
 
 pub(super) fn reflection<A: Antenna>(

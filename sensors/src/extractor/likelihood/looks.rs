@@ -4,18 +4,18 @@ use foxhunt_core::{NoReading, Pose, Sweep, angle};
 
 use crate::extractor::check;
 
-/// What a turn received along one boresight.
+/// Readings of a turn along one boresight.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::extractor) struct Look {
-    /// In radians counter-clockwise of the turn's first boresight.
+    /// Boresight in radians counter-clockwise of the turn's first one.
     pub(in crate::extractor) offset: f64,
-    /// Where the body was and how it was tilted.
+    /// Position and tilt of the body.
     pub(in crate::extractor) receiver: Pose,
     /// The boresight in radians counter-clockwise of the nose.
     pub(in crate::extractor) mount: f64,
     /// The mean of the readings in dB.
     pub(in crate::extractor) mean_dbm: f64,
-    /// How many there are.
+    /// Number of readings.
     pub(in crate::extractor) count: f64,
 }
 
@@ -27,7 +27,7 @@ pub(in crate::extractor) struct Look {
 #[derive(Clone, Debug)]
 pub(in crate::extractor) struct Looks {
     pub(in crate::extractor) looks: Vec<Look>,
-    /// Where angles are counted from, in the world frame.
+    /// Zero of the angles, in the world frame.
     pub(in crate::extractor) origin: f64,
     /// The sum of squares of the readings about their look's mean, in dB².
     scatter: f64,
@@ -62,7 +62,9 @@ impl Looks {
         let tilt = |pose: &Pose| pose.pitch.abs().max(pose.roll.abs());
         let tilt = sweep.samples.iter().map(|s| tilt(&s.receiver)).fold(0.0, f64::max);
         let level = tilt < LEVEL;
-        let (mut scatter, mut freedom, mut whole_db) = (0.0, 0.0, true);
+        let mut scatter = 0.0;
+        let mut freedom = 0.0;
+        let mut whole_db = true;
         for sample in sweep.samples {
             whole_db &= (sample.rss_dbm - libm::round(sample.rss_dbm)).abs() < 1e-9;
             let Pose { pitch, roll, .. } = sample.receiver;
@@ -100,15 +102,15 @@ impl Looks {
         Ok(Self { looks, origin, scatter, freedom, whole_db, level, tilt })
     }
 
-    /// The variance of a reading about its look's mean: what the turn shows, pooled with a prior
-    /// of `sigma_db` that counts for so many degrees of freedom.
+    /// The variance of a reading about its look's mean: the turn's scatter, pooled with a prior of
+    /// `sigma_db` that counts for `prior_freedom` degrees of freedom.
     pub(in crate::extractor) fn sample_variance(&self, sigma_db: f64, prior_freedom: f64) -> f64 {
         let pooled =
             (self.scatter + prior_freedom * sigma_db * sigma_db) / (self.freedom + prior_freedom);
         if self.whole_db { pooled.max(ROUNDING_VARIANCE) } else { pooled }
     }
 
-    /// How many looks there are, as a number to reckon with.
+    /// Number of looks, as a number to reckon with.
     pub(in crate::extractor) fn len(&self) -> f64 {
         self.looks.iter().map(|_| 1.0).sum()
     }

@@ -44,7 +44,7 @@ pub struct MaximumLikelihood<A> {
     misfit_sigma_db: f64,
     limits: Limits,
     residuals: Residuals,
-    /// Of the amplitude, for waves that add up.
+    /// Table of the amplitude, for waves that add up.
     amplitude: AmplitudeTable,
     fadings: Vec<Fading>,
 }
@@ -52,13 +52,12 @@ pub struct MaximumLikelihood<A> {
 /// Strengths of diffuse fading that are weighed: the reflected amplitude over the direct one.
 const RATIOS: [f64; 5] = [0.05, 0.1, 0.2, 0.35, 0.6];
 
-/// The scatter of a turn's readings outweighs the assumed one from so many degrees of freedom on.
+/// Degrees of freedom from which the scatter of a turn's readings outweighs the assumed one.
 const PRIOR_FREEDOM: f64 = 4.0;
 
 impl<A: Antenna> MaximumLikelihood<A> {
     /// One for readings with σ of about 2 dB through `antenna`, by beacons on the horizon; a
-    /// level's σ of 7.9 dB for what a path-loss law does not explain, bearings up to 1 rad of σ,
-    /// from 8 boresights on.
+    /// level's σ of 7.9 dB about a path-loss law, bearings up to 1 rad of σ, from 8 boresights on.
     #[must_use]
     pub fn new(antenna: A) -> Self {
         let table = GainTable::new(&antenna, 0.0);
@@ -76,17 +75,17 @@ impl<A: Antenna> MaximumLikelihood<A> {
         }
     }
 
-    /// The same with residuals judged in another way, for beacons at one elevation.
+    /// Replaces the judgement of residuals, for beacons at one elevation.
     #[must_use]
     pub fn with_residuals(self, residuals: Residuals) -> Self {
         Self { residuals, steeper: Vec::new(), ..self }
     }
 
-    /// The same for beacons `elevation` radians above the horizon.
+    /// Sets the beacons' elevation, in radians above the horizon.
     ///
     /// # Errors
     ///
-    /// When it is not within a quarter of a turn.
+    /// If it is not within a quarter of a turn.
     pub fn with_elevation(self, elevation: f64) -> Result<Self, ParameterError> {
         let holds = elevation.abs() < core::f64::consts::FRAC_PI_2;
         let elevation = require(holds, "elevation", elevation, "between −π/2 and π/2")?;
@@ -95,14 +94,14 @@ impl<A: Antenna> MaximumLikelihood<A> {
         Ok(Self { table, steeper: Vec::new(), amplitude, fadings, ..self })
     }
 
-    /// The same for beacons anywhere from its elevation to `steepest`, in radians above the
-    /// horizon: the posterior is over elevations in equal steps of at most 5° too, each as likely
-    /// before the turn. A pattern looked at from far above the beacon has other lobes, which at
-    /// the horizon would stand for another direction. Residuals are Gaussian.
+    /// Takes beacons anywhere from its elevation to `steepest`, in radians above the horizon: the
+    /// posterior is over elevations in equal steps of at most 5° too, each as likely before the
+    /// turn. A pattern looked at from far above the beacon has other lobes, which at the horizon
+    /// would stand for another direction. Residuals are Gaussian.
     ///
     /// # Errors
     ///
-    /// When it is not within a quarter of a turn.
+    /// If it is not within a quarter of a turn.
     pub fn with_steepest(self, steepest: f64) -> Result<Self, ParameterError> {
         const STEP: f64 = 0.0873;
         let holds = steepest.abs() < core::f64::consts::FRAC_PI_2;
@@ -124,17 +123,17 @@ impl<A: Antenna> MaximumLikelihood<A> {
     ///
     /// # Errors
     ///
-    /// When it is not a positive number.
+    /// If it is not a positive number.
     pub fn with_sample_sigma_db(self, sigma: f64) -> Result<Self, ParameterError> {
         Ok(Self { sample_sigma_db: positive("sample_sigma_db", sigma)?, ..self })
     }
 
-    /// The same with residuals of σ in dB between the antenna's gain and each boresight's mean,
-    /// whatever the number of readings: what multipath does to a handful of fixed antennas.
+    /// Sets σ in dB of the residuals between the antenna's gain and each boresight's mean, whatever
+    /// the number of readings: the effect of multipath on a handful of fixed antennas.
     ///
     /// # Errors
     ///
-    /// When it is negative or not finite.
+    /// If it is negative or not finite.
     pub fn with_misfit_sigma_db(self, sigma: f64) -> Result<Self, ParameterError> {
         Ok(Self { misfit_sigma_db: not_negative("misfit_sigma_db", sigma)?, ..self })
     }
@@ -144,27 +143,27 @@ impl<A: Antenna> MaximumLikelihood<A> {
     ///
     /// # Errors
     ///
-    /// When it is negative or not finite.
+    /// If it is negative or not finite.
     pub fn with_rss_sigma_db(mut self, sigma: f64) -> Result<Self, ParameterError> {
         self.limits.rss_sigma_db = not_negative("rss_sigma_db", sigma)?;
         Ok(self)
     }
 
-    /// The same with bearings used up to the standard deviation `sigma`, in radians.
+    /// Sets the largest standard deviation of bearings that are used, in radians.
     ///
     /// # Errors
     ///
-    /// When it is not a positive number.
+    /// If it is not a positive number.
     pub fn with_max_sigma(mut self, sigma: f64) -> Result<Self, ParameterError> {
         self.limits.max_sigma = positive("max_sigma", sigma)?;
         Ok(self)
     }
 
-    /// The same with bearings only from turns in which at least `positions` were received.
+    /// Sets the minimum number of received positions for a bearing.
     ///
     /// # Errors
     ///
-    /// When it is below 3: a level and a bearing leave nothing of two.
+    /// If it is below 3: a level and a bearing leave nothing of two.
     pub fn with_min_positions(mut self, positions: u16) -> Result<Self, ParameterError> {
         let valid = positions >= 3;
         require(valid, "min_positions", positions.into(), "at least 3")?;
@@ -174,7 +173,7 @@ impl<A: Antenna> MaximumLikelihood<A> {
 }
 
 impl<A: Antenna> MaximumLikelihood<A> {
-    /// A turn laid against the antenna, and what is judged of it.
+    /// A turn laid against the antenna, and its judgement.
     fn judged<'s>(&'s self, sweep: &Sweep<'_>) -> Result<(Fit<'s, A>, Judged), NoReading> {
         let looks = Looks::new(sweep)?;
         let noise = looks.sample_variance(self.sample_sigma_db, PRIOR_FREEDOM);
@@ -195,7 +194,7 @@ impl<A: Antenna> MaximumLikelihood<A> {
     }
 }
 
-/// What two paths and fading make of a gain.
+/// Tables of a gain's amplitude and its fading.
 fn of_table(table: &GainTable) -> (AmplitudeTable, Vec<Fading>) {
     let fadings = RATIOS.iter().map(|ratio| Fading::new(table, *ratio)).collect();
     (AmplitudeTable::new(table), fadings)

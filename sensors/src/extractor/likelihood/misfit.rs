@@ -4,15 +4,16 @@ use core::f64::consts::{PI, TAU};
 use super::fit::Fit;
 use crate::Antenna;
 
-/// How the residuals of a fit compare with what the looks' variances promise.
+/// Comparison of a fit's residuals with the looks' variances.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Misfit {
     /// The root mean square of the residuals, in dB.
     pub(super) residual_db: f64,
-    /// The mean square over the promised one, if that is more: what all variances are too small by.
+    /// The mean square over the promised one, if that is more: the factor by which all variances
+    /// are too small.
     pub(super) scale: f64,
-    /// What is lost by neighbours erring alike: the variance of the bearing over that with
-    /// independent residuals.
+    /// Loss by neighbours erring alike: the variance of the bearing over that with independent
+    /// residuals.
     pub(super) correlation: f64,
 }
 
@@ -26,12 +27,12 @@ const BETWEEN: f64 = 0.37;
 /// Fewer looks than this do not show correlation.
 const FEWEST: f64 = 16.0;
 
-/// Residuals with less than this share of the promised mean square are those of a turn without
-/// noise, in which nothing but rounding correlates.
+/// Residuals with less than this share of the promised mean square come from a turn without noise,
+/// in which nothing but rounding correlates.
 const NOTHING: f64 = 0.01;
 
 impl Misfit {
-    /// That of the residuals at a bearing, with so many unknowns fitted.
+    /// Compares the residuals at a bearing, with `fitted` unknowns fitted.
     pub(super) fn new<A: Antenna>(
         fit: &Fit<'_, A>,
         offset: f64,
@@ -56,13 +57,13 @@ impl Misfit {
 }
 
 impl Misfit {
-    /// What all variances have to be multiplied by.
+    /// Factor that all variances have to be multiplied by.
     pub(super) fn inflation(&self) -> f64 {
         self.scale * self.correlation
     }
 }
 
-/// How many residuals of the promised size are added.
+/// Number of residuals of the promised size that are added.
 const PROMISED: f64 = 4.0;
 
 /// A look's residual and its slope about the mean one, over σ.
@@ -84,7 +85,8 @@ fn correlated<A: Antenna>(fit: &Fit<'_, A>, offset: f64, residuals: &[f64]) -> f
     let mut looks: Vec<Residual> = looks
         .map(|(((look, variance), rest), slope)| {
             let sigma = libm::sqrt(*variance);
-            let (normal, slope) = (rest / sigma, (slope - mean) / sigma);
+            let normal = rest / sigma;
+            let slope = (slope - mean) / sigma;
             Residual { offset: look.offset, normal, slope }
         })
         .collect();
@@ -101,7 +103,9 @@ fn correlated<A: Antenna>(fit: &Fit<'_, A>, offset: f64, residuals: &[f64]) -> f
     let mut sum = own;
     for lag in 1..=LAGS {
         let limit = (f64::from(lag) - BETWEEN) * (PI / f64::from(LAGS));
-        let (mut products, mut pairs, mut both) = (0.0, 0.0, 0.0);
+        let mut products = 0.0;
+        let mut pairs = 0.0;
+        let mut both = 0.0;
         for (first, reached) in reached.iter_mut().enumerate() {
             let look = &looks[first];
             for other in &looks[first + *reached..] {

@@ -30,11 +30,11 @@ pub(in crate::extractor) struct Peak {
     pub(in crate::extractor) sigma: f64,
     pub(in crate::extractor) level: f64,
     pub(in crate::extractor) level_variance: f64,
-    /// Of level and bearing, in dB rad.
+    /// Covariance of level and bearing, in dB rad.
     pub(in crate::extractor) covariance: f64,
 }
 
-/// What weighs less than this, of all, is no competitor.
+/// Peaks of at most this share of the total weight are dropped.
 const LEAST_WEIGHT: f64 = 0.01;
 
 /// Peaks nearer to each other than this many of their σ together are one.
@@ -60,7 +60,7 @@ pub(super) struct Posterior {
 }
 
 impl Posterior {
-    /// From the log density at equal steps over a turn.
+    /// The posterior from the log density at equal steps over a turn.
     ///
     /// Between the nodes the logarithm goes along the cubic through four of them: it is smooth on
     /// the scale of the antenna's lobes, however narrow its exponential is.
@@ -100,7 +100,8 @@ impl Posterior {
     /// This or another, with their masses for weights.
     pub(super) fn or(mut self, other: Self) -> Self {
         let best = self.log_mass.max(other.log_mass);
-        let (mine, others) = (libm::exp(self.log_mass - best), libm::exp(other.log_mass - best));
+        let mine = libm::exp(self.log_mass - best);
+        let others = libm::exp(other.log_mass - best);
         let scaled = |peaks: Vec<Peak>, factor: f64| {
             peaks.into_iter().map(move |peak| Peak { weight: factor * peak.weight, ..peak })
         };
@@ -111,7 +112,7 @@ impl Posterior {
         Self { log_mass: best + libm::log(total), ..self }
     }
 
-    /// The same with `sigma` radians of independent error in every direction.
+    /// Adds `sigma` radians of independent error to every direction.
     pub(super) fn blurred(mut self, sigma: f64) -> Self {
         for peak in &mut self.peaks {
             peak.sigma = libm::hypot(peak.sigma, sigma);
@@ -134,11 +135,13 @@ impl Posterior {
     }
 }
 
-/// How far the top of the parabola through a peak and its neighbours is from it, in nodes, and its
-/// bend.
+/// Offset from a peak of the top of the parabola through it and its neighbours, in nodes, and the
+/// parabola's bend.
 fn parabola(nodes: &[Node], top: usize) -> (f64, f64) {
     let log = |i: usize| nodes[i % nodes.len()].log_density;
-    let (before, at, after) = (log(top + nodes.len() - 1), log(top), log(top + 1));
+    let before = log(top + nodes.len() - 1);
+    let at = log(top);
+    let after = log(top + 1);
     let bend = 2.0 * at - before - after;
     if bend > 0.0 { (0.5 * (after - before) / bend, bend) } else { (0.0, 0.0) }
 }
@@ -168,14 +171,16 @@ fn merge(peaks: &mut Vec<Peak>) {
     let mut i = 0;
     while peaks.len() > 1 && i < peaks.len() {
         let j = (i + 1) % peaks.len();
-        let (a, b) = (peaks[i], peaks[j]);
+        let a = peaks[i];
+        let b = peaks[j];
         let apart = foxhunt_core::angle::wrap(b.offset - a.offset);
         if apart.abs() >= APART * (a.sigma + b.sigma) {
             i += 1;
             continue;
         }
         let weight = a.weight + b.weight;
-        let (mine, other) = (a.weight / weight, b.weight / weight);
+        let mine = a.weight / weight;
+        let other = b.weight / weight;
         let rise = b.level - a.level;
         let between = mine * other;
         peaks[i] = Peak {
@@ -229,7 +234,8 @@ impl Sums {
             }
             let per_node = if !near && below > FAINT { 1.0 } else { per_node };
             let along = [log(i + n - 1), log(i), log(i + 1), log(i + 2)];
-            let (a, b) = (node(i), node(i + 1));
+            let a = node(i);
+            let b = node(i + 1);
             let mut k = 0.0;
             while k < per_node {
                 let t = (k + 0.5) / per_node;
@@ -260,7 +266,8 @@ impl Sums {
         if self.one <= 0.0 {
             return Peak::default();
         }
-        let (angle, level) = (self.angle / self.one, self.level / self.one);
+        let angle = self.angle / self.one;
+        let level = self.level / self.one;
         Peak {
             weight: self.one / total,
             offset: wrapped(self.begin + angle),
@@ -293,7 +300,8 @@ mod tests {
         (0..180_u16)
             .map(|i| {
                 let angle = TAU * f64::from(i) / 180.0;
-                let (log_density, level) = (log_density(angle), level(angle));
+                let log_density = log_density(angle);
+                let level = level(angle);
                 Node { log_density, level, level_variance: 0.25 }
             })
             .collect()

@@ -6,11 +6,11 @@ use foxhunt_core::{
 use super::{fit::Fit, posterior::Peak};
 use crate::extractor::{Pattern, resultant_confidence};
 
-/// What a fit must hold to be a bearing.
+/// Limits that a fit must keep to be a bearing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Limits {
     pub(super) rss_sigma_db: f64,
-    /// In radians.
+    /// Largest σ of a bearing, in radians.
     pub(super) max_sigma: f64,
     pub(super) min_positions: u16,
 }
@@ -21,8 +21,8 @@ impl Default for Limits {
     }
 }
 
-/// A density over the bearing has its σ from no fewer than this many radians: half a thousandth of
-/// a degree, so that no observation has none.
+/// Least σ of a bearing, in radians: half a thousandth of a degree, so that no observation has a σ
+/// of zero.
 const LEAST_SIGMA: f64 = 1e-5;
 
 /// The reading of a posterior's peaks, or of the mean over the looks where there is no bearing.
@@ -52,7 +52,8 @@ pub(super) fn read_out<A>(
     // Neither peaks nor numbers: the antenna or the readings are beyond reckoning.
     let sound = |peak: &Peak| peak.sigma.is_finite() && peak.offset.is_finite();
     if peaks.is_empty() || !peaks.iter().all(sound) {
-        let (sigma, limit) = (f64::INFINITY, limits.max_sigma);
+        let sigma = f64::INFINITY;
+        let limit = limits.max_sigma;
         return level_alone(NoBearing::TooWide { sigma, limit });
     }
     let mut directions = [BearingMode::default(); BearingModes::CAPACITY];
@@ -114,7 +115,8 @@ impl Moments {
 
     /// The level, its variance, and its covariance with the bearing.
     fn finish(&self) -> (f64, f64, f64) {
-        let (level, bearing) = (self.level / self.weight, self.bearing / self.weight);
+        let level = self.level / self.weight;
+        let bearing = self.bearing / self.weight;
         (
             self.base.unwrap_or_default() + level,
             (self.level_square / self.weight - level * level).max(0.0),

@@ -14,21 +14,20 @@ use crate::Antenna;
 const STARTS: u16 = 12;
 const ROUNDS: u32 = 10;
 
-/// So many of these starts are followed, those that fit best: the others find next to nothing that
-/// these do not.
+/// Number of starts that are followed, the best-fitting ones: the others find next to nothing more.
 const PROMISING: usize = 16;
 
 /// A descent ends where a round gains less.
 const TOLERANCE: f64 = 0.05;
 
-/// What cannot be so likely is not followed: e⁻¹⁵ of the best.
+/// Cost above the least beyond which nodes are not followed: e⁻¹⁵ of the best likelihood.
 const HOPELESS: f64 = 30.0;
 
-/// So many nodes to either side are known however unlikely they are: a narrow peak lies between
-/// such.
+/// Number of nodes to either side that are known however unlikely they are: a narrow peak lies
+/// between such.
 const NEAREST: u16 = 2;
 
-/// So many fits are followed along the bearing.
+/// Maximum number of fits that are followed along the bearing.
 const FOLLOWED: usize = 4;
 
 /// A cost that is larger than the best by this is not followed.
@@ -108,8 +107,8 @@ impl TwoPaths<'_> {
     }
 }
 
-/// Those that differ in a direction, the best first: so many at most, and none that costs so much
-/// more than the best.
+/// Paths that differ in a direction, the best first: at most `most`, each costing less than
+/// `too_dear` more than the best.
 fn distinct(mut found: Vec<Paths>, most: usize, too_dear: f64) -> Vec<Paths> {
     found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let mut kept: Vec<Paths> = Vec::new();
@@ -175,6 +174,5 @@ pub(super) fn faded<A: Antenna>(
     chosen.map(|fading| with(fading, NEIGHBOURS))
 }
 
-/// Fading is alike along neighbouring boresights, over about 15°: so many of a turn's 128 count
-/// as one.
+/// Neighbouring boresights, of a turn's 128, that count as one: fading is alike over about 15°.
 const NEIGHBOURS: f64 = 6.0;

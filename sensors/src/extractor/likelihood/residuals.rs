@@ -16,7 +16,7 @@ pub enum Residuals {
     },
     /// As Gaussian noise about one path or two: a reflection of unknown direction, strength and
     /// phase may add its amplitude to the direct wave's, with a probability of 0.2 before the turn.
-    /// What two paths leave is diffuse fading, Rician, so that the pattern's back weighs less than
-    /// its main lobe. The one to use where the antenna is known.
+    /// The residuals of two paths are diffuse fading, Rician, so that the pattern's back weighs
+    /// less than its main lobe. The one to use where the antenna is known.
     Reflection,
 }

@@ -10,7 +10,7 @@ use super::looks::Looks;
 /// 1958).
 #[derive(Clone, Debug)]
 pub(super) struct Silence {
-    /// Where the antenna looked, counted like the looks.
+    /// The antenna's directions, counted like the looks'.
     pub(super) offsets: Vec<f64>,
     /// The power below which nothing is read, in dBm.
     pub(super) threshold_dbm: f64,
@@ -24,7 +24,7 @@ const NOT_LOST: f64 = 3.0;
 /// Expectation and maximisation in turn settle a level to a hundredth of a dB within as many.
 const ROUNDS: u32 = 12;
 
-/// A level and what the silence adds to its log likelihood.
+/// A level and the silence's part of its log likelihood.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Settled {
     pub(super) level: f64,
@@ -44,8 +44,8 @@ impl Silence {
         (!offsets.is_empty()).then_some(Self { offsets, threshold_dbm, answered })
     }
 
-    /// Whether a silent boresight's power may have been below the floor, at a level: within three
-    /// σ of it or lower.
+    /// Returns true if a silent boresight's power may have been below the floor, at a level: within
+    /// three σ of it or lower.
     pub(super) fn matters(&self, level: f64, variance: f64, gain: impl Fn(f64) -> f64) -> bool {
         let reach = self.threshold_dbm + 3.0 * libm::sqrt(variance);
         self.offsets.iter().any(|offset| level + gain(*offset) < reach)
@@ -61,12 +61,16 @@ impl Silence {
         weighted: f64,
         expected: &[(f64, f64)],
     ) -> Settled {
-        let (mut level, mut lost) = (weighted / information, 0.1);
+        let mut level = weighted / information;
+        let mut lost = 0.1;
         let requested = self.answered + expected.iter().map(|_| 1.0).sum::<f64>();
         for _ in 0..ROUNDS {
-            let (mut sum, mut known, mut losses) = (weighted, information, 0.0);
+            let mut sum = weighted;
+            let mut known = information;
+            let mut losses = 0.0;
             for &(gain, variance) in expected {
-                let (mean, sigma) = (level + gain, libm::sqrt(variance));
+                let mean = level + gain;
+                let sigma = libm::sqrt(variance);
                 let x = (self.threshold_dbm - mean) / sigma;
                 let below = normal_cdf(x);
                 let weak = (1.0 - lost) * below / (lost + (1.0 - lost) * below);

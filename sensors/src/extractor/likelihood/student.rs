@@ -20,8 +20,8 @@ fn base(degrees: f64, count: f64) -> f64 {
     degrees + (count - 1.0) / count
 }
 
-/// The log likelihood of readings with Student's t of so many degrees of freedom, in units of their
-/// σ, the level profiled out by iterated reweighting.
+/// The log likelihood of readings with Student's t of `degrees` degrees of freedom, in units of
+/// their σ, the level profiled out by iterated reweighting.
 pub(super) fn nodes<A: Antenna>(fit: &Fit<'_, A>, degrees: f64, inflation: f64) -> Vec<Node> {
     let (reference, _) = fit.looks.spread();
     let variance = fit.single_variance;
@@ -33,7 +33,8 @@ pub(super) fn nodes<A: Antenna>(fit: &Fit<'_, A>, degrees: f64, inflation: f64) 
             let looks = fit.looks.looks.iter().zip(&gains);
             looks.map(|(look, gain)| (look.mean_dbm - reference - gain, look.count))
         };
-        let (mut level, mut ones) = (0.0, 0.0);
+        let mut level = 0.0;
+        let mut ones = 0.0;
         for round in 0..ROUNDS {
             let mut sum = 0.0;
             ones = 0.0;

@@ -48,11 +48,11 @@ pub(super) struct TwoPaths<'a> {
     pub(super) coarse: Vec<Block>,
 }
 
-/// So many looks go into one wide vector.
+/// Number of looks in one wide vector.
 const LANES: usize = 4;
 type Lanes = [f64; LANES];
 
-/// Some looks in columns; where there is none, without weight.
+/// Some looks in columns; unused lanes have zero weight.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Block {
     /// In turns.
@@ -62,8 +62,8 @@ pub(super) struct Block {
     root: Lanes,
 }
 
-/// So many looks show where two paths may come from; with half as many, directions that compete
-/// were lost.
+/// Number of looks that show where two paths may come from; with half as many, directions that
+/// compete were lost.
 const COARSE: usize = 64;
 
 /// Less than looks are apart, in radians.
@@ -72,11 +72,12 @@ const BEFORE: f64 = 0.5 * SAME_LOOK;
 /// A look's offset, its mean, and 1 / the variance of the mean.
 type Measured = (f64, f64, f64);
 
-/// Looks in blocks, so many neighbours taken for one.
+/// Looks in blocks, `together` neighbours taken for one.
 fn blocks(looks: &[Measured], together: usize) -> Vec<Block> {
     let merged = |group: &[Measured]| {
         let total: f64 = group.iter().map(|(_, _, precision)| precision).sum();
-        let (mut offset, mut mean_dbm) = (0.0, 0.0);
+        let mut offset = 0.0;
+        let mut mean_dbm = 0.0;
         for (at, mean, precision) in group {
             offset += precision * at / total;
             mean_dbm += precision * mean / total;
@@ -103,7 +104,7 @@ pub(super) struct Paths {
     pull: Vector,
 }
 
-/// The slopes along the unknowns, and what two paths leave, over σ.
+/// The slopes along the unknowns, and the residual of two paths, over σ.
 const COLUMNS: usize = UNKNOWNS + 1;
 const REST: usize = UNKNOWNS;
 const PRODUCTS: usize = COLUMNS * (COLUMNS + 1) / 2;
@@ -144,7 +145,8 @@ impl Kernel for Products<'_> {
 /// The [columns](COLUMNS) along a block's looks.
 #[inline(always)]
 fn columns(amplitude: &AmplitudeTable, looks: &Block, unknowns: &Vector) -> [Lanes; COLUMNS] {
-    let (x, y) = (unknowns[IN_PHASE], unknowns[QUADRATURE]);
+    let x = unknowns[IN_PHASE];
+    let y = unknowns[QUADRATURE];
     let bearing = unknowns[BEARING] / TAU;
     let reflection = unknowns[REFLECTION] / TAU;
     let mut columns = [[0.0; LANES]; COLUMNS];
@@ -152,7 +154,8 @@ fn columns(amplitude: &AmplitudeTable, looks: &Block, unknowns: &Vector) -> [Lan
         let root = looks.root[lane];
         let (direct, direct_slope) = amplitude.with_slope(bearing - offset);
         let (other, other_slope) = amplitude.with_slope(reflection - offset);
-        let (re, im) = (direct + x * other, y * other);
+        let re = direct + x * other;
+        let im = y * other;
         let power = (re * re + im * im).max(1e-12);
         let rest = looks.mean_dbm[lane] - unknowns[LEVEL] - 0.5 * DB * elementary::ln(power);
         let factor = root * DB / power;
@@ -212,7 +215,8 @@ impl<'a> TwoPaths<'a> {
     ) -> Paths {
         let mut damping = 1e-2;
         for _ in 0..rounds {
-            let (mut normal, mut pull) = (best.normal, best.pull);
+            let mut normal = best.normal;
+            let mut pull = best.pull;
             for i in 0..UNKNOWNS {
                 normal[(i, i)] *= 1.0 + damping;
             }
@@ -243,7 +247,7 @@ impl<'a> TwoPaths<'a> {
         best
     }
 
-    /// What the two paths leave of each look's mean, in dB.
+    /// Residual of each look's mean about the two paths, in dB.
     pub(super) fn residuals(&self, paths: &Paths) -> Vec<f64> {
         let rest = |block: &Block| {
             let rest = columns(self.amplitude, block, &paths.unknowns)[REST];

@@ -24,7 +24,8 @@ const BELOW: f64 = 15.0;
 const ABOVE: f64 = 35.0;
 const STEP: f64 = 0.4;
 
-/// A boresight is an antenna's if it is recorded within so many radians of it: a degree.
+/// Largest distance from an antenna's recorded boresight of a boresight of its own, in radians: a
+/// degree.
 const SAME_ANTENNA: f64 = 0.0175;
 
 /// σ of a level along a path-loss law over a wooded site, in dB, as the reference has it in its
@@ -59,7 +60,10 @@ impl StationPattern {
                 };
                 measured.iter().zip(&self.gains).map(one).sum()
             };
-            let (mut best, mut ones, mut sum, mut squares) = (f64::NEG_INFINITY, 0.0, 0.0, 0.0);
+            let mut best = f64::NEG_INFINITY;
+            let mut ones = 0.0;
+            let mut sum = 0.0;
+            let mut squares = 0.0;
             for k in 0..=steps {
                 let off = f64::from(k) * step - BELOW;
                 let log = log_likelihood(off);
@@ -83,7 +87,7 @@ impl StationPattern {
         (0..usize::from(NODES)).map(node).collect()
     }
 
-    /// The log likelihood of what an antenna read, or that it read nothing, at an expected power.
+    /// The log likelihood of an antenna's reading, or of its silence, at an expected power.
     fn log_likelihood(&self, reading: Option<f64>, expected: f64) -> f64 {
         match (reading, self.floor) {
             (Some(reading), _) => {
@@ -116,9 +120,12 @@ impl BearingExtractor for StationPattern {
         let found = peaks(&nodes);
         let (leading, _) = summit(&nodes);
         let mut directions = [BearingMode::default(); BearingModes::CAPACITY];
-        let (mut level, mut second, mut square) = (0.0, 0.0, 0.0);
+        let mut level = 0.0;
+        let mut second = 0.0;
+        let mut square = 0.0;
         for (mode, peak) in directions.iter_mut().zip(&found) {
-            let (angle, off) = (angle::wrap(peak.offset), angle::wrap(peak.offset - leading));
+            let angle = angle::wrap(peak.offset);
+            let off = angle::wrap(peak.offset - leading);
             *mode = BearingMode { weight: peak.weight, angle, sigma: peak.sigma };
             let mean = peak.level + self.mean_db;
             level += peak.weight * mean;

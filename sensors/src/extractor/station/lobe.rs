@@ -3,8 +3,8 @@ use core::f64::consts::LN_2;
 /// The gain in dB about that on boresight, `angle` radians off it: a lobe ((1 + cos a)/2)ⁿ of this
 /// half-power beamwidth in radians over a back lobe that is the same everywhere.
 ///
-/// What a short Yagi in its place amounts to: the side lobes that its free-space pattern has drown
-/// in what the site scatters.
+/// Pattern of a short Yagi in its place: the side lobes of its free-space pattern drown in what the
+/// site scatters.
 pub(crate) fn lobe_db(angle: f64, beamwidth: f64, front_to_back_db: f64) -> f64 {
     let power = |a: f64| libm::log(0.5 * (1.0 + libm::cos(a)).max(1e-300));
     let exponent = -LN_2 / power(0.5 * beamwidth);

@@ -15,10 +15,10 @@ pub struct StationAntenna {
     pub recorded_boresight: f64,
     /// The fitted boresight, in radians in the world frame.
     pub boresight: f64,
-    /// How much more it receives than the others, in dB.
+    /// Its gain over the others, in dB.
     pub gain_db: f64,
-    /// What the site does to it, as a Fourier series over the world direction in dB: the
-    /// coefficients of cos θ, sin θ, cos 2θ, sin 2θ, …; none where that is not known.
+    /// The site's effect on it, as a Fourier series over the world direction in dB: the
+    /// coefficients of cos θ, sin θ, cos 2θ, sin 2θ, …; empty where unknown.
     pub site_db: Vec<f64>,
 }
 
@@ -52,7 +52,7 @@ pub struct StationPattern {
     pub(super) mean_db: f64,
 }
 
-/// Directions are reckoned at so many equal steps from East.
+/// Number of equal steps from East at which directions are reckoned.
 pub(super) const NODES: u16 = 180;
 
 impl StationPattern {
@@ -106,33 +106,33 @@ impl StationPattern {
         })
     }
 
-    /// The same with residuals of this scale in dB, as other recordings of the station show it.
+    /// Sets the scale of the residuals in dB, as other recordings of the station show it.
     ///
     /// # Errors
     ///
-    /// When it is not at least 0.1 dB.
+    /// If it is not at least 0.1 dB.
     pub fn with_residual_db(self, residual_db: f64) -> Result<Self, ParameterError> {
         let holds = residual_db >= 0.1 && residual_db.is_finite();
         let residual_db = require(holds, "residual_db", residual_db, "at least 0.1 dB")?;
         Ok(Self { residual_db, ..self })
     }
 
-    /// The same with receivers that receive half the bursts at `floor_dbm`; the probability rises
-    /// over a Gaussian of the standard deviation `width_db`.
+    /// Sets the receivers' floor: half the bursts are received at `floor_dbm`; the probability
+    /// rises over a Gaussian of the standard deviation `width_db`.
     ///
     /// # Errors
     ///
-    /// When the floor is not finite or the width not positive.
+    /// If the floor is not finite or the width not positive.
     pub fn with_floor(self, floor_dbm: f64, width_db: f64) -> Result<Self, ParameterError> {
         let floor = [finite("floor_dbm", floor_dbm)?, positive("width_db", width_db)?];
         Ok(Self { floor: Some(floor), ..self })
     }
 
-    /// The same with bearings used up to the standard deviation `sigma`, in radians.
+    /// Sets the largest standard deviation of bearings that are used, in radians.
     ///
     /// # Errors
     ///
-    /// When it is not a positive number.
+    /// If it is not a positive number.
     pub fn with_max_sigma(self, sigma: f64) -> Result<Self, ParameterError> {
         Ok(Self { max_sigma: positive("max_sigma", sigma)?, ..self })
     }
@@ -167,7 +167,7 @@ impl StationPattern {
         self.floor
     }
 
-    /// Which antenna recordings mean by a boresight: the one recorded nearest to it.
+    /// Index of the antenna that recordings mean by a boresight: the one recorded nearest to it.
     #[must_use]
     pub fn antenna_of(&self, recorded_boresight: f64) -> usize {
         let off = |antenna: &StationAntenna| {
@@ -179,9 +179,10 @@ impl StationPattern {
 }
 
 impl StationAntenna {
-    /// What the site adds in a direction, in dB.
+    /// The site's effect in a direction, in dB.
     pub(crate) fn site(&self, direction: f64) -> f64 {
-        let (mut sum, mut k) = (0.0, 1.0);
+        let mut sum = 0.0;
+        let mut k = 1.0;
         for pair in self.site_db.chunks(2) {
             if let [cos, sin] = pair {
                 sum += cos * libm::cos(k * direction) + sin * libm::sin(k * direction);

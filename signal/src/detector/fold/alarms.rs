@@ -5,23 +5,23 @@ use super::super::{channeliser::float, threshold::discrete};
 /// Cells of the distribution below the ceiling.
 const CELLS: usize = 100;
 
-/// What a search for trains goes over.
+/// The places that a search for trains goes over.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Trials {
-    /// How many pulses are added up.
+    /// The number of pulses that are added up.
     pub(super) pulses: usize,
     pub(super) band_hz: f64,
     /// Samples of a window, and how many of them starts are apart.
     pub(super) length: usize,
     pub(super) step: usize,
-    /// How many intervals; the last pulse is a quarter of a window later from one to the next.
+    /// The number of intervals; the last pulse is a quarter of a window later from one to the next.
     pub(super) intervals: usize,
     /// The drifts times what pulses are apart from the middle of a train in the mean square,
     /// times a window's length: turns by which drifts differ.
     pub(super) drifts: f64,
 }
 
-/// How often noise alone gives a train.
+/// The rate at which noise alone gives a train.
 ///
 /// The statistic is the sum of K energies, each exponential with mean 1 under noise and limited by
 /// a ceiling. Its distribution at one place is the K-fold convolution, averaged over the error of
@@ -51,7 +51,7 @@ const COUNTED: f64 = 0.8;
 const CEILING: f64 = 1.4;
 
 impl TrainAlarms {
-    /// For a rate of about so many false alarms a second.
+    /// The alarms with the ceiling for about `rate_hz` false alarms a second.
     pub(super) fn new(trials: Trials, rate_hz: f64) -> Self {
         let known = 1000.0;
         // An energy beyond the reach of noise is no ceiling.
@@ -96,12 +96,13 @@ impl TrainAlarms {
         }
     }
 
-    /// The logarithm of the probability at one place, where the noise's level is worth so many
+    /// The logarithm of the probability at one place, where the noise's level is worth `known`
     /// exponentials.
     fn ln_beyond(&self, threshold: f64, known: f64) -> f64 {
         // Over the logarithm of the level's error.
         let nodes = (-32..=32).map(|n| f64::from(n) / 4.0 / known.sqrt());
-        let (mut sum, mut weights) = (0.0, 0.0);
+        let mut sum = 0.0;
+        let mut weights = 0.0;
         for u in nodes {
             let weight = (known * (u - u.exp_m1())).exp();
             weights += weight;
@@ -110,7 +111,7 @@ impl TrainAlarms {
         (sum / weights).ln()
     }
 
-    /// How many trains of noise are above the threshold, a second.
+    /// The number of noise's trains above the threshold, a second.
     pub(super) fn rate_hz(&self, threshold: f64, known: f64) -> f64 {
         let Trials { pulses, band_hz, length, step, intervals, drifts } = self.trials;
         let ln_beyond = self.ln_beyond(threshold, known);
@@ -133,10 +134,11 @@ impl TrainAlarms {
         band_hz * time * turns * intervals * drifts * ln_beyond.exp()
     }
 
-    /// The threshold that noise exceeds so many times a second.
+    /// The threshold that noise exceeds `rate_hz` times a second.
     pub(super) fn threshold(&self, rate_hz: f64, known: f64) -> f64 {
         let pulses = float(self.trials.pulses);
-        let (mut low, mut high) = (1.5 * pulses, pulses * self.ceiling);
+        let mut low = 1.5 * pulses;
+        let mut high = pulses * self.ceiling;
         for _ in 0..50 {
             let middle = f64::midpoint(low, high);
             if self.rate_hz(middle, known) > rate_hz {

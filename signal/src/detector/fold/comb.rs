@@ -21,7 +21,7 @@ struct Part {
     pulses: usize,
     /// Steps of the interval.
     step: f64,
-    /// Which parts it is the sum of.
+    /// The parts that it is the sum of.
     first: usize,
     second: usize,
     /// The interval in steps that the sums are of.
@@ -30,7 +30,7 @@ struct Part {
 }
 
 impl Comb {
-    /// So many pulses, at intervals between these, in frames.
+    /// A comb of `pulses` pulses, at intervals between these, in frames.
     pub(super) fn new(pulses: usize, [shortest, longest]: [f64; 2]) -> Self {
         let step = 1.0 / float(pulses - 1);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked")]
@@ -74,7 +74,8 @@ impl Comb {
         self.parts.iter_mut().for_each(|part| part.held = None);
         for place in 0..self.intervals.len() {
             let interval = self.intervals[place];
-            let (first, second) = (self.parts[0].first, self.parts[0].second);
+            let first = self.parts[0].first;
+            let second = self.parts[0].second;
             self.prepare(first, interval, row);
             self.prepare(second, interval, row);
             let shift = frames(float(self.parts[first].pulses) * interval);

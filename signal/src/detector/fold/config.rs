@@ -1,17 +1,17 @@
 use super::super::{DetectorConfig, DetectorError};
 
-/// Which trains are searched for.
+/// Settings of a search for trains.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct FoldConfig {
     /// The samples, the band, how long pulses may be, and how many times an hour noise may be taken
     /// for a train, over all of it.
     pub detector: DetectorConfig,
-    /// How many pulses are added up. A train may be longer, and some may be missing.
+    /// The number of pulses that are added up. A train may be longer, and some may be missing.
     pub pulses: usize,
     /// The shortest and the longest interval, in seconds; both the same where it is known.
     pub intervals_s: [f64; 2],
-    /// How fast a carrier may drift, up or down, in hertz a second.
+    /// The steepest drift of a carrier, up or down, in hertz a second.
     pub drift_hz_per_s: f64,
 }
 
@@ -51,7 +51,7 @@ impl FoldConfig {
         Ok(())
     }
 
-    /// From the first to the last of the pulses that are added up, at most.
+    /// Time from the first to the last of the pulses that are added up, at most.
     pub(super) fn span_s(&self) -> f64 {
         super::super::channeliser::float(self.pulses.saturating_sub(1)) * self.intervals_s[1]
     }

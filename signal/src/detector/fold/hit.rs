@@ -5,15 +5,15 @@ use super::{
     map::{Map, limited},
 };
 
-/// Where the pulses of a train are, in samples of a channel and cycles per sample.
+/// The places of a train's pulses, in samples of a channel and cycles per sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Course {
     /// The beginning of the first pulse.
     pub(super) start: f64,
     pub(super) interval: f64,
-    /// That of the first pulse.
+    /// The frequency of the first pulse.
     pub(super) frequency: f64,
-    /// By how much it rises from a pulse to the next.
+    /// The frequency's rise from a pulse to the next.
     pub(super) drift: f64,
 }
 
@@ -30,7 +30,7 @@ impl Course {
 /// The energy of one pulse of a train.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Energy {
-    /// Over the noise's power density, without what is no pulse.
+    /// Energy over the noise's power density, without what is no pulse.
     pub(super) energy: f64,
     /// The noise's power in a sample.
     pub(super) noise: f64,
@@ -78,7 +78,7 @@ impl Scene<'_> {
         (0..self.pulses).map(energy).collect()
     }
 
-    /// What an energy counts for.
+    /// The energy, limited by the ceiling.
     pub(super) fn limited(&self, energy: f64) -> f64 {
         #[expect(clippy::cast_possible_truncation, reason = "energies are f32")]
         let limited = limited(energy as f32, self.ceiling as f32);
@@ -123,7 +123,8 @@ impl Scene<'_> {
     /// Refines a course as long as that wins: a strong train is above the threshold at places far
     /// from its own.
     pub(super) fn climb(&self, course: Course) -> Course {
-        let (mut best, mut of) = (course, self.value(&course));
+        let mut best = course;
+        let mut of = self.value(&course);
         for _ in 0..6 {
             let next = self.refine(best);
             let value = self.value(&next);
@@ -170,7 +171,8 @@ impl Scene<'_> {
         let step = time_step(length);
         let tried: Vec<(Vec<Complex64>, f64)> = (0..self.pulses)
             .map(|pulse| {
-                let (place, frequency) = (course.place(pulse), course.frequency(pulse));
+                let place = course.place(pulse);
+                let frequency = course.frequency(pulse);
                 let begin = place.round() - super::super::front::index(self.origin) - float(reach);
                 let from = samples(begin);
                 let to = (from + 2 * reach + length).min(self.samples.len());
@@ -192,7 +194,8 @@ impl Scene<'_> {
             });
             each.sum()
         };
-        let (mut best, mut of) = ((0.0, 0.0), value(0.0, 0.0));
+        let mut best = (0.0, 0.0);
+        let mut of = value(0.0, 0.0);
         for quarter in -4..=4_i32 {
             // The outer pulses move by up to half a hop.
             let longer = f64::from(quarter) / 8.0 * float(hop) / middle;
@@ -214,7 +217,7 @@ impl Scene<'_> {
     }
 }
 
-/// How many samples refined starts are apart.
+/// The distance between refined starts, in samples.
 pub(super) fn time_step(length: usize) -> usize {
     (length / 32).max(1)
 }

@@ -14,7 +14,7 @@ const FEWEST_FRAMES: usize = 200;
 /// Energy above which a cell's leakage to other frequencies counts, over the level of its frame: in
 /// a burst over all frequencies no cell stands out so far.
 const STRONG: f32 = 30.0;
-/// How far a cell must be above what may leak there: pulses have no exact shape.
+/// Factor by which a cell must be above what may leak there: pulses have no exact shape.
 const MARGIN: f32 = 4.0;
 
 /// The energies of pulse-long windows in a channel, over frequency and time: each over the noise's
@@ -35,11 +35,11 @@ pub(super) struct Map {
     /// The frequency of each, over the channel's rate.
     pub(super) frequencies: Vec<f64>,
     ceiling: f32,
-    /// How many frames there are.
+    /// The number of frames.
     pub(super) frames: usize,
     /// Frame by frame while it is filled.
     cells: Vec<f32>,
-    /// What is left of each cell, as a share.
+    /// The share of each cell that counts.
     shares: Vec<f32>,
     bounds: Vec<f32>,
     /// Bin by bin.
@@ -53,7 +53,7 @@ impl fmt::Debug for Map {
 }
 
 impl Map {
-    /// Of windows of this many samples.
+    /// A map of windows of this many samples.
     pub(super) fn new(length: usize, ceiling: f64) -> Self {
         let size = transform_size(length);
         let fft = FftPlanner::new().plan_fft_forward(size);
@@ -93,7 +93,8 @@ impl Map {
         let bins = self.order.len();
         self.cells.clear();
         self.frames = 0;
-        let (mut weights, mut until) = (Vec::new(), 0);
+        let mut weights = Vec::new();
+        let mut until = 0;
         for (place, frame) in samples
             .windows(self.length)
             .step_by(self.hop)
@@ -135,7 +136,7 @@ impl Map {
         &self.rows[bin * self.frames..(bin + 1) * self.frames]
     }
 
-    /// What counts of the energy at a frame and a frequency, as a share.
+    /// The share of the energy at a frame and a frequency that counts.
     pub(super) fn share(&self, frame: f64, frequency: f64) -> f64 {
         let near = |x: f64, count: usize| {
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
@@ -244,7 +245,7 @@ fn over_noise(values: &mut [f32]) -> f32 {
     *median / of_noise
 }
 
-/// An energy that counts for little more than the ceiling; so little that the strongest still win.
+/// Compresses energies above the ceiling logarithmically; the order is kept.
 pub(super) fn limited(energy: f32, ceiling: f32) -> f32 {
     if energy <= ceiling { energy } else { ceiling * (1.0 + 0.05 * (energy / ceiling).ln()) }
 }
@@ -297,7 +298,8 @@ mod tests {
             mean((0..bins).flat_map(|bin| map.row(bin)[frames.clone()].iter().copied()))
         };
         // 36 frames of 128 bins, of which one in eight is independent: σ of the mean is 0.04.
-        let (burst, rest) = (of(102..136), of(0..90));
+        let burst = of(102..136);
+        let rest = of(0..90);
         assert!((burst - 1.0).abs() < 0.15, "{burst}");
         assert!((rest - 1.0).abs() < 0.1, "{rest}");
         let shares = mean((102..136).map(|frame| {

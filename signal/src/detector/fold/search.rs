@@ -16,10 +16,10 @@ use super::{
     train::{Hit, OpenTrain, ln_odds_of},
 };
 
-/// What is screened at a grid's points, over what a train has above noise: between them it has lost
-/// up to 0.9 dB in frequency and about as much in time.
+/// A grid's points are screened above this share of the threshold over noise: between them a train
+/// has lost up to 0.9 dB in frequency and about as much in time.
 const SCREENED: f64 = 0.66;
-/// How many places of a channel are refined in a block, the strongest first.
+/// The most places of a channel that are refined in a block, the strongest first.
 const MOST_PLACES: usize = 4096;
 /// The longest interval may be up to this many true ones.
 const MULTIPLES: usize = 5;
@@ -61,7 +61,7 @@ pub struct TrainDetector {
     open: Vec<OpenTrain>,
 }
 
-/// What one width is searched with.
+/// The parts that one width is searched with.
 #[derive(Debug)]
 struct Combed {
     map: Map,
@@ -135,14 +135,14 @@ impl TrainDetector {
         })
     }
 
-    /// How many seconds were searched; gaps do not count.
+    /// The time that was searched, in seconds; gaps do not count.
     #[must_use]
     pub fn searched_s(&self) -> f64 {
         self.front.searched_s()
     }
 
-    /// How much the level of the noise is worth over a train, in exponentials: it is measured anew
-    /// every few seconds.
+    /// The number of exponentials that the level of the noise is worth over a train: it is measured
+    /// again every few seconds.
     fn known(&self) -> f64 {
         let blocks = index(self.span) / (4.0 * index(self.front.block()));
         self.front.noise.known() * blocks.max(1.0)
@@ -190,8 +190,8 @@ impl TrainDetector {
         Ok(())
     }
 
-    /// Searches what is left, and appends the last trains. What is pushed after it is taken for
-    /// what comes after a gap.
+    /// Searches the samples not searched yet, and appends the last trains. Samples pushed later are
+    /// taken to come after a gap.
     pub fn finish(&mut self, found: &mut Vec<Train>) {
         if self.front.end() > self.front.measured {
             self.measure();
@@ -210,12 +210,12 @@ impl TrainDetector {
         self.levels.push_back((self.front.end(), self.front.noise.levels().to_vec()));
     }
 
-    /// How many starts are searched at once.
+    /// The number of starts that are searched at once.
     fn block(&self) -> u64 {
         (self.span / 2).max(2 * self.front.block())
     }
 
-    /// How far refined trains may reach beyond those of the grid.
+    /// Length by which refined trains may reach beyond trains of the grid, in samples.
     fn margin(&self) -> u64 {
         2 * self.front.longest() as u64
     }

@@ -12,33 +12,33 @@ use crate::Pulse;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Train {
-    /// From pulse to pulse, in seconds.
+    /// Interval from pulse to pulse, in seconds.
     pub interval_s: f64,
-    /// When the middle of its first pulse was, in seconds of the samples' clock.
+    /// Time of the middle of its first pulse, in seconds of the samples' clock.
     pub first_s: f64,
     /// The carrier's frequency at the first pulse, in hertz; absolute where the receiver's centre
     /// is known.
     pub frequency_hz: f64,
-    /// How fast it rises, in hertz a second.
+    /// The rate at which the frequency rises, in hertz a second.
     pub drift_hz_per_s: f64,
-    /// How long each pulse was searched as, in seconds.
+    /// The width that each pulse was searched with, in seconds.
     pub width_s: f64,
     /// The energy of a pulse over the noise's power density, E/N0, in dB: the mean over those that
     /// are there.
     pub snr_db: f64,
-    /// How many times an hour noise alone gives a train at least as strong, anywhere in what is
+    /// The rate per hour at which noise alone gives a train at least as strong, anywhere in what is
     /// searched.
     pub false_alarms_per_hour: f64,
     /// The pulses that stand out, in the order of time, each with its own power.
     pub pulses: Vec<Pulse>,
-    /// How many between the first and the last do not.
+    /// The number of pulses between the first and the last that do not stand out.
     pub missed: usize,
 }
 
 /// A train of as many pulses as are added up.
 #[derive(Debug, Clone)]
 pub(super) struct Hit {
-    /// Which of the widths.
+    /// Index of its width.
     pub(super) width: usize,
     /// Samples of a pulse.
     pub(super) length: usize,
@@ -51,12 +51,12 @@ pub(super) struct Hit {
 }
 
 impl Hit {
-    /// How far it is above its threshold.
+    /// The excess of its statistic over its threshold.
     pub(super) fn margin(&self) -> f64 {
         self.statistic - self.threshold
     }
 
-    /// Where its last pulse begins.
+    /// The beginning of its last pulse.
     pub(super) fn last(&self) -> f64 {
         self.course.place(self.energies.len() - 1)
     }
@@ -79,21 +79,21 @@ pub(super) struct OpenTrain {
     interval: f64,
     best_rate_hz: f64,
     added_up: usize,
-    /// By how many intervals they are after the first of the first hit.
+    /// The pulses by the number of intervals since the first pulse of the first hit.
     members: BTreeMap<i64, Member>,
 }
 
-/// What a train has in common with a hit.
+/// The pulses that a train and a hit have in common.
 #[derive(Debug, Clone)]
 pub(super) struct Shared {
-    /// Which of the hit's pulses are also the train's.
+    /// The hit's pulses that are also the train's.
     pub(super) pulses: Vec<usize>,
-    /// How many of them are between the train's first and last.
+    /// The number of the hit's pulses between the train's first and last.
     inside: usize,
 }
 
 impl Shared {
-    /// Where the hit is the train at another time, a pulse that both have.
+    /// A pulse that both have, if the hit is the train at another time.
     pub(super) fn same(&self) -> Option<usize> {
         let is_same = self.pulses.len() >= 2 && 4 * self.pulses.len() >= 3 * self.inside;
         self.pulses.first().copied().filter(|_| is_same)
@@ -140,7 +140,8 @@ impl OpenTrain {
         let first = self.members.values().next().map_or(0.0, |member| member.start);
         let mut shared = Shared { pulses: Vec::new(), inside: 0 };
         for pulse in 0..hit.energies.len() {
-            let (start, frequency) = (hit.course.place(pulse), hit.course.frequency(pulse));
+            let start = hit.course.place(pulse);
+            let frequency = hit.course.frequency(pulse);
             if start < first - width || start > self.last() + width {
                 continue;
             }
@@ -187,7 +188,7 @@ impl OpenTrain {
         self.best_rate_hz = self.best_rate_hz.min(hit.rate_hz);
     }
 
-    /// Whether another train has the same interval and width.
+    /// Returns true if another train has the same interval and width.
     pub(super) fn is_alike(&self, other: &Self) -> bool {
         let off = (self.interval - other.interval).abs() * float(self.added_up - 1);
         self.length == other.length && off < float(self.length)
@@ -204,7 +205,7 @@ impl OpenTrain {
         self.best_rate_hz = self.best_rate_hz.min(other.best_rate_hz);
     }
 
-    /// Where its last pulse begins.
+    /// The beginning of its last pulse.
     pub(super) fn last(&self) -> f64 {
         self.members.values().next_back().map_or(0.0, |member| member.start)
     }
@@ -226,7 +227,8 @@ impl OpenTrain {
             .filter(|((_, member), ln_odds)| **ln_odds > 0.0 && member.energy.energy > 2.0)
             .map(|(member, _)| member)
             .collect();
-        let (first, last) = (listed.first()?, listed.last()?);
+        let first = listed.first()?;
+        let last = listed.last()?;
         let intervals = float(usize::try_from(last.0 - first.0).unwrap_or(0)).max(1.0);
         let interval =
             slope(listed.iter().map(|(n, member)| (*n, member.start))).unwrap_or(self.interval);
@@ -262,7 +264,8 @@ fn samples_between(intervals: f64) -> usize {
     super::super::front::samples(intervals) + 1
 }
 
-/// What noise adds to the energy of a pulse: 1, and about 2 from taking the best course of so many.
+/// The energy that noise adds to a pulse: 1, and about 2, shared by all pulses, from taking the
+/// best course.
 fn bias(pulses: usize) -> f64 {
     1.0 + 2.0 / float(pulses)
 }
@@ -273,8 +276,10 @@ fn slope(points: impl Iterator<Item = (i64, f64)> + Clone) -> Option<f64> {
     let points = points.map(|(n, y)| (n as f64, y));
     let count = float(points.clone().count());
     let (sum_x, sum_y) = points.clone().fold((0.0, 0.0), |(x, y), p| (x + p.0, y + p.1));
-    let (middle_x, middle_y) = (sum_x / count, sum_y / count);
-    let (mut square, mut both) = (0.0, 0.0);
+    let middle_x = sum_x / count;
+    let middle_y = sum_y / count;
+    let mut square = 0.0;
+    let mut both = 0.0;
     for (x, y) in points {
         square += (x - middle_x).powi(2);
         both += (x - middle_x) * (y - middle_y);
@@ -282,7 +287,7 @@ fn slope(points: impl Iterator<Item = (i64, f64)> + Clone) -> Option<f64> {
     (square > 0.0).then(|| both / square)
 }
 
-/// Which of the places of a train hold a pulse.
+/// The places of a train that hold a pulse.
 #[derive(Debug, Clone)]
 pub(super) struct Presence {
     /// The energy of a pulse.
@@ -305,7 +310,8 @@ impl Presence {
         let mut ln_odds = Vec::new();
         for _ in 0..8 {
             ln_odds = energies.iter().map(|x| ln_odds_of(energy, *x)).collect();
-            let (mut sum, mut weights) = (0.0, 1e-9);
+            let mut sum = 0.0;
+            let mut weights = 1e-9;
             for (x, odds) in energies.iter().zip(&ln_odds) {
                 let weight = 1.0 / (1.0 + (-odds).exp());
                 weights += weight;
@@ -319,8 +325,10 @@ impl Presence {
     /// The stretch whose odds are the highest together, from a pulse that is clearly there to one
     /// that is: at the ends of a train every hit that reaches beyond tries another place.
     fn longest(&self) -> std::ops::Range<usize> {
-        let (mut best, mut range) = (f64::NEG_INFINITY, 0..0);
-        let (mut sum, mut from) = (0.0_f64, 0);
+        let mut best = f64::NEG_INFINITY;
+        let mut range = 0..0;
+        let mut sum = 0.0_f64;
+        let mut from = 0;
         for (n, odds) in self.ln_odds.iter().enumerate() {
             let clear = *odds > CLEAR;
             if sum <= 0.0 {

@@ -20,7 +20,7 @@ pub(super) struct Brain {
     pub(super) flight: Flight,
     pub(super) streams: Streams,
     pub(super) params: Params,
-    /// Where it stood when it was put on the ground.
+    /// The place where it was put on the ground.
     pub(super) home: Vector3<f64>,
     /// Pose by its estimator at the time of the last step; Up counts from where it was put down.
     pub(super) pose: Pose,
@@ -28,7 +28,7 @@ pub(super) struct Brain {
     place: Vector3<f64>,
     /// True if its estimator found then that its GPS jumps.
     glitch: bool,
-    /// How high it is above the ground below, in metres.
+    /// Height above the ground below, in metres.
     pub(super) above_ground: f64,
     pub(super) now: f64,
     /// East, North and Up in metres per second; radians per second.
@@ -36,9 +36,9 @@ pub(super) struct Brain {
     pub(super) turning: f64,
     /// Seconds with motors running.
     pub(super) used_s: f64,
-    /// When a ground station's heartbeat came last.
+    /// Time of a ground station's last heartbeat.
     pub(super) ground_contact: Option<f64>,
-    /// Whether it has none, and has acted on that.
+    /// True if no ground station is heard any more and the failsafe has acted.
     ground_lost: bool,
     /// Numbers of the pilot's orders, of the failsafes and of the restarts that are done.
     piloted: usize,
@@ -52,7 +52,7 @@ pub(super) struct Brain {
     pub(super) by_velocity: bool,
     /// True if another station has started its motors.
     by_others: bool,
-    /// How many pictures its camera has taken, and the number of the last one ordered.
+    /// The number of pictures that its camera has taken, and the number of the last one ordered.
     pub(super) pictures: u32,
     pub(super) pictured: Option<f32>,
     /// The number of the last text in chunks.
@@ -133,7 +133,7 @@ impl Brain {
         times.iter().any(|interval| interval.contains(self.now))
     }
 
-    /// Whether its estimator knows where it is.
+    /// Returns true if its estimator knows where it is.
     pub(super) fn is_placed(&self) -> bool {
         self.now >= self.placed_at
     }
@@ -334,7 +334,7 @@ impl Brain {
         }
     }
 
-    /// Whether a message is meant for it.
+    /// Returns true if a message is meant for it.
     pub(super) fn is_meant(&self, system: u8) -> bool {
         system == 0 || system == self.config.system_id
     }
@@ -414,7 +414,7 @@ impl Brain {
         if self.is_heard() { sent } else { Vec::new() }
     }
 
-    /// Why its motors may not be started.
+    /// Returns the reason as an error if its motors may not be started.
     pub(super) fn is_armable(&self) -> Result<(), String> {
         use foxhunt_wire::mavlink::Autopilot::{ArduPilot, Px4};
         let mode = self.flight.mode;

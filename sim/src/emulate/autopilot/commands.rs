@@ -46,7 +46,8 @@ impl Brain {
         match c.command {
             MavCmd::MAV_CMD_COMPONENT_ARM_DISARM => self.arm_or_disarm(c),
             MavCmd::MAV_CMD_DO_SET_MODE => {
-                let (main, sub) = (whole(c.param2), whole(c.param3));
+                let main = whole(c.param2);
+                let sub = whole(c.param3);
                 let mode = match autopilot {
                     Autopilot::ArduPilot => FlightMode { autopilot, custom: u32::from(main) },
                     Autopilot::Px4 => FlightMode::px4(main, sub),
@@ -280,7 +281,9 @@ impl Brain {
         }
         self.begin_setpoints();
         (self.flight.goal, self.by_velocity) = (goal, false);
-        let (yaw, rate, here) = (f64::from(yaw), f64::from(yaw_rate), self.pose.heading);
+        let yaw = f64::from(yaw);
+        let rate = f64::from(yaw_rate);
+        let here = self.pose.heading;
         if mask & NO_YAW == 0 && yaw.is_finite() {
             self.flight.yaw.aim(heading_of_yaw(yaw), here, None);
         } else if mask & NO_YAW_RATE == 0 && rate.is_finite() {
@@ -301,7 +304,7 @@ fn is_relative(frame: MavFrame) -> bool {
     frame == MavFrame::MAV_FRAME_GLOBAL_RELATIVE_ALT || frame == older
 }
 
-/// A small number of an order; what is none is one that no order has.
+/// Converts a command parameter to `u8`; a value above 255 becomes 255, which no command uses.
 fn whole(parameter: f32) -> u8 {
     u8::try_from(number(parameter)).unwrap_or(u8::MAX)
 }

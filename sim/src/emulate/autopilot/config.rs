@@ -11,42 +11,43 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Interval, SimError};
 
-/// What an emulated autopilot is like.
+/// The settings of an emulated autopilot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AutopilotConfig {
-    /// Whose behaviour it has.
+    /// The autopilot that it behaves like.
     pub autopilot: Autopilot,
     /// The minor version of a PX4: from 1.16 on its estimator's CONST_POS_MODE is set whenever it
     /// stands still.
     pub px4_minor: u8,
     /// Its system number.
     pub system_id: u8,
-    /// Where the world's East, North and Up are 0, heights above sea level.
+    /// The place where the world's East, North and Up are 0, heights above sea level.
     pub origin: Geodetic,
-    /// From which second of the world's time on it knows where it is.
+    /// The second of the world's time from which on it knows where it is.
     pub position_good_after_s: f64,
     /// Its GPS's reported error over ground, in metres. The places that it reports are exact.
     pub horizontal_accuracy_m: f64,
-    /// The same upwards.
+    /// Its GPS's reported error in height, in metres.
     pub vertical_accuracy_m: f64,
-    /// How high it comes back at least, in metres above the ground.
+    /// The least height at which it comes back, in metres above the ground.
     pub return_up_m: f64,
-    /// How long its battery lasts, in seconds with motors running.
+    /// The battery's endurance, in seconds with motors running.
     pub endurance_s: f64,
-    /// From which least to which greatest distance in metres its rangefinder measures, which looks
-    /// down; it has none where absent.
+    /// The least and the greatest distance, in metres, that its rangefinder measures downwards;
+    /// absent if it has no rangefinder.
     pub rangefinder_m: Option<[f64; 2]>,
-    /// Whether it has the world's terrain, and reports its height above it.
+    /// True if it has the world's terrain, and reports its height above it.
     pub terrain_data: bool,
-    /// Whether it has a camera, which counts its [pictures](super::EmulatedAutopilot::pictures).
+    /// True if it has a camera, which counts its [pictures](super::EmulatedAutopilot::pictures).
     pub camera: bool,
-    /// Without a ground station's heartbeat for so long it comes back; never where absent.
+    /// Time without a ground station's heartbeat after which it comes back, in seconds; never if
+    /// absent.
     pub ground_failsafe_s: Option<f64>,
     /// The key of its link.
     pub signing: Option<SigningKey>,
     /// UNIX time at the beginning of the world's: signatures carry the time.
     pub clock_origin_unix_s: f64,
-    /// What happens to it.
+    /// The faults that happen to it.
     pub faults: AutopilotFaults,
 }
 
@@ -77,7 +78,7 @@ impl Default for AutopilotConfig {
     }
 }
 
-/// What happens to an emulated autopilot, and when, in seconds of the world's time.
+/// The faults of an emulated autopilot, with their times in seconds of the world's time.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AutopilotFaults {
@@ -90,7 +91,7 @@ pub struct AutopilotFaults {
     pub deaf: Vec<Interval>,
     /// Its messages come late by up to a second each, out of order, and some of them twice.
     pub late: Vec<Interval>,
-    /// When the pilot chooses a mode on his remote control.
+    /// The modes that the pilot chooses on his remote control, with their times.
     pub pilot: Vec<PilotOrder>,
     /// Modes that a failsafe of its own chooses, with their times.
     pub failsafes: Vec<FailsafeOrder>,
@@ -121,9 +122,9 @@ pub struct AutopilotFaults {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GpsStep {
-    /// From when on.
+    /// Its beginning.
     pub from_s: f64,
-    /// Until when.
+    /// Its end.
     pub to_s: f64,
     /// Distance aside, to the East and to the North in metres.
     pub aside_m: [f64; 2],
@@ -160,7 +161,7 @@ impl AutopilotFaults {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FailsafeOrder {
-    /// When.
+    /// Time of the failsafe.
     pub at_s: f64,
     /// Its words, such as `Battery Failsafe`.
     pub text: String,
@@ -172,7 +173,7 @@ pub struct FailsafeOrder {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PilotOrder {
-    /// When.
+    /// Time of the choice.
     pub at_s: f64,
     /// Its name, such as `LOITER`.
     pub mode: String,

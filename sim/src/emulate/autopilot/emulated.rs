@@ -85,7 +85,7 @@ impl<S: ByteStream> EmulatedAutopilot<S> {
         self.brain.flight.is_airborne()
     }
 
-    /// How many pictures its camera has taken.
+    /// Returns the number of pictures that its camera has taken.
     #[must_use]
     pub fn pictures(&self) -> u32 {
         self.brain.pictures

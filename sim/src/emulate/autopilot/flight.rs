@@ -7,55 +7,55 @@ use nalgebra::Vector3;
 
 use super::yaw::Yaw;
 
-/// How it flies: its mode and what that makes of its orders.
+/// The state of its flight: its mode and what that makes of its orders.
 #[derive(Debug)]
 pub(super) struct Flight {
     pub(super) mode: FlightMode,
     pub(super) armed: bool,
     pub(super) landed: MavLandedState,
     pub(super) yaw: Yaw,
-    /// Where the mode has it go.
+    /// The place that the mode flies to.
     pub(super) goal: Vector3<f64>,
     /// Last goal of a mode of its own.
     pub(super) own_goal: Option<Vector3<f64>>,
-    /// How high it comes back.
+    /// The height at which it comes back.
     pub(super) return_up: f64,
-    /// How high a take-off goes, while there is one.
+    /// The height of a take-off, while there is one.
     pub(super) climb_to: Option<f64>,
-    /// When a set-point came last.
+    /// Time of the last set-point.
     pub(super) setpoint_at: f64,
-    /// Whether they come often enough for OFFBOARD.
+    /// True if set-points come often enough for OFFBOARD.
     pub(super) setpoints_flow: bool,
     /// Time after the last set-point at which OFFBOARD ends, in seconds, and the mode that follows.
     pub(super) offboard_loss: (f64, FlightMode),
     armed_at: f64,
-    /// When it touched the ground.
+    /// Time when it touched the ground.
     down_at: Option<f64>,
-    /// It is above home, or comes there.
+    /// True if it is above home, or comes there.
     over_home: bool,
-    /// Whether the next set-point is the first since its mode or its climb began: ArduCopter takes
+    /// True if the next set-point is the first since its mode or its climb began: ArduCopter takes
     /// its own speed with that one, whatever was ordered before.
     pub(super) takes_own_speed: bool,
     pub(super) texts: Vec<(MavSeverity, &'static str)>,
 }
 
-/// What the body is to do.
+/// The orders to the body.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BodyOrder {
     pub(super) goal: Vector3<f64>,
     pub(super) turn_rate: f64,
 }
 
-/// Motors that do not take off stop after so many seconds.
+/// Motors that do not take off stop after this time, in seconds.
 const IDLE_S: f64 = 10.0;
 
-/// Motors stop so long after touching the ground, in seconds.
+/// Motors stop this long after touching the ground, in seconds.
 const STOP_S: f64 = 1.0;
 
-/// Set-points farther apart than that do not flow, in seconds: 2 Hz.
+/// Set-points farther apart than this do not flow, in seconds: 2 Hz.
 const FLOW_S: f64 = 0.5;
 
-/// How close is there, in metres.
+/// Distance within which a place or height counts as reached, in metres.
 const THERE_M: f64 = 0.3;
 
 impl Flight {
@@ -128,12 +128,12 @@ impl Flight {
         taken
     }
 
-    /// Whether set-points come often enough for OFFBOARD now.
+    /// Returns true if set-points come often enough for OFFBOARD now.
     pub(super) fn is_fed(&self, now: f64) -> bool {
         self.setpoints_flow && now - self.setpoint_at <= FLOW_S
     }
 
-    /// Goes on with the mode, so high above the ground below.
+    /// Goes on with the mode, at the height `above_ground` over the ground below.
     pub(super) fn step(
         &mut self,
         pose: &Pose,

@@ -11,7 +11,7 @@ use foxhunt_wire::mavlink::{
 
 use super::AutopilotConfig;
 
-/// Which messages it sends, and how often.
+/// The messages that it sends, each at its own rate.
 #[derive(Debug)]
 pub(super) struct Streams {
     all: Vec<Stream>,
@@ -20,12 +20,13 @@ pub(super) struct Streams {
 #[derive(Debug)]
 struct Stream {
     id: u32,
-    /// In seconds; infinite where it was not requested.
+    /// Time from one message to the next, in seconds; infinite if it was not requested.
     period: f64,
     due: f64,
 }
 
-/// What may be requested, and how often PX4 sends it without a request, per second.
+/// The messages that may be requested, each with the rate at which PX4 sends it without a request,
+/// per second.
 const KNOWN: [(u32, f64); 17] = [
     (ATTITUDE_DATA::ID, 10.0),
     (GLOBAL_POSITION_INT_DATA::ID, 5.0),
@@ -48,7 +49,8 @@ const KNOWN: [(u32, f64); 17] = [
 
 impl Streams {
     pub(super) fn new(config: &AutopilotConfig, now: f64) -> Self {
-        let (ranges, terrain) = (config.rangefinder_m.is_some(), config.terrain_data);
+        let ranges = config.rangefinder_m.is_some();
+        let terrain = config.terrain_data;
         let px4 = config.autopilot == Autopilot::Px4;
         // What the firmware has no message of, or the vehicle no device for.
         let has = |id: u32| match id {
@@ -72,7 +74,8 @@ impl Streams {
         Self { all: std::iter::once(beat).chain(known).collect() }
     }
 
-    /// Whether a message may be requested; it comes every `period` seconds from now on.
+    /// Requests a message every `period` seconds from now on; returns false if it may not be
+    /// requested.
     pub(super) fn query(&mut self, id: u32, period: f64, now: f64) -> bool {
         let Some(stream) = self.all.iter_mut().find(|stream| stream.id == id) else {
             return false;
@@ -82,7 +85,7 @@ impl Streams {
         true
     }
 
-    /// What is due now.
+    /// Returns the messages that are due now.
     pub(super) fn due(&mut self, now: f64) -> Vec<u32> {
         let mut due = Vec::new();
         for stream in &mut self.all {

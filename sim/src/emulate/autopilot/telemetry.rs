@@ -4,7 +4,7 @@ use foxhunt_wire::mavlink::{
 
 use super::brain::Brain;
 
-/// All good flags of the estimator, and those of an attitude without a place.
+/// All good flags of the estimator, and the flags of an attitude without a place.
 const PLACED: u16 = 0x33F;
 const UNPLACED: u16 = 0x081;
 
@@ -343,10 +343,12 @@ impl Brain {
         self.above_ground.max(0.0) / (self.pose.roll.cos() * self.pose.pitch.cos()).max(0.1)
     }
 
-    /// What its rangefinder reads. Beyond the range it is a centimetre more or less than that.
+    /// The rangefinder's reading. Beyond its range it reads a centimetre more or less than the
+    /// limit.
     fn distance_sensor(&self) -> Option<DISTANCE_SENSOR_DATA> {
         let [least, most] = self.config.rangefinder_m?;
-        let (min_distance, max_distance) = (positive(least * 100.0), positive(most * 100.0));
+        let min_distance = positive(least * 100.0);
+        let max_distance = positive(most * 100.0);
         let distance = positive(self.beam() * 100.0);
         let current_distance =
             distance.clamp(min_distance.saturating_sub(1), max_distance.saturating_add(1));

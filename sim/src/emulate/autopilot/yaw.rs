@@ -1,22 +1,22 @@
 use foxhunt_core::angle;
 
-/// How the nose is controlled.
+/// The control of the nose.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Yaw {
-    /// Where it is to point in the end.
+    /// The heading to reach in the end.
     aim: f64,
-    /// Where it is to point now, on the way there.
+    /// The heading wanted now, on the way to `aim`.
     slewed: f64,
-    /// How fast that moves, in radians per second.
+    /// The rate at which `slewed` moves, in radians per second.
     slew: f64,
     /// A rate instead, counter-clockwise.
     rate: Option<f64>,
 }
 
-/// How fast a heading is slewed to by default, in radians per second.
+/// The default slew rate of a heading, in radians per second.
 const SLEW: f64 = 1.0;
 
-/// How quickly the nose follows, per second.
+/// The gain of the control of the nose, per second.
 const GAIN: f64 = 4.0;
 
 impl Yaw {
@@ -24,7 +24,7 @@ impl Yaw {
         Self { aim: heading, slewed: heading, slew: SLEW, rate: None }
     }
 
-    /// Where it is slewing to at the moment.
+    /// The heading wanted at the moment.
     pub(super) fn slewed(&self) -> f64 {
         self.slewed
     }

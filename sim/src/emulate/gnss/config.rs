@@ -13,7 +13,7 @@ pub enum EmulatedGnssKind {
     /// GGA, RMC, GST and GSA.
     #[default]
     Nmea,
-    /// The same as it comes from the factory, and UBX-NAV-PVT once that is requested.
+    /// NMEA, as it comes from the factory, and UBX-NAV-PVT once that is requested.
     Ublox,
     /// gpsd, to a client that watches.
     Gpsd,
@@ -28,26 +28,26 @@ pub enum EmulatedGnssKind {
 pub struct EmulatedGnssConfig {
     /// Its protocol.
     pub kind: EmulatedGnssKind,
-    /// Where the world's zero is.
+    /// The place of the world's zero.
     pub origin: Geodetic,
-    /// How often it reports its place, per second.
+    /// The rate of its reports, per second.
     pub rate_hz: f64,
     /// The reported quality of its fix.
     pub quality: FixQuality,
     /// σ of East, North and Up in metres, which it also reports. UBX has one number for East and
     /// North.
     pub sigma_m: Vector3<f64>,
-    /// After how many seconds the correlation of its errors has fallen to 1/e.
+    /// The time in which the correlation of its errors falls to 1/e, in seconds.
     pub correlation_s: f64,
-    /// How many satellites it uses.
+    /// The number of satellites that it uses.
     pub satellites: u8,
     /// The horizontal dilution of precision that it reports.
     pub hdop: f64,
-    /// How far the geoid is above the ellipsoid, in metres.
+    /// Height of the geoid above the ellipsoid, in metres.
     pub geoid_m: f64,
-    /// When it has no fix, and reports it.
+    /// Times when it has no fix, and reports so.
     pub outages: Vec<Interval>,
-    /// What UNIX time the world's time 0 is, in seconds.
+    /// UNIX time of the world's time 0, in seconds.
     pub utc_start_s: f64,
 }
 
@@ -70,7 +70,7 @@ impl Default for EmulatedGnssConfig {
 }
 
 impl EmulatedGnssConfig {
-    /// The same with the σ that a quality has in the open, East, North and Up: 3, 3, 6 m
+    /// Sets the quality, and the σ that it has in the open, East, North and Up: 3, 3, 6 m
     /// estimated; 1.5, 1.5, 3 m autonomous; 0.9, 0.9, 1.8 m differential; 0.2, 0.2, 0.4 m float;
     /// 1.2, 1.2, 2 cm fixed.
     #[must_use]

@@ -5,12 +5,12 @@ use foxhunt_wire::{
 };
 use nalgebra::Vector3;
 
-/// What a receiver knows at one moment, before it is put into bytes.
+/// The state of a receiver at one moment, before it is put into bytes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Epoch {
     /// UNIX time in milliseconds.
     pub(super) utc_ms: i64,
-    /// Where it thinks it is.
+    /// Its place by its own measurement.
     pub(super) place: Geodetic,
     pub(super) quality: FixQuality,
     pub(super) sigma_m: Vector3<f64>,
@@ -30,14 +30,14 @@ impl Epoch {
         DateTime::from_timestamp_millis(self.utc_ms).unwrap_or_default().naive_utc()
     }
 
-    /// As NMEA has it: hhmmss.ss.
+    /// The time as NMEA has it: hhmmss.ss.
     pub(super) fn hms(&self) -> String {
         let time = self.date_time();
         let hundredths = time.nanosecond() / 10_000_000;
         format!("{:02}{:02}{:02}.{hundredths:02}", time.hour(), time.minute(), time.second())
     }
 
-    /// As NMEA has it: ddmmyy.
+    /// The date as NMEA has it: ddmmyy.
     pub(super) fn dmy(&self) -> String {
         let date = self.date_time();
         format!("{:02}{:02}{:02}", date.day(), date.month(), date.year().rem_euclid(100))
@@ -51,7 +51,8 @@ impl Epoch {
 
     /// Metres per second over ground, and the course in degrees clockwise from North.
     pub(super) fn speed_course(&self) -> (f64, f64) {
-        let (east, north) = (self.velocity.x, self.velocity.y);
+        let east = self.velocity.x;
+        let north = self.velocity.y;
         (east.hypot(north), radians_to_compass_deg(libm::atan2(north, east)))
     }
 }

@@ -2,7 +2,7 @@ use foxhunt_wire::FixQuality;
 
 use super::epoch::Epoch;
 
-/// What gpsd greets with.
+/// The greeting of gpsd.
 pub(super) const VERSION: &str = "{\"class\":\"VERSION\",\"release\":\"3.25\",\"rev\":\"3.25\",\
                                   \"proto_major\":3,\"proto_minor\":15}\r\n";
 
@@ -16,7 +16,7 @@ const LONGEST: usize = 256;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Client {
     request: Vec<u8>,
-    /// Whether it has requested reports.
+    /// True if it has requested reports.
     pub(super) watches: bool,
 }
 
@@ -64,7 +64,8 @@ impl Client {
 pub(super) fn reports(epoch: &Epoch) -> String {
     // ISO 8601.
     let time = format!("{:?}Z", epoch.date_time());
-    let (satellites, hdop) = (epoch.satellites, epoch.hdop);
+    let satellites = epoch.satellites;
+    let hdop = epoch.hdop;
     let (vdop, pdop) = epoch.vdop_pdop();
     let sky = format!(
         "{{\"class\":\"SKY\",\"device\":\"emulated\",\"time\":\"{time}\",\"hdop\":{hdop:.2},\
@@ -79,7 +80,8 @@ pub(super) fn reports(epoch: &Epoch) -> String {
         FixQuality::RtkFloat => 4,
         FixQuality::Estimated => 5,
     };
-    let (place, sigma) = (epoch.place, epoch.sigma_m);
+    let place = epoch.place;
+    let sigma = epoch.sigma_m;
     let (speed, course) = epoch.speed_course();
     format!(
         "{sky}{head},\"mode\":3,\"status\":{status},\"lat\":{:.9},\"lon\":{:.9},\

@@ -21,7 +21,8 @@ fn place(epoch: &Epoch) -> String {
     if !epoch.has_fix() {
         return ",,,".into();
     }
-    let (lat, lon) = (epoch.place.lat_deg, epoch.place.lon_deg);
+    let lat = epoch.place.lat_deg;
+    let lon = epoch.place.lon_deg;
     let lon = if lon > 180.0 { lon - 360.0 } else { lon };
     let (lat_degrees, lat_minutes) = minutes(lat);
     let (lon_degrees, lon_minutes) = minutes(lon);
@@ -52,7 +53,8 @@ fn rmc(epoch: &Epoch) -> String {
     let (speed, course) = epoch.speed_course();
     let moving =
         if epoch.has_fix() { format!("{:.3},{course:.2}", speed * KNOTS) } else { ",".into() };
-    let (hms, dmy) = (epoch.hms(), epoch.dmy());
+    let hms = epoch.hms();
+    let dmy = epoch.dmy();
     format!("GNRMC,{hms},{status},{},{moving},{dmy},,,{mode}", place(epoch))
 }
 
@@ -70,7 +72,9 @@ fn gga(epoch: &Epoch) -> String {
     } else {
         ",M,,M".into()
     };
-    let (hms, satellites, hdop) = (epoch.hms(), epoch.satellites, epoch.hdop);
+    let hms = epoch.hms();
+    let satellites = epoch.satellites;
+    let hdop = epoch.hdop;
     format!("GNGGA,{hms},{},{quality},{satellites:02},{hdop:.2},{heights},,", place(epoch))
 }
 
@@ -90,8 +94,11 @@ fn gst(epoch: &Epoch) -> String {
         return format!("GNGST,{hms},,,,,,,");
     }
     let sigma = epoch.sigma_m;
-    let (east, north, up) = (sigma.x, sigma.y, sigma.z);
-    let (major, minor) = (east.max(north), east.min(north));
+    let east = sigma.x;
+    let north = sigma.y;
+    let up = sigma.z;
+    let major = east.max(north);
+    let minor = east.min(north);
     // From North; the axes of the ellipse are those of the frame.
     let orientation = if east > north { 90 } else { 0 };
     let rms = sigma.norm();

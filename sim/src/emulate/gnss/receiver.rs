@@ -25,7 +25,7 @@ pub struct EmulatedGnss<S> {
     config: EmulatedGnssConfig,
     frame: LocalFrame,
     wander: Wander,
-    /// Which epoch was sent last, and where the drone was.
+    /// The number of the epoch that was sent last, and the drone's place then.
     sent: Option<(f64, Vector3<f64>)>,
     host: Host,
     client: Client,
@@ -50,7 +50,8 @@ impl<S: ByteStream> EmulatedGnss<S> {
         let frame = config.checked()?;
         let on_board = world.on_board(drone)?;
         let wander = Wander::new(config.sigma_m, config.correlation_s, seed, drone);
-        let (host, client) = (Host::default(), Client::default());
+        let host = Host::default();
+        let client = Client::default();
         Ok(Self {
             stream,
             on_board,

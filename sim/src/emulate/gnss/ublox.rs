@@ -3,18 +3,18 @@ use foxhunt_wire::FixQuality;
 
 use super::epoch::{Epoch, whole};
 
-/// Where GPS time begins, in milliseconds of UNIX time, and how far it is ahead of UTC since 2017.
+/// The beginning of GPS time in milliseconds of UNIX time, less its lead over UTC since 2017.
 const GPS_EPOCH_MS: i64 = 315_964_800_000 - 18_000;
 
 /// The longest request that is read, in bytes of payload.
 const LONGEST: usize = 1024;
 
-/// What a receiver by u-blox is requested, and what it has been set to (u-blox F9 HPG 1.32
-/// interface description, UBX-22008968).
+/// The requests to a receiver by u-blox, and its settings (u-blox F9 HPG 1.32 interface
+/// description, UBX-22008968).
 #[derive(Clone, Debug, Default)]
 pub(super) struct Host {
     bytes: Vec<u8>,
-    /// Whether NAV-PVT is on. It is off as it comes from the factory.
+    /// True if NAV-PVT is on. It is off as it comes from the factory.
     pub(super) sends_pvt: bool,
 }
 
@@ -39,7 +39,9 @@ impl Host {
                 self.bytes.drain(..2);
                 continue;
             }
-            let (class, id, payload) = (*class, *id, payload.to_vec());
+            let class = *class;
+            let id = *id;
+            let payload = payload.to_vec();
             self.bytes.drain(..8 + length);
             answer.extend(self.obey(class, id, &payload));
         }
@@ -115,7 +117,9 @@ pub(super) fn nav_pvt(epoch: &Epoch) -> Vec<u8> {
     let lon_deg = if place.lon_deg > 180.0 { place.lon_deg - 360.0 } else { place.lon_deg };
     let horizontal = epoch.sigma_m.x.hypot(epoch.sigma_m.y);
     let (speed, course) = epoch.speed_course();
-    let (east, north, up) = (epoch.velocity.x, epoch.velocity.y, epoch.velocity.z);
+    let east = epoch.velocity.x;
+    let north = epoch.velocity.y;
+    let up = epoch.velocity.z;
     let (_, pdop) = epoch.vdop_pdop();
     let mut p = Vec::with_capacity(92);
     p.extend(unsigned(week_ms));

@@ -2,7 +2,8 @@ use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::StandardNormal;
 
-/// Sets a receiver's stream apart from those of the world and of other drones' receivers.
+/// A number that separates a receiver's stream from the streams of the world and of other drones'
+/// receivers.
 const RECEIVER: u64 = 0x6e55_0e77_0000_0000;
 
 /// The error of a receiver's place: East, North and Up by themselves, each a first-order
@@ -11,7 +12,7 @@ const RECEIVER: u64 = 0x6e55_0e77_0000_0000;
 #[derive(Clone, Debug)]
 pub(super) struct Wander {
     sigma: Vector3<f64>,
-    /// In seconds.
+    /// The time constant τ in seconds.
     tau: f64,
     stream: Xoshiro256PlusPlus,
     error: Vector3<f64>,

@@ -1,7 +1,7 @@
 use foxhunt_core::parameter::{FieldError, finite, in_range, not_negative, positive, require};
 use serde::{Deserialize, Serialize};
 
-/// What an emulated RTL-SDR is like, and what is on air besides the beacons.
+/// The settings of an emulated RTL-SDR, and the transmitters besides the beacons.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EmulatedRtlTcpConfig {
@@ -14,10 +14,10 @@ pub struct EmulatedRtlTcpConfig {
     /// σ of how far each beacon's oscillator is from its frequency, in Hz; the same at every
     /// receiver.
     pub carrier_sigma_hz: f64,
-    /// How fast the beacons' oscillators drift, in Hz per second.
+    /// The drift of the beacons' oscillators, in Hz per second.
     pub drift_hz_per_s: f64,
-    /// How far the receiver's own oscillator is off, in parts per million: what its client has to
-    /// correct.
+    /// The error of the receiver's own oscillator, in parts per million: its client has to correct
+    /// it.
     pub oscillator_ppm: f64,
     /// Other transmitters.
     pub interferers: Vec<InterfererConfig>,
@@ -31,15 +31,15 @@ pub struct InterfererConfig {
     pub frequency_hz: f64,
     /// Its power at every antenna, in dBm.
     pub level_dbm: f64,
-    /// How long it sends at a time, in seconds; all the time where absent.
+    /// Duration of a transmission, in seconds; if absent, it sends all the time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub on_s: Option<f64>,
-    /// From one beginning to the next, in seconds; with `on_s`.
+    /// Time from one beginning to the next, in seconds; with `on_s`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub every_s: Option<f64>,
 }
 
-/// 0 dBm, 0.7 steps; oscillators that are right, nobody else.
+/// 0 dBm, 0.7 steps; oscillators without an error, no interferers.
 impl Default for EmulatedRtlTcpConfig {
     fn default() -> Self {
         Self {

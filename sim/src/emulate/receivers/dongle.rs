@@ -11,9 +11,9 @@ use crate::{
     truth::{Truth, beacon_of},
 };
 
-/// From one look at the power of a beacon that sends all the time to the next, in seconds.
+/// Time from one look at the power of a beacon that sends all the time to the next, in seconds.
 const REFRESH_S: f64 = 0.01;
-/// What is sampled at once, in seconds; what is older is lost.
+/// The most that is sampled at once, in seconds; anything older is lost.
 const MOST_S: f64 = 0.2;
 /// A bit of what a beacon without pulses sends, in seconds.
 const BIT_S: f64 = 0.001;
@@ -44,13 +44,13 @@ pub struct EmulatedDongle {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PlayedPulse {
-    /// Whose it is.
+    /// The beacon that sent it.
     pub beacon: BeaconId,
-    /// When its middle is, in seconds of the world's time.
+    /// Time of its middle, in seconds of the world's time.
     pub time_s: f64,
     /// Its carrier as the receiver has it, with the error of its own oscillator, in Hz.
     pub frequency_hz: f64,
-    /// How long it is, in seconds.
+    /// Its duration, in seconds.
     pub width_s: f64,
     /// Its power, in dBm.
     pub power_dbm: f64,
@@ -67,12 +67,12 @@ fn whole(hz: f64) -> u32 {
 #[derive(Clone, Copy, Debug)]
 struct Emission {
     sender: Sender,
-    /// Of its oscillator at the time 0, in Hz.
+    /// Frequency of its oscillator at the time 0, in Hz.
     frequency_hz: f64,
     drift_hz_per_s: f64,
-    /// Of its carrier, in turns.
+    /// Phase of its carrier, in turns.
     phase: f64,
-    /// Until when the power that was looked up last is its power, and that in dBm.
+    /// The time until which the power that was looked up last holds, and that power in dBm.
     power: (f64, Option<f64>),
 }
 
@@ -86,7 +86,7 @@ enum Sender {
 type Stretch = (f64, f64, f64);
 
 impl EmulatedDongle {
-    /// One at 250 kS/s, tuned to the first beacon, with a gain of 0.
+    /// A receiver at 250 kS/s, tuned to the first beacon, with a gain of 0.
     ///
     /// # Errors
     ///
@@ -140,7 +140,7 @@ impl EmulatedDongle {
         self.middle_hz = middle_hz;
     }
 
-    /// Sets how many samples it takes per second; a rate that is none is left out.
+    /// Sets the number of samples per second; a rate of 0 or above 4 MHz is ignored.
     pub fn set_rate(&mut self, rate_hz: u32) {
         if (1..=4_000_000).contains(&rate_hz) {
             self.rate_hz = rate_hz;
@@ -215,7 +215,8 @@ impl EmulatedDongle {
             let amplitude = 127.5 * 10.0_f64.powf((dbm - full_scale) / 20.0);
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked")]
             let place = |time: f64| ((time - begin) * rate).ceil().max(0.0) as usize;
-            let (from, to) = (place(from), place(to).min(baseband.len()));
+            let from = place(from);
+            let to = place(to).min(baseband.len());
             for (n, sample) in baseband.iter_mut().enumerate().take(to).skip(from) {
                 #[expect(clippy::cast_precision_loss, reason = "below 1e6")]
                 let (sin, cos) = (TAU * (emission.phase + step * n as f64).fract()).sin_cos();
@@ -230,7 +231,7 @@ impl EmulatedDongle {
         }
     }
 
-    /// When a transmitter sends between two times.
+    /// The stretches of time in which a transmitter sends between two times.
     fn stretches(&mut self, index: usize, begin: f64, end: f64, aside_hz: f64) -> Vec<Stretch> {
         let Some(emission) = self.emissions.get(index).copied() else { return Vec::new() };
         let mut stretches = Vec::new();
@@ -283,7 +284,7 @@ impl EmulatedDongle {
         stretches
     }
 
-    /// What comes in of a beacon now, in dBm.
+    /// The power that comes in of a beacon now, in dBm.
     fn power(&self, beacon: BeaconId) -> Option<f64> {
         self.on_board.with_truth(|truth, drone| {
             let Truth { time, channel, beacons, drones, .. } = truth;

@@ -1,9 +1,9 @@
-/// How a beacon is keyed: 16 bits of a millisecond each, first to last, then silence.
+/// The keying of a beacon: 16 bits of a millisecond each, first to last, then silence.
 pub(super) const KEY: u16 = 0b1011_0010_1110_1001;
 const BIT_S: f64 = 0.001;
 const PERIOD_S: f64 = 0.05;
 
-/// Whether it sends at a time.
+/// Returns true if the beacon sends at a time.
 pub(super) fn sends(time: f64) -> bool {
     let bit = ((time / PERIOD_S).fract() * PERIOD_S / BIT_S).floor();
     if !(0.0..16.0).contains(&bit) {

@@ -11,13 +11,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Emulator, SimClock, SimError, SimRadio, World};
 
-/// What an emulated `KrakenSDR` is like.
+/// The settings of an emulated `KrakenSDR`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EmulatedKrakenConfig {
-    /// What each beacon of the world sends at, in Hz; those without a frequency send nothing.
+    /// The frequency of each beacon of the world, in Hz; beacons without one send nothing.
     pub frequencies_hz: Vec<f64>,
-    /// From one measurement of a channel to the next, in seconds.
+    /// Time from one measurement of a channel to the next, in seconds.
     pub period_s: f64,
     /// σ of a measurement's direction, in degrees.
     pub sigma_deg: f64,
@@ -53,8 +53,8 @@ impl EmulatedKrakenConfig {
 /// The server of a `KrakenSDR` on a simulated drone, its front along the nose: answers every
 /// question for the page with what was measured last.
 ///
-/// It has no antenna to turn: powers are those of one that has the same gain in all directions,
-/// directions those of the world, with an error.
+/// It has no antenna to turn: it reports the powers of an antenna with equal gain in all
+/// directions, and the world's directions with an error.
 #[derive(Debug)]
 pub struct EmulatedKraken<S> {
     stream: S,
@@ -66,14 +66,14 @@ pub struct EmulatedKraken<S> {
     random: Xoshiro256PlusPlus,
     /// The last line of each beacon that was received.
     lines: Vec<Option<KrakenDoa>>,
-    /// Who is measured next, and who is being measured until when.
+    /// The beacon to be measured next; the one being measured, and until when.
     next: u16,
     measuring: Option<(BeaconId, f64)>,
     incoming: Vec<u8>,
     met: u32,
 }
 
-/// The width of the pseudo-spectrum's lobe: it is 3 dB down so far aside, in degrees.
+/// The width of the pseudo-spectrum's lobe: the angle aside at which it is 3 dB down, in degrees.
 const LOBE_DEG: f64 = 12.0;
 /// A measurement's time by its own clock, of the beginning, in milliseconds.
 const EPOCH_MS: u64 = 1_700_000_000_000;

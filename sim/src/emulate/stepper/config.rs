@@ -11,7 +11,7 @@ pub struct EmulatedStepperConfig {
     pub half_steps_per_turn: [u32; 2],
     /// The play of the gear in degrees.
     pub backlash_deg: f64,
-    /// Where the antenna looks at the beginning, in degrees counter-clockwise from the nose; the
+    /// Direction of the antenna at the beginning, in degrees counter-clockwise from the nose; the
     /// gear is then pushed forwards.
     pub start_deg: f64,
     /// A switch that the antenna closes.
@@ -36,9 +36,9 @@ pub struct EmulatedStepperConfig {
 pub struct EmulatedSwitch {
     /// The pin that it connects to ground.
     pub pin: u8,
-    /// From where on, counter-clockwise, it is open again, in degrees from the nose.
+    /// The angle from which on, counter-clockwise, it is open again, in degrees from the nose.
     pub opens_at_deg: f64,
-    /// How far before that it closes, in degrees.
+    /// Width of the closed part before that, in degrees.
     pub width_deg: f64,
 }
 

@@ -33,10 +33,10 @@ pub struct EmulatedStepper<S> {
     /// Steppers that take up memory and are reached no more.
     leaked: u32,
     hung: bool,
-    /// Which ports report their levels, and what they reported last.
+    /// The levels that each port reported last; `None` for a port that does not report.
     sent: [Option<u8>; PORTS],
     sampled: f64,
-    /// Why a reply could not be sent.
+    /// The error with which a reply could not be sent.
     failure: Option<io::Error>,
 }
 

@@ -9,11 +9,11 @@ pub(super) struct Gear {
     rotor: i64,
     /// Half step of the coils where `rotor` is 0.
     phase: i64,
-    /// Where the antenna is, in half steps.
+    /// The antenna's place, in half steps.
     antenna: f64,
-    /// In half steps.
+    /// The play of the gear, in half steps.
     play: f64,
-    /// In radians.
+    /// A half step in radians.
     half_step: f64,
     start: f64,
 }
@@ -56,7 +56,7 @@ impl Gear {
         self.antenna = self.antenna.clamp(rotor, rotor + self.play);
     }
 
-    /// Where the antenna looks, in radians from the nose.
+    /// The antenna's direction, in radians from the nose.
     pub(super) fn angle(&self) -> f64 {
         self.start + self.antenna * self.half_step
     }

@@ -8,7 +8,7 @@ pub(super) struct Motor {
     target: i64,
     /// The most, in steps per second.
     most: f64,
-    /// In steps/s².
+    /// The acceleration in steps/s².
     acceleration: f64,
     /// Present speed, negative backwards.
     speed: f64,
@@ -31,17 +31,17 @@ pub(super) struct Motor {
 /// Report of what a motor did.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Action {
-    /// A step, so many seconds after the one before it.
+    /// A step, `after_s` seconds after the one before it.
     Step { after_s: f64 },
-    /// It is where it was sent.
+    /// The motor is where it was sent.
     Arrived,
 }
 
-/// ConfigurableFirmata's acceleration where none is wanted, in steps/s².
+/// ConfigurableFirmata's acceleration if no acceleration is wanted, in steps/s².
 const AT_ONCE: f64 = 1e6;
 
 impl Motor {
-    /// One at 0. ConfigurableFirmata begins with a step per second.
+    /// A motor at 0. ConfigurableFirmata begins with a step per second.
     pub(super) fn new(now: f64) -> Self {
         let mut motor = Self {
             position: 0,

@@ -9,7 +9,7 @@ pub(super) struct Wires {
     patterns: &'static [u8],
 }
 
-/// Outputs for each step, bit 0 being those of the first pin.
+/// Outputs for each step; bit 0 is the first pin.
 const HALF_4: [u8; 8] = [0b0001, 0b0101, 0b0100, 0b0110, 0b0010, 0b1010, 0b1000, 0b1001];
 const WHOLE_4: [u8; 4] = [0b0101, 0b0110, 0b1010, 0b1001];
 const HALF_3: [u8; 6] = [0b100, 0b101, 0b001, 0b011, 0b010, 0b110];

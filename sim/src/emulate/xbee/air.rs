@@ -20,7 +20,7 @@ pub(super) enum Payload {
     Packet { id: u8, data: Vec<u8>, short: bool },
     /// A question to the beacon's radio.
     Command { id: u8, command: AtCommand, parameter: Vec<u8>, to64: Address64, to16: Address16 },
-    /// Who is there?
+    /// A search for the radios that are there.
     Discovery { id: u8 },
     /// The end of a discovery.
     Discovered { id: u8 },
@@ -38,7 +38,7 @@ pub(super) struct Air {
     no_answer_s: f64,
 }
 
-/// What a radio keeps until it is sent.
+/// The most packets that a radio keeps until they are sent.
 const MOST_WAITING: usize = 64;
 
 impl Air {
@@ -60,7 +60,7 @@ impl Air {
         (0..u16::try_from(self.beacons.len()).unwrap_or(u16::MAX)).map(BeaconId)
     }
 
-    /// Whose addresses these are.
+    /// Returns the beacon that has these addresses.
     pub(super) fn beacon_at(&self, to64: Address64, to16: Address16) -> Option<BeaconId> {
         self.beacons().find(|beacon| {
             let (long, short) = xbee_address(*beacon);
@@ -121,7 +121,7 @@ impl Air {
         sent
     }
 
-    /// What comes when a beacon was received.
+    /// Returns the frames that come if a beacon was received.
     fn answered(&mut self, beacon: BeaconId, incoming: u8, payload: Payload) -> Vec<Frame> {
         let (long, short_address) = xbee_address(beacon);
         let from16 = match self.firmware {
@@ -140,7 +140,8 @@ impl Air {
                 Frame::Receive { from64: long, from16, options: 1, data },
             ],
             Payload::Packet { id, data, short } => {
-                let (rssi_neg_dbm, options) = (incoming, 0);
+                let rssi_neg_dbm = incoming;
+                let options = 0;
                 let received = if short {
                     Frame::Receive16 { from: short_address, rssi_neg_dbm, options, data }
                 } else {
@@ -170,7 +171,7 @@ impl Air {
         }
     }
 
-    /// What comes when nobody was received.
+    /// Returns the frame that comes if nobody was received.
     fn unanswered(&self, beacon: Option<BeaconId>, payload: Payload) -> Option<Frame> {
         match payload {
             Payload::Packet { id, .. } if self.firmware == Protocol::Ieee802154 => {
@@ -192,7 +193,8 @@ impl Air {
             }),
             Payload::Discovery { .. } => None,
             Payload::Discovered { id } => {
-                let (command, status) = (AtCommand::ND, AtStatus::OK);
+                let command = AtCommand::ND;
+                let status = AtStatus::OK;
                 Some(Frame::AtResponse { id, command, status, value: Vec::new() })
             }
         }

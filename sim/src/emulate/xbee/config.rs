@@ -5,7 +5,7 @@ use foxhunt_core::{
 use foxhunt_wire::xbee::{Address16, Address64, Protocol};
 use serde::{Deserialize, Serialize};
 
-/// What kind of XBee is emulated.
+/// The kind of XBee that is emulated.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EmulatedXbeeConfig {
@@ -13,7 +13,7 @@ pub struct EmulatedXbeeConfig {
     pub firmware: Protocol,
     /// `AP`: 0 transparent, 1 plain frames, 2 escaped frames.
     pub ap: u8,
-    /// How long after a question to a beacon that does not answer it reports it, in seconds.
+    /// Time from a question to a beacon that does not answer to the report of that, in seconds.
     pub no_answer_s: f64,
 }
 

@@ -37,7 +37,7 @@ pub struct EmulatedXbee<S> {
     text: Text,
 }
 
-/// A frame that stops in the middle for so long, in seconds, was cut.
+/// A frame that stops in the middle for this time, in seconds, was cut.
 const QUIET_S: f64 = 0.1;
 
 impl<S: ByteStream> EmulatedXbee<S> {
@@ -105,7 +105,7 @@ impl<S: ByteStream> EmulatedXbee<S> {
         self.stream.send(&bytes)
     }
 
-    /// What it answers at once; the rest goes over the air.
+    /// Takes a frame: answers at once, or sends it over the air.
     fn take_in(&mut self, frame: Frame) -> io::Result<()> {
         let mesh = self.config.firmware != Protocol::Ieee802154;
         let immediate = match frame {

@@ -2,13 +2,13 @@ use std::collections::BTreeMap;
 
 use foxhunt_wire::xbee::{Address16, Address64, AtCommand, AtStatus, Protocol};
 
-/// What a radio answers to AT commands.
+/// A radio's answers to AT commands.
 #[derive(Clone, Debug)]
 pub(super) struct Registers {
     values: BTreeMap<[u8; 2], Vec<u8>>,
 }
 
-/// What can be set, besides the mode.
+/// The commands that can be set, besides the mode.
 const SETTABLE: [&[u8; 2]; 16] = [
     b"AP", b"NI", b"MY", b"ID", b"CH", b"CE", b"NT", b"NO", b"SM", b"BD", b"DH", b"DL", b"PL",
     b"AO", b"MM", b"SC",

@@ -2,9 +2,9 @@ use foxhunt_wire::xbee::{AtCommand, AtStatus};
 
 use super::registers::Registers;
 
-/// How quiet the line has to be before `+++`, and until it is answered, in seconds (`GT`).
+/// Silence that the line needs before `+++`, and until it is answered, in seconds (`GT`).
 const GUARD_S: f64 = 1.0;
-/// Commands are taken for so long after the last one, in seconds (`CT`).
+/// Commands are taken for this time after the last one, in seconds (`CT`).
 const COMMAND_S: f64 = 10.0;
 
 /// A radio that is not in an API mode: what comes is sent on the air, but for commands after `+++`.

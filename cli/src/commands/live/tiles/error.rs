@@ -3,7 +3,7 @@ use std::io;
 #[cfg(not(feature = "store"))]
 use crate::hints;
 
-/// Why a map cannot be used.
+/// Reason why a map cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum TilesError {
     #[error("cannot be read")]

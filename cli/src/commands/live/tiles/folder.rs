@@ -20,7 +20,7 @@ struct Folder {
     path: PathBuf,
 }
 
-/// What `metadata.json` beside the tiles may hold, as `mb-util` writes it.
+/// Optional contents of `metadata.json` beside the tiles, as `mb-util` writes it.
 #[derive(Default, Deserialize)]
 struct Metadata {
     attribution: Option<String>,
@@ -41,7 +41,7 @@ pub(super) fn open(path: &Path) -> Opened {
     Ok((Box::new(Folder { path: path.to_owned() }), LiveTiles { zooms, attribution }))
 }
 
-/// Whether some column of a level holds a file with an ending of tiles.
+/// Returns true if some column of a level holds a file with an ending of tiles.
 fn holds_a_tile(level: &Path) -> bool {
     let entries = |path: &Path| fs::read_dir(path).into_iter().flatten().flatten();
     let is_tile = |name: PathBuf| {

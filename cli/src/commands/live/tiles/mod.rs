@@ -1,4 +1,4 @@
-//! Map tiles from this computer: a folder z/x/y, MBTiles, PMTiles. Tiles are those of Web Mercator
+//! Map tiles from this computer: a folder z/x/y, MBTiles, PMTiles. They are tiles of Web Mercator
 //! (EPSG:3857), counted from the North-West.
 
 mod error;
@@ -45,7 +45,7 @@ impl Tiles {
         Ok(Self { source, about })
     }
 
-    /// What a page has to know of it.
+    /// Returns the description of the map for a page.
     pub(super) fn about(&self) -> &LiveTiles {
         &self.about
     }

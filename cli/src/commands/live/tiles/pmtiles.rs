@@ -43,7 +43,7 @@ impl AsyncBackend for Plain {
     }
 }
 
-/// What the archive's metadata may hold.
+/// Optional contents of the archive's metadata.
 #[derive(Default, Deserialize)]
 struct Metadata {
     attribution: Option<String>,
@@ -74,7 +74,8 @@ pub(super) fn open(path: &Path) -> Opened {
     Ok((Box::new(source), LiveTiles { zooms, attribution }))
 }
 
-/// Where the tiles end by the header, in whose bytes 56 to 72 they begin and have their length.
+/// Returns the end of the tiles by the header, in whose bytes 56 to 72 they begin and have their
+/// length.
 fn end_of_data(file: &mut File) -> Result<u64, TilesError> {
     let mut number = |at: u64| {
         let mut bytes = [0; 8];

@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use super::*;
 
-/// How a PNG begins; the rest does not matter here.
+/// First bytes of a PNG; the rest does not matter here.
 const PNG: &[u8] = b"\x89PNG\r\n\x1a\nrest";
 
 /// A folder of a test's own.
