@@ -131,7 +131,10 @@ pub use particle::{KldSampling, ParticleFilter, RaoBlackwellised, Resampling};
 #[cfg(feature = "alloc")]
 pub use peaks::peaks;
 #[cfg(feature = "batch")]
-pub use ranges::{SlantRange, SlantRangeDifference, multilaterate, spherical_intersection};
+pub use ranges::{
+    SlantRange, SlantRangeDifference, multilaterate, multilaterate_with_offset,
+    spherical_intersection,
+};
 #[cfg(feature = "alloc")]
 pub use shadowing_grid::{
     Censoring, Intercept, Marginal, PlacePrior, PosteriorMap, ShadowedReading, ShadowingFix,

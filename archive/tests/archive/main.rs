@@ -18,6 +18,7 @@ mod recordings {
     mod values;
 }
 mod pulses;
+mod ranges;
 mod receiver_place;
 mod remarks;
 mod replay;

@@ -5,7 +5,7 @@ use foxhunt_core::{
     noise::log_normal_cdf,
     parameter::{ParameterError, finite},
 };
-use nalgebra::{Matrix1, Matrix2, RowVector2, Vector1, Vector2, Vector3};
+use nalgebra::{Matrix1, Matrix2, RowVector2, RowVector3, Vector1, Vector2, Vector3};
 
 use crate::batch::{BatchError, BatchFix, BatchSolver, at_least, finite_entry, positive_entry};
 
@@ -40,6 +40,40 @@ pub fn multilaterate(
     target_up: f64,
 ) -> Result<BatchFix<2>, BatchError> {
     at_least("ranges", ranges.len(), 3)?;
+    let observations = observations(ranges, beyond, target_up)?;
+    BatchSolver::new(Nearness { target_up }).solve(&observations, &starts(ranges, target_up)?)
+}
+
+/// The place of a target at the height `target_up` in metres from ranges that are all too long by
+/// the same unknown amount, by least squares: East, North and that amount, in metres.
+///
+/// # Errors
+///
+/// [`BatchError::TooFew`] below four ranges; else those of [`multilaterate`].
+pub fn multilaterate_with_offset(
+    ranges: &[SlantRange],
+    target_up: f64,
+) -> Result<BatchFix<3>, BatchError> {
+    at_least("ranges", ranges.len(), 4)?;
+    let observations = observations(ranges, &[], target_up)?;
+    // The squares of ranges hide their offset from the linear equations: several are tried.
+    let nearest = ranges.iter().map(|r| r.range).fold(f64::INFINITY, f64::min);
+    let farthest = ranges.iter().map(|r| r.range).fold(0.0, f64::max);
+    let mut from = Vec::new();
+    for offset in [-0.5 * farthest, -0.1 * farthest, 0.0, 0.5 * nearest, 0.9 * nearest] {
+        let less = |r: &SlantRange| SlantRange { range: r.range - offset, ..*r };
+        let less: Vec<SlantRange> = ranges.iter().map(less).collect();
+        from.extend(starts(&less, target_up)?.into_iter().map(|place| place.push(offset)));
+    }
+    BatchSolver::new(OffsetNearness(Nearness { target_up })).solve(&observations, &from)
+}
+
+/// Ranges, negated, and those that are longer than a limit.
+fn observations(
+    ranges: &[SlantRange],
+    beyond: &[SlantRange],
+    target_up: f64,
+) -> Result<Vec<Observation<1>>, BatchError> {
     finite("target_up", target_up)?;
     let mut observations = Vec::with_capacity(ranges.len() + beyond.len());
     let all = ranges.iter().chain(beyond).enumerate();
@@ -60,7 +94,7 @@ pub fn multilaterate(
         let is_known = index < ranges.len();
         observations.push(if is_known { observation } else { observation.below(0) });
     }
-    BatchSolver::new(Nearness { target_up }).solve(&observations, &starts(ranges, target_up)?)
+    Ok(observations)
 }
 
 /// z = the slant range, negated: what is farther away than a limit is below it.
@@ -90,6 +124,25 @@ impl MeasurementModel<2, 1> for Nearness {
         };
         let expected = self.expected(target, observation.receiver());
         log_normal_cdf((limit - expected[0]) / sigma)
+    }
+}
+
+/// z = the slant range and an offset that all have, negated.
+#[derive(Clone, Copy, Debug)]
+struct OffsetNearness(Nearness);
+
+impl MeasurementModel<3, 1> for OffsetNearness {
+    fn quantities(&self) -> [Quantity; 1] {
+        self.0.quantities()
+    }
+
+    fn expected(&self, target: &State<3>, receiver: &Pose) -> Vector1<f64> {
+        self.0.expected(&target.xy(), receiver).add_scalar(-target.z)
+    }
+
+    fn jacobian(&self, target: &State<3>, receiver: &Pose) -> RowVector3<f64> {
+        let place = self.0.jacobian(&target.xy(), receiver);
+        RowVector3::new(place[0], place[1], -1.0)
     }
 }
 

@@ -42,6 +42,9 @@ pub struct Located {
     /// What the bearings of each place have in common, where the estimator weighs that and there
     /// are places with several.
     pub common_errors: Option<CommonErrors>,
+    /// Metres by which all measured ranges are too long, where the estimator found that they share
+    /// such an offset.
+    pub range_offset_m: Option<Marginal>,
     /// The smallest region that holds the transmitter with 95 %, in parts that do not touch, where
     /// the estimator has a posterior density: an ellipse is a poor picture of two places, of a
     /// ridge and of a border.
@@ -135,6 +138,7 @@ impl Located {
             border_mass: None,
             explanation: None,
             common_errors: None,
+            range_offset_m: None,
             regions_95: Vec::new(),
             rivals: Vec::new(),
             remarks: Vec::new(),

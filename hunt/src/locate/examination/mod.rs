@@ -52,7 +52,11 @@ pub(crate) fn examine(
     config: &LocateConfig,
     uses: Uses,
 ) -> Vec<usize> {
-    let data = data(receptions, config, uses);
+    let mut data = data(receptions, config, uses);
+    if let Some(offset) = located.range_offset_m {
+        let ranges = data.iter_mut().filter(|datum| datum.kind == Kind::Range);
+        ranges.for_each(|datum| datum.value -= offset.mean);
+    }
     let mut remarks = Vec::new();
     let mut left_out = Vec::new();
     let has_levels = uses.levels && receptions.iter().any(|r| r.level.is_some());
