@@ -16,6 +16,16 @@ pub enum RecordingError {
         /// Why not.
         source: std::io::Error,
     },
+    /// The file is not a table.
+    #[error("{file}: this is {what}, not a table; {advice}")]
+    NotATable {
+        /// The file.
+        file: String,
+        /// Kind of the file.
+        what: &'static str,
+        /// The command that would work.
+        advice: String,
+    },
     /// There is no header.
     #[error("{file}: the file is empty; its first line must name the columns")]
     Empty {
@@ -77,6 +87,26 @@ pub enum RecordingError {
         /// The known formats.
         known: Box<[String]>,
     },
+    /// The table has no header: its first line holds values.
+    #[error(
+        "{file}, line {line}: the table has no header; its first row is {row}. Name its columns, in \
+         this order, such as foxhunt locate {} --columns {suggested} (- for a column that is not \
+         to be read){}",
+        argument(file),
+        headerless(formats)
+    )]
+    NoHeader {
+        /// The file.
+        file: String,
+        /// The first row's line, from 1.
+        line: u64,
+        /// The first row.
+        row: String,
+        /// Names that its cells may have.
+        suggested: String,
+        /// Formats without a header that have as many columns.
+        formats: Box<[String]>,
+    },
     /// A column may be a bearing or the direction of the receiver.
     #[error(
         "{file}, line {line}: the column {column:?} may be the bearing to the transmitter or where \
@@ -89,6 +119,24 @@ pub enum RecordingError {
         line: u64,
         /// The column.
         column: String,
+    },
+    /// A time may be read in two ways, and no row shows which is right.
+    #[error(
+        "{file}, line {line}, {column}: {value:?} may be {}, and no row shows which; state it with \
+         --time-format {}", either(readings), readings.iter().map(|[name, _]| *name)
+             .collect::<Vec<_>>().join(" or ")
+    )]
+    AmbiguousTime {
+        /// The file.
+        file: String,
+        /// The line, from 1.
+        line: u64,
+        /// The column.
+        column: String,
+        /// The cell.
+        value: String,
+        /// Names of the formats that fit, each with what the cell then is.
+        readings: &'static [[&'static str; 2]],
     },
     /// There is neither a shipped mapping nor a file of this name.
     #[error("{name:?} is neither a file nor a known format; those are {}", known.join(", "))]
@@ -334,8 +382,19 @@ pub enum FieldProblem {
     /// It would be a longitude.
     #[error("is no latitude; latitude and longitude look swapped")]
     Swapped,
+    /// It must be a latitude or longitude.
+    #[error("is neither degrees nor degrees, minutes and seconds")]
+    NotDegrees,
+    /// Its hemisphere is that of the other coordinate.
+    #[error(
+        "has the hemisphere of the other coordinate; N and S are latitudes, E and W longitudes"
+    )]
+    OtherHemisphere,
+    /// O stands for East in some languages and for West in others.
+    #[error("may be East (Ost) or West (oeste, ouest); write E or W")]
+    EastOrWest,
     /// It must be a date and time.
-    #[error("is not a time of the form YYYY-MM-DD HH:MM:SS")]
+    #[error("is not a time such as YYYY-MM-DD HH:MM:SS or DD.MM.YYYY HH:MM")]
     NotATime,
     /// It must not be empty.
     #[error("must not be empty here")]
@@ -410,4 +469,22 @@ pub enum FieldProblem {
         /// How far.
         distance_km: f64,
     },
+}
+
+/// A file as an argument of a command.
+fn argument(file: &str) -> &str {
+    if file == "standard input" { "-" } else { file }
+}
+
+/// The end of a message about a table without a header.
+fn headerless(formats: &[String]) -> String {
+    if formats.is_empty() {
+        return String::new();
+    }
+    format!("; or, for what a program wrote, --format {}", formats.join(" or --format "))
+}
+
+/// The readings of a time, for people.
+fn either(readings: &[[&str; 2]]) -> String {
+    readings.iter().map(|[_, meaning]| *meaning).collect::<Vec<_>>().join(" or ")
 }

@@ -1,6 +1,11 @@
 use std::{borrow::Cow, fs, path::Path, sync::LazyLock};
 
-use super::{Mapping, RecordingError, near_miss::near_miss, plain};
+use super::{
+    Mapping, RecordingError, TimeFormat, guess,
+    near_miss::near_miss,
+    plain,
+    table::{Table, shown},
+};
 
 /// Our own format first: it is preferred where two fit equally well.
 const TEXTS: [&str; 14] = [
@@ -65,11 +70,11 @@ pub(super) fn is_known(columns: &[String]) -> bool {
 /// The shipped mapping whose header fits a file's columns; of several, the one that needs most. A
 /// table whose columns have common names gets a mapping of its own, by the cells of its first row.
 pub(super) fn recognise(
-    file: &str,
-    line: u64,
-    columns: &[String],
+    table: &Table<'_>,
+    format: Option<TimeFormat>,
     first: impl Fn(&str) -> Option<String>,
 ) -> Result<Cow<'static, Mapping>, RecordingError> {
+    let (file, line, columns) = (table.file(), table.header_line(), table.header());
     let with_header = || SHIPPED.iter().filter(|mapping| !mapping.header.is_empty());
     let fits = with_header().filter(|mapping| mapping.lacks(columns).is_empty());
     // `rev`, for of equals the last one would win.
@@ -77,8 +82,21 @@ pub(super) fn recognise(
     if let Some(best) = fits.into_iter().rev().max_by_key(|mapping| mapping.header.len()) {
         return Ok(Cow::Borrowed(best));
     }
-    if let Some(plain) = plain::mapping(file, line, columns, first)? {
+    if let Some(plain) = plain::mapping(table, format, first)? {
         return Ok(Cow::Owned(plain));
+    }
+    if guess::is_row(columns) {
+        let has = |mapping: &&Mapping| {
+            let fixed = mapping.names.len();
+            fixed > 0 && columns.len() >= fixed
+        };
+        return Err(RecordingError::NoHeader {
+            file: file.to_owned(),
+            line,
+            row: shown(&columns.join(", ")),
+            suggested: guess::names(columns).join(","),
+            formats: SHIPPED.iter().filter(has).map(|m| m.name.clone()).collect(),
+        });
     }
     let nearest = with_header().min_by_key(|mapping| {
         let lacks = mapping.lacks(columns);
@@ -120,8 +138,8 @@ mod tests {
     #[test]
     fn of_several_that_fit_the_one_that_needs_most_is_taken() {
         let named = |header: &str| {
-            let columns: Vec<_> = header.split(',').map(str::to_owned).collect();
-            recognise("f.csv", 1, &columns, |_| None).map(|mapping| mapping.name.clone()).ok()
+            let table = Table::open("f.csv", header.as_bytes(), None, &[]).expect("a header");
+            recognise(&table, None, |_| None).map(|mapping| mapping.name.clone()).ok()
         };
         assert_eq!(named("rss_dbm,range_m").as_deref(), Some("foxhunt"));
         let both = named("rss_dbm,range_m,obs,x,y,bearing_deg");

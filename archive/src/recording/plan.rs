@@ -2,7 +2,7 @@ use std::{borrow::Cow, collections::BTreeMap};
 
 use super::{
     Band, Column, Keep, Mapping, ReadOptions, RecordingError, Source, beside::Joined, column::Kind,
-    table::Table,
+    dates::Times, table::Table,
 };
 
 /// A mapping fitted to one file's header.
@@ -15,6 +15,8 @@ pub(super) struct Plan {
     pub(super) melted: Vec<Melted>,
     /// True if levels are written without their sign.
     pub(super) negate_levels: bool,
+    /// The way in which times are written.
+    pub(super) times: Times,
     /// The file's columns that nothing reads.
     pub(super) ignored: Vec<String>,
     /// The names of the file's columns.
@@ -204,7 +206,8 @@ impl Plan {
         let ignored = ignored(table.header(), &origins, &rules, &melted);
         let names = table.header().to_vec();
         let negate_levels = options.negate_levels;
-        let plan = Self { origins, rules, joined, melted, negate_levels, ignored, names };
+        let times = Times { format: options.time_format, zone: options.time_zone };
+        let plan = Self { origins, rules, joined, melted, negate_levels, times, ignored, names };
         plan.check(table.file(), table.header_line())?;
         if let Some(rover) = &options.rover
             && !plan.has(Column::TimeUtc)
@@ -309,7 +312,8 @@ fn ignored(
         cells.chain(rules).chain(melted).any(|index| index == wanted)
     };
     let unread = header.iter().enumerate().filter(|(index, _)| !read(*index));
-    unread.map(|(_, name)| name.clone()).collect()
+    // A column that was named `-` is not to be read.
+    unread.filter(|(_, name)| *name != "-").map(|(_, name)| name.clone()).collect()
 }
 
 fn label(keep: &Keep) -> String {

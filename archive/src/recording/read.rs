@@ -14,23 +14,28 @@ use nalgebra::Vector3;
 
 use super::{
     Backwards, Column, Dropped, FieldProblem, ReadOptions, Record, Recording, RecordingError,
-    Rover,
+    Rover, TimeFormat,
     beside::Joined,
     ceiling::find_ceilings,
+    content,
+    dates::{Order, order},
     decompress::decompressed,
     exclusion::{Cause, Exclusions},
     formats,
     parse::LeftOut,
     plain,
-    plan::{Melted, Plan},
+    plan::{Melted, Origin, Plan},
     reachable::{Jump, jumps, out_of_time},
     row::Reader,
-    table::{Row, Table},
+    table::{Row, Table, shown, spaces_as_tabs},
     utc::utc,
 };
 
 /// The path of standard input.
 const STANDARD_INPUT: &str = "-";
+
+/// Rows in which the first cell of a column is looked for.
+const FIRST_ROWS: usize = 100;
 
 /// No receiver measures more than this, in dBm; near a transmitter it may be 0 to 20.
 const MOST_DBM: f64 = 20.0;
@@ -113,7 +118,11 @@ impl Recording {
         folder: Option<&Path>,
         options: &ReadOptions,
     ) -> Result<Self, RecordingError> {
-        let bytes = decompressed(bytes, name)?;
+        let mut bytes = decompressed(bytes, name)?;
+        content::check(&bytes, name)?;
+        if let Some(tabs) = spaces_as_tabs(&bytes, options.columns.len()) {
+            bytes = Cow::Owned(tabs);
+        }
         let file = File { bytes: &bytes, name, folder };
         let astray = Cell::new(None);
         let read = file.read(options, &astray);
@@ -149,13 +158,77 @@ struct Read {
 }
 
 impl File<'_> {
-    /// A cell of the first row of a file whose format is to be recognised.
-    fn first_cell(&self, column: &str) -> Option<String> {
-        let table = Table::open_fitting(self.name, self.bytes, None, formats::is_known);
-        let mut table = table.ok()?;
+    /// Opens the table: its header is the one that fits the format, or is stated.
+    fn table(&self, options: &ReadOptions) -> Result<Table<'_>, RecordingError> {
+        let (name, bytes) = (self.name, self.bytes);
+        let format = options.format.as_ref();
+        let separator = format.and_then(|mapping| mapping.separator);
+        if !options.columns.is_empty() {
+            return Ok(Table::open_named(name, bytes, separator, &options.columns));
+        }
+        let names = format.map_or(&[][..], |mapping| mapping.names.as_slice());
+        if !names.is_empty() {
+            return Table::open(name, bytes, separator, names);
+        }
+        Table::open_fitting(name, bytes, separator, |header| match format {
+            Some(mapping) => mapping.fits(header),
+            None => formats::is_known(header),
+        })
+    }
+
+    /// The first cell of a column that is not empty, in a file whose format is to be recognised.
+    fn first_cell(&self, options: &ReadOptions, column: &str) -> Option<String> {
+        let mut table = self.table(options).ok()?;
         let index = table.index_of(column).ok()??;
-        let row = table.next().ok()??;
-        Some(row.cell(index).to_owned())
+        for _ in 0..FIRST_ROWS {
+            // A row that cannot be read has no cell.
+            let Ok(row) = table.next() else { continue };
+            let cell = row?.cell(index).to_owned();
+            if !cell.is_empty() {
+                return Some(cell);
+            }
+        }
+        None
+    }
+
+    /// The order of day and month by the first row that shows it; `None` if no row needs one.
+    fn time_format(
+        &self,
+        options: &ReadOptions,
+        plan: &Plan,
+    ) -> Result<Option<TimeFormat>, RecordingError> {
+        let Some(Origin::Cells { indices, source }) = plan.origins.get(&Column::TimeUtc) else {
+            return Ok(None);
+        };
+        let mut table = self.table(options)?;
+        let mut open = None;
+        let mut clear = 0;
+        loop {
+            let row = match table.next() {
+                Ok(None) => break,
+                Ok(Some(row)) => row,
+                Err(_) => continue,
+            };
+            let Some(text) = row.joined(indices, &source.between) else { continue };
+            match order(&text) {
+                Order::Shown(format) => return Ok(Some(format)),
+                Order::Open => {
+                    open.get_or_insert_with(|| (row.line(), shown(&text)));
+                }
+                Order::Clear => clear += 1,
+            }
+            if open.is_none() && clear > FIRST_ROWS {
+                break;
+            }
+        }
+        let Some((line, value)) = open else { return Ok(None) };
+        Err(RecordingError::AmbiguousTime {
+            file: self.name.to_owned(),
+            line,
+            column: source.label(),
+            value,
+            readings: &[["dmy", "day, month, year"], ["mdy", "month, day, year"]],
+        })
     }
 
     fn read(
@@ -164,22 +237,12 @@ impl File<'_> {
         astray: &Cell<Option<Geodetic>>,
     ) -> Result<Read, RecordingError> {
         let name = self.name;
-        let separator = options.format.as_ref().and_then(|mapping| mapping.separator);
-        let names = options.format.as_ref().map_or(&[][..], |mapping| mapping.names.as_slice());
-        let mut table = if names.is_empty() {
-            let fits = |header: &[String]| match &options.format {
-                Some(mapping) => mapping.fits(header),
-                None => formats::is_known(header),
-            };
-            Table::open_fitting(name, self.bytes, separator, fits)?
-        } else {
-            Table::open(name, self.bytes, separator, names)?
-        };
+        let mut table = self.table(options)?;
         let mapping = match &options.format {
             Some(mapping) => Cow::Borrowed(mapping),
             None => {
-                let first = |column: &str| self.first_cell(column);
-                formats::recognise(name, table.header_line(), table.header(), first)?
+                let first = |column: &str| self.first_cell(options, column);
+                formats::recognise(&table, options.time_format, first)?
             }
         };
         let mapping = mapping.as_ref();
@@ -191,7 +254,11 @@ impl File<'_> {
             };
             joined.extend(Joined::read(beside, &mapping.name, name, self.folder, given)?);
         }
-        let plan = Plan::new(mapping, options, joined, &table)?;
+        let mut plan = Plan::new(mapping, options, joined, &table)?;
+        if plan.times.format.is_none() {
+            plan.times.format = self.time_format(options, &plan)?;
+        }
+        let plan = plan;
 
         let rules = plan.rules.iter().map(|rule| rule.label.as_str());
         let rover = options.rover.as_ref();
@@ -308,10 +375,12 @@ impl File<'_> {
         let better_origin = if origin_is_kept { None } else { first_place() };
         let mut remarks = exclusions.remarks(name, rows);
         if mapping.name == plain::PLAIN && options.format.is_none() {
-            let text = format!(
-                "{name}: no format has such a header; its columns are read by their names: {}",
-                plain::described(mapping)
-            );
+            let how = if options.columns.is_empty() {
+                "no format has such a header; its columns are read by their names"
+            } else {
+                "its columns are read by the names that were given"
+            };
+            let text = format!("{name}: {how}: {}", plain::described(mapping));
             remarks.push(Remark::new("columns-by-name", text));
         }
         if table.preamble() > 0 {

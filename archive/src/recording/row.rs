@@ -5,9 +5,10 @@ use foxhunt_wire::geodesy::Geodetic;
 use super::{
     Band, Column, FieldProblem, North, RecordingError, Rover, Source, Value,
     column::Kind,
+    coordinate::degrees,
+    dates::clock_seconds,
     plan::{Melted, Origin, Plan, Rule, Term},
     table::Row,
-    utc::utc_seconds,
 };
 
 /// One row, read by a plan.
@@ -178,8 +179,10 @@ impl Reader<'_> {
     /// A number within the column's bounds.
     pub(super) fn number(&self, column: Column) -> Result<Option<f64>, RecordingError> {
         let Some(text) = self.text(column)? else { return Ok(None) };
-        let raw = self.row.parse(&text);
-        let raw = raw.ok_or_else(|| self.wrong(column, FieldProblem::NotANumber))?;
+        let raw = match self.row.parse(&text) {
+            Some(raw) => raw,
+            None => self.written(column, &text).map_err(|problem| self.wrong(column, problem))?,
+        };
         let value = match self.plan.origins.get(&column) {
             Some(
                 Origin::Cells { source, .. }
@@ -204,6 +207,16 @@ impl Reader<'_> {
             }
             Kind::Index(max) => Err(self.wrong(column, FieldProblem::NotWhole { max })),
             Kind::Text => Err(self.wrong(column, FieldProblem::NotANumber)),
+        }
+    }
+
+    /// The number that a text stands for: degrees with minutes or a hemisphere, a time of the day.
+    fn written(&self, column: Column, text: &str) -> Result<f64, FieldProblem> {
+        match column {
+            Column::LatDeg | Column::TruthLatDeg => degrees(text, true),
+            Column::LonDeg | Column::TruthLonDeg => degrees(text, false),
+            Column::TimeS => clock_seconds(text).ok_or(FieldProblem::NotANumber),
+            _ => Err(FieldProblem::NotANumber),
         }
     }
 
@@ -277,8 +290,8 @@ impl Reader<'_> {
                 _ => [1.0, 0.0],
             };
             let number = self.row.parse(&text).map(|number| number * scale + offset);
-            let number = number.filter(|seconds| (0.0..1e11).contains(seconds));
-            let seconds = number.or_else(|| utc_seconds(&text));
+            let number = number.and_then(|number| self.plan.times.of_number(number));
+            let seconds = number.or_else(|| self.plan.times.of_text(&text));
             return Ok(Some(
                 seconds.ok_or_else(|| self.wrong(Column::TimeUtc, FieldProblem::NotATime))?,
             ));

@@ -6,7 +6,10 @@ use clap::value_parser;
 use foxhunt::{
     geodesy::{Geodetic, LocalFrame},
     recorded::{RecordedError, Selection, only_beacon},
-    recording::{Band, Column, Mapping, North, ReadOptions, Recording, Rover, utc_seconds},
+    recording::{
+        Band, Column, Mapping, North, ReadOptions, Recording, Rover, TimeFormat, TimeZone,
+        utc_seconds,
+    },
 };
 
 use crate::{
@@ -21,9 +24,21 @@ pub(crate) struct Reading {
     /// mapping; recognised by the file's header unless given
     #[arg(long, value_name = "NAME|FILE")]
     format: Option<String>,
+    /// The names of the columns of a table without a header, from the first on, separated by
+    /// commas; `-` for a column that is not to be read. Common names will do, such as
+    /// lat,lon,bearing
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    columns: Vec<String>,
     /// The beacon, where the recording holds several
     #[arg(long, value_name = "NAME")]
     beacon: Option<String>,
+    /// How times are written, where their cells leave it open: 3/4/2026 is in April (`dmy`) or in
+    /// March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
+    #[arg(long, value_name = "dmy|mdy|ymd|excel|seconds")]
+    time_format: Option<TimeFormat>,
+    /// The offset from UTC of dates that state none, such as +02:00 [default: UTC]
+    #[arg(long, value_name = "OFFSET", allow_hyphen_values = true)]
+    tz: Option<TimeZone>,
     /// Refuse a file for its first row that cannot be believed, instead of leaving such rows out:
     /// an unreadable cell, no fix, a place that jumps, a clock that runs back, a copy
     #[arg(long)]
@@ -129,8 +144,15 @@ impl Reading {
     fn options(&self) -> Result<ReadOptions, CliError> {
         let (north, date_s) = (self.north, self.date.map(|Day(first_s)| first_s));
         let mut options = ReadOptions { north, date_s, ..ReadOptions::default() }
+            .with_columns(self.columns.iter().map(|name| name.trim()))
             .with_strict(self.strict)
             .with_negated_levels(self.negate_levels);
+        if let Some(format) = self.time_format {
+            options = options.with_time_format(format);
+        }
+        if let Some(zone) = self.tz {
+            options = options.with_time_zone(zone);
+        }
         if let Some(format) = &self.format {
             options = options.with_format(Mapping::find(format).map_err(CliError::input)?);
         }

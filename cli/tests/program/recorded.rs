@@ -698,3 +698,19 @@ fn a_transmitter_behind_a_ridge_is_located_over_terrain() {
     foxhunt(["locate", &ellipsoid, "--terrain", &tiles])
         .failed(2, &["alt_m", "--up-from take-off"]);
 }
+
+#[test]
+fn three_lines_without_a_header_are_a_fix() {
+    let folder = folder("headerless");
+    let file = write(&folder, "typed.txt", "0 0 45\n100 0 315\n50 100 180\n");
+    let report = foxhunt(["locate", "--json", &file, "--columns", "x,y,bearing"]).json();
+    let near = |index: usize, expected: f64| {
+        let value = report["position_m"][index].as_f64().expect("a number");
+        assert!((value - expected).abs() < 1.0, "{report}");
+    };
+    near(0, 50.0);
+    near(1, 50.0);
+    let file = write(&folder, "typed.csv", "0,0,45\n100,0,315\n50,100,180\n");
+    let command = format!("foxhunt locate {file} --columns x,y,bearing");
+    foxhunt(["locate", &file]).failed(1, &["no header", "0, 0, 45", &command]);
+}
