@@ -44,6 +44,16 @@ pub enum RecordingError {
         /// The cell, with stand-ins for what is not text.
         value: String,
     },
+    /// A line of a file of JSON is no object of JSON.
+    #[error("{file}, line {line}: not a line of JSON: {problem}")]
+    NotJson {
+        /// The file.
+        file: String,
+        /// The line, from 1.
+        line: u64,
+        /// Why not.
+        problem: String,
+    },
     /// A row is shorter or longer than the header.
     #[error(
         "{file}, line {line}: {found} fields instead of {expected}, the last one {column}: \

@@ -8,18 +8,25 @@ use super::{
 };
 
 /// Our own format first: it is preferred where two fit equally well.
-const TEXTS: [&str; 14] = [
+const TEXTS: [&str; 21] = [
     include_str!("../../formats/foxhunt.toml"),
     include_str!("../../formats/aerpaw-afar.toml"),
     include_str!("../../formats/aerpaw-tower.toml"),
+    include_str!("../../formats/chasemapper.toml"),
+    include_str!("../../formats/chirpstack.toml"),
+    include_str!("../../formats/chirpstack3.toml"),
+    include_str!("../../formats/espresense.toml"),
     include_str!("../../formats/hackrf-sweep.toml"),
     include_str!("../../formats/krakensdr.toml"),
+    include_str!("../../formats/krakensdr-json.toml"),
     include_str!("../../formats/lenth1981.toml"),
+    include_str!("../../formats/meshtastic.toml"),
     include_str!("../../formats/motus.toml"),
     include_str!("../../formats/movebank.toml"),
     include_str!("../../formats/otter-telemetry.toml"),
     include_str!("../../formats/rssi-distance.toml"),
     include_str!("../../formats/rtl-power.toml"),
+    include_str!("../../formats/ttn.toml"),
     include_str!("../../formats/uavrt-rotation.toml"),
     include_str!("../../formats/ucsd-collars.toml"),
     include_str!("../../formats/uri-yagi-station.toml"),

@@ -17,6 +17,7 @@ mod error;
 mod exclusion;
 mod formats;
 mod guess;
+mod json;
 mod mapping;
 pub(crate) mod near_miss;
 mod north;

@@ -230,7 +230,8 @@ impl<'h> Recognised<'h> {
                 let rank = names.iter().position(|name| *name == known)?;
                 Some((rank, name, of.1))
             };
-            let Some((_, name, unit)) = header.iter().filter_map(rank).min_by_key(|of| of.0) else {
+            let whole = header.iter().filter_map(rank).min_by_key(|of| of.0);
+            let Some((_, name, unit)) = whole.or_else(|| only_nested(header, names)) else {
                 continue;
             };
             found.columns.insert(column, name);
@@ -302,6 +303,17 @@ impl<'h> Recognised<'h> {
         ];
         measured.iter().any(|column| self.has(*column))
     }
+}
+
+/// The only nested key of JSON whose last part has one of these names, and its unit.
+fn only_nested<'h>(header: &'h [String], names: &[&str]) -> Option<(usize, &'h String, String)> {
+    let mut nested = header.iter().filter_map(|name| {
+        let (name_of, unit) = parts(name.rsplit_once('.')?.1);
+        let rank = names.iter().position(|name| *name == name_of)?;
+        Some((rank, name, unit))
+    });
+    let only = nested.next();
+    only.filter(|_| nested.next().is_none())
 }
 
 /// The name of a bearing without the North that it is counted from, and true if that is magnetic.

@@ -22,6 +22,7 @@ use super::{
     decompress::decompressed,
     exclusion::{Cause, Exclusions},
     formats,
+    json::Json,
     parse::LeftOut,
     plain,
     plan::{Melted, Origin, Plan},
@@ -123,7 +124,8 @@ impl Recording {
         if let Some(tabs) = spaces_as_tabs(&bytes, options.columns.len()) {
             bytes = Cow::Owned(tabs);
         }
-        let file = File { bytes: &bytes, name, folder };
+        let json = Json::read(&bytes, name)?;
+        let file = File { bytes: &bytes, json, name, folder };
         let astray = Cell::new(None);
         let read = file.read(options, &astray);
         if options.strict || options.frame.is_some() || options.rover.is_some() {
@@ -146,6 +148,8 @@ impl Recording {
 /// The text of a file, and where it lies.
 struct File<'f> {
     bytes: &'f [u8],
+    /// Its rows, if it is a file of JSON.
+    json: Option<Json>,
     name: &'f str,
     folder: Option<&'f Path>,
 }
@@ -161,6 +165,9 @@ impl File<'_> {
     /// Opens the table: its header is the one that fits the format, or is stated.
     fn table(&self, options: &ReadOptions) -> Result<Table<'_>, RecordingError> {
         let (name, bytes) = (self.name, self.bytes);
+        if let Some(json) = &self.json {
+            return Ok(Table::open_json(name, json));
+        }
         let format = options.format.as_ref();
         let separator = format.and_then(|mapping| mapping.separator);
         if !options.columns.is_empty() {
@@ -277,6 +284,12 @@ impl File<'_> {
         let mut records = Vec::new();
         let mut exclusions = Exclusions::default();
         let mut copies = Copies::default();
+        for (line, problem) in self.json.iter().flat_map(|json| &json.broken) {
+            let (file, line, problem) = (name.to_owned(), *line, problem.clone());
+            rows += 1;
+            let error = RecordingError::NotJson { file, line, problem };
+            leave_out(&mut exclusions, error, options, name)?;
+        }
         loop {
             let row = match table.next() {
                 Ok(None) => break,
@@ -465,9 +478,9 @@ fn leave_out(
         RecordingError::Field { problem: FieldProblem::NoPlace | FieldProblem::NoDate, .. } => None,
         // A cell of a table beside the file is wrong for many rows.
         RecordingError::Field { file, line, .. } if file == name => Some(*line),
-        RecordingError::FieldCount { line, .. } | RecordingError::NotUtf8 { line, .. } => {
-            Some(*line)
-        }
+        RecordingError::FieldCount { line, .. }
+        | RecordingError::NotUtf8 { line, .. }
+        | RecordingError::NotJson { line, .. } => Some(*line),
         _ => None,
     };
     match line.filter(|_| !options.strict) {

@@ -2,7 +2,7 @@ use std::{borrow::Cow, sync::Arc};
 
 use csv::{ByteRecord, StringRecord, Trim};
 
-use super::{FieldProblem, RecordingError, Source, near_miss::near_miss};
+use super::{FieldProblem, RecordingError, Source, json::Json, near_miss::near_miss};
 
 /// Longer cells are cut in messages: an unclosed quote swallows the rest of the file.
 const SHOWN: usize = 60;
@@ -25,6 +25,10 @@ pub(super) struct Table<'b> {
     preamble: u64,
     /// Whether rows may have more cells than there are names.
     open_ended: bool,
+    /// Whether rows may have fewer cells than there are names.
+    padded: bool,
+    /// The line of the file in which each line of the table began; empty if they are the same.
+    lines: &'b [u64],
     header: Vec<String>,
     header_line: u64,
     /// Up to which byte the lines are counted, and how many there were.
@@ -88,6 +92,15 @@ impl<'b> Table<'b> {
         table
     }
 
+    /// Opens a table that was made of JSON.
+    pub(super) fn open_json(file: &str, json: &'b Json) -> Self {
+        let mut table = Self::begin_at(file, &json.csv, 0, Some(','));
+        table.header.clone_from(&json.header);
+        table.padded = true;
+        table.lines = &json.lines;
+        table
+    }
+
     /// Reads the header, which is the first line that fits: lines of text may come before it, and
     /// it may be a comment. The first line is the header if no line fits.
     pub(super) fn open_fitting(
@@ -136,6 +149,8 @@ impl<'b> Table<'b> {
             separator,
             preamble: 0,
             open_ended: false,
+            padded: false,
+            lines: &[],
             header: Vec::new(),
             header_line: 1,
             counted: (0, 0),
@@ -226,7 +241,7 @@ impl<'b> Table<'b> {
         let Some((line, cells)) = self.advance()? else { return Ok(None) };
         let named =
             self.header.iter().rposition(|name| !name.is_empty()).map_or(0, |last| last + 1);
-        let is_short = cells.len() < named;
+        let is_short = cells.len() < named && !self.padded;
         let is_long = cells.iter().skip(self.header.len()).any(|cell| !cell.is_empty());
         if is_short || (is_long && !self.open_ended) {
             self.undo_unclosed_quote();
@@ -283,6 +298,8 @@ impl<'b> Table<'b> {
         let start = self.record.position().map_or(0, csv::Position::byte);
         let start = usize::try_from(start).unwrap_or(usize::MAX);
         let line = self.line_at(self.begin.saturating_add(start));
+        let number = usize::try_from(line).unwrap_or(usize::MAX);
+        let line = number.checked_sub(1).and_then(|at| self.lines.get(at)).copied().unwrap_or(line);
         match StringRecord::from_byte_record(self.record.clone()) {
             Ok(cells) => Ok(Some((line, cells))),
             Err(error) => {

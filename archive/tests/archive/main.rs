@@ -9,6 +9,7 @@ mod recordings {
     mod errors;
     mod generated;
     mod joined;
+    mod json;
     mod quantities;
     mod real;
     mod round_trip;
