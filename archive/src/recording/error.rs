@@ -1,7 +1,7 @@
 use foxhunt_core::parameter::{FieldError, ParameterError};
 use foxhunt_wire::declination::DeclinationError;
 
-use super::near_miss::slip_for;
+use super::{near_miss::slip_for, utc::utc};
 
 /// Why a recording cannot be read or written. Every message names the file, and where there is one
 /// the line, the column and the value.
@@ -322,6 +322,35 @@ pub enum RecordingError {
     NoTrack {
         /// The file.
         file: String,
+    },
+    /// An autopilot's log has no path in UTC.
+    #[error("{file}: this is {what}, but {problem}")]
+    NoPath {
+        /// The file.
+        file: String,
+        /// Kind of the log.
+        what: &'static str,
+        /// What is missing.
+        problem: String,
+    },
+    /// A recording and the track of its receiver have no time in common.
+    #[error(
+        "{file}: its times, from {} to {} UTC, are not those of the track {track}, from {} to {} \
+         UTC; they begin {:.0} s {} it. State how many seconds are to be added to the recording's \
+         times with --clock-offset-s S, or --tz where they are local time",
+        utc(times[0]), utc(times[1]), utc(track_times[0]), utc(track_times[1]),
+        (times[0] - track_times[0]).abs(),
+        if times[0] < track_times[0] { "before" } else { "after" }
+    )]
+    NoCommonTime {
+        /// The recording.
+        file: String,
+        /// Its first and last time, in seconds since 1970.
+        times: [f64; 2],
+        /// The track.
+        track: String,
+        /// Its first and last time, in seconds since 1970.
+        track_times: [f64; 2],
     },
     /// Files in local metres and files in degrees do not share a frame.
     #[error("{file} is in local metres and {other} in degrees; a frame must be given for both")]

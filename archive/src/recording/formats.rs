@@ -1,7 +1,7 @@
 use std::{borrow::Cow, fs, path::Path, sync::LazyLock};
 
 use super::{
-    Mapping, RecordingError, TimeFormat, guess,
+    Mapping, ReadOptions, RecordingError, guess,
     near_miss::near_miss,
     plain,
     table::{Table, shown},
@@ -69,16 +69,18 @@ fn known() -> Vec<String> {
 }
 
 /// Returns true if a shipped mapping's header fits a line, or its columns have common names.
-pub(super) fn is_known(columns: &[String]) -> bool {
+/// With a track the table needs no places.
+pub(super) fn is_known(columns: &[String], has_track: bool) -> bool {
     let mut with_header = SHIPPED.iter().filter(|mapping| !mapping.header.is_empty());
-    with_header.any(|mapping| mapping.lacks(columns).is_empty()) || plain::is_plain(columns)
+    with_header.any(|mapping| mapping.lacks(columns).is_empty())
+        || plain::is_plain(columns, has_track)
 }
 
 /// The shipped mapping whose header fits a file's columns; of several, the one that needs most. A
 /// table whose columns have common names gets a mapping of its own, by the cells of its first row.
 pub(super) fn recognise(
     table: &Table<'_>,
-    format: Option<TimeFormat>,
+    options: &ReadOptions,
     first: impl Fn(&str) -> Option<String>,
 ) -> Result<Cow<'static, Mapping>, RecordingError> {
     let (file, line, columns) = (table.file(), table.header_line(), table.header());
@@ -89,7 +91,7 @@ pub(super) fn recognise(
     if let Some(best) = fits.into_iter().rev().max_by_key(|mapping| mapping.header.len()) {
         return Ok(Cow::Borrowed(best));
     }
-    if let Some(plain) = plain::mapping(table, format, first)? {
+    if let Some(plain) = plain::mapping(table, options, first)? {
         return Ok(Cow::Owned(plain));
     }
     if guess::is_row(columns) {
@@ -146,7 +148,9 @@ mod tests {
     fn of_several_that_fit_the_one_that_needs_most_is_taken() {
         let named = |header: &str| {
             let table = Table::open("f.csv", header.as_bytes(), None, &[]).expect("a header");
-            recognise(&table, None, |_| None).map(|mapping| mapping.name.clone()).ok()
+            recognise(&table, &ReadOptions::default(), |_| None)
+                .map(|mapping| mapping.name.clone())
+                .ok()
         };
         assert_eq!(named("rss_dbm,range_m").as_deref(), Some("foxhunt"));
         let both = named("rss_dbm,range_m,obs,x,y,bearing_deg");

@@ -15,6 +15,7 @@ mod dates;
 mod decompress;
 mod error;
 mod exclusion;
+mod flight_log;
 mod formats;
 mod guess;
 mod json;

@@ -1,7 +1,7 @@
 use std::{borrow::Cow, collections::BTreeMap};
 
 use super::{
-    Column, Mapping, North, RecordingError, Source, TimeFormat, Turns,
+    Column, Mapping, North, ReadOptions, RecordingError, Source, TimeFormat, Turns,
     dates::{clock_seconds, is_date, is_day, is_serial},
     table::{Table, shown},
 };
@@ -293,6 +293,10 @@ impl<'h> Recognised<'h> {
         has([Column::LatDeg, Column::LonDeg]) || has([Column::EastM, Column::NorthM])
     }
 
+    fn is_timed(&self) -> bool {
+        self.has(Column::TimeS) || self.has(Column::TimeUtc)
+    }
+
     fn is_measured(&self) -> bool {
         let measured = [
             Column::RssDb,
@@ -334,10 +338,12 @@ fn is_one(names: &[&str], column: &str) -> bool {
     names.contains(&parts(column).0.as_str())
 }
 
-/// Returns true if a line names places and what was measured there.
-pub(super) fn is_plain(header: &[String]) -> bool {
+/// Returns true if a line names places, or times where a track has the places, and what was
+/// measured there.
+pub(super) fn is_plain(header: &[String], has_track: bool) -> bool {
     let found = Recognised::of(header);
-    found.is_placed() && (found.is_measured() || found.doubtful.is_some())
+    (found.is_placed() || (has_track && found.is_timed()))
+        && (found.is_measured() || found.doubtful.is_some())
 }
 
 /// Makes a mapping for a table whose columns have common names; `None` if it has no places or
@@ -348,12 +354,14 @@ pub(super) fn is_plain(header: &[String]) -> bool {
 /// [`RecordingError::Doubtful`] for a column that may be a bearing or the receiver's direction.
 pub(super) fn mapping(
     table: &Table<'_>,
-    format: Option<TimeFormat>,
+    options: &ReadOptions,
     first: impl Fn(&str) -> Option<String>,
 ) -> Result<Option<Mapping>, RecordingError> {
     let (file, line) = (table.file(), table.header_line());
+    let format = options.time_format;
+    let has_track = options.rover.is_some();
     let mut found = Recognised::of(table.header());
-    if !found.is_placed() {
+    if !found.is_placed() && !(has_track && found.is_timed()) {
         return Ok(None);
     }
     if !found.is_measured() {
@@ -368,11 +376,14 @@ pub(super) fn mapping(
     }
     // Degrees go before metres, as x and y may be either.
     let in_degrees = found.has(Column::LatDeg) && found.has(Column::LonDeg);
-    let others = match in_degrees {
-        true => [Column::EastM, Column::NorthM],
-        false => [Column::LatDeg, Column::LonDeg],
-    };
-    found.columns.retain(|column, _| !others.contains(column));
+    let degrees = [Column::LatDeg, Column::LonDeg];
+    let metres = [Column::EastM, Column::NorthM];
+    let others = if in_degrees { metres } else { degrees };
+    let is_used = |column: &Column| !others.contains(column);
+    // The track's places stand for the table's own.
+    let is_own =
+        |column: &Column| !has_track || !degrees.iter().chain(&metres).any(|c| c == column);
+    found.columns.retain(|column, _| is_used(column) && is_own(column));
     if !found.has(Column::BearingDegCompass) {
         found.columns.remove(&Column::BearingSigmaDeg);
     }
@@ -517,7 +528,8 @@ mod tests {
             let index = header.split(',').position(|column| column == name)?;
             row.split(',').nth(index).map(str::to_owned)
         };
-        mapping(&table, format, cell)
+        let options = ReadOptions { time_format: format, ..ReadOptions::default() };
+        mapping(&table, &options, cell)
     }
 
     fn read(header: &str, row: &str) -> Vec<String> {

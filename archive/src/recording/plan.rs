@@ -209,14 +209,20 @@ impl Plan {
         let times = Times { format: options.time_format, zone: options.time_zone };
         let plan = Self { origins, rules, joined, melted, negate_levels, times, ignored, names };
         plan.check(table.file(), table.header_line())?;
+        // Seconds of any origin are UTC once an offset is stated.
+        let is_in_utc = plan.has(Column::TimeUtc)
+            || (plan.has(Column::TimeS) && options.clock_offset_s.abs() > 0.0);
         if let Some(rover) = &options.rover
-            && !plan.has(Column::TimeUtc)
+            && !is_in_utc
         {
             return Err(RecordingError::Incomplete {
                 file: table.file().to_owned(),
                 line: table.header_line(),
                 column: format!("the track {}", rover.file()),
-                needs: Column::TimeUtc.name().to_owned(),
+                needs:
+                    "time_utc (or time_s and --clock-offset-s with the time in UTC at which its \
+                        clock showed 0)"
+                        .to_owned(),
             });
         }
         Ok(plan)

@@ -179,7 +179,7 @@ impl File<'_> {
         }
         Table::open_fitting(name, bytes, separator, |header| match format {
             Some(mapping) => mapping.fits(header),
-            None => formats::is_known(header),
+            None => formats::is_known(header, options.rover.is_some()),
         })
     }
 
@@ -249,7 +249,7 @@ impl File<'_> {
             Some(mapping) => Cow::Borrowed(mapping),
             None => {
                 let first = |column: &str| self.first_cell(options, column);
-                formats::recognise(&table, options.time_format, first)?
+                formats::recognise(&table, options, first)?
             }
         };
         let mapping = mapping.as_ref();
@@ -284,6 +284,8 @@ impl File<'_> {
         let mut records = Vec::new();
         let mut exclusions = Exclusions::default();
         let mut copies = Copies::default();
+        // Times that are not on the track.
+        let mut off_track: Option<[f64; 2]> = None;
         for (line, problem) in self.json.iter().flat_map(|json| &json.broken) {
             let (file, line, problem) = (name.to_owned(), *line, problem.clone());
             rows += 1;
@@ -317,6 +319,11 @@ impl File<'_> {
                     Ok(Err(LeftOut(rule))) => {
                         if let Some(dropped) = dropped.get_mut(rule) {
                             dropped.rows += 1;
+                            let time = rover.and_then(|_| reader.time().ok().flatten());
+                            if let Some(time) = time.filter(|_| dropped.rule == located) {
+                                let [from, to] = off_track.unwrap_or([time; 2]);
+                                off_track = Some([from.min(time), to.max(time)]);
+                            }
                             if dropped.rule == NOT_LOCATED {
                                 exclusions.note(Cause::NoPlace, row.line(), "has no place");
                             }
@@ -368,6 +375,14 @@ impl File<'_> {
             dropped.rows > 0 || (dropped.rule != NOT_MEASURED && dropped.rule != located)
         });
         let Some(first) = records.first() else {
+            if let (Some((rover, offset_s)), Some(times)) = (rover, off_track) {
+                return Err(RecordingError::NoCommonTime {
+                    file: name.to_owned(),
+                    times: times.map(|time| time + offset_s),
+                    track: rover.file().to_owned(),
+                    track_times: rover.times(),
+                });
+            }
             let lines = dropped.iter().map(|d| format!("; {} lack {}", d.rows, d.rule));
             return Err(RecordingError::NothingKept {
                 file: name.to_owned(),

@@ -7,6 +7,7 @@ mod pictures;
 mod recordings {
     mod believed;
     mod errors;
+    mod flight_logs;
     mod generated;
     mod joined;
     mod json;

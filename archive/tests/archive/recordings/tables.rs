@@ -327,9 +327,9 @@ fn what_is_no_table_is_named_without_its_bytes() {
         (&b"PK\x03\x04\x14\0\x06\0"[..], "spreadsheet", "CSV"),
         (b"SQLite format 3\0\x10\0", "SQLite", "foxhunt convert walk.csv"),
         (b"RIFF\x24\xff\xff\x7fWAVE", "samples", "foxhunt pulses walk.csv"),
-        (b"ULog\x01\x12\x35\x01\x7f", "PX4 log", "--rover walk.csv"),
-        (b"\xa3\x95\x80\x80", "ArduPilot log", "--rover walk.csv"),
-        (b"<?xml version=\"1.0\"?><gpx/>", "XML", "--rover walk.csv"),
+        (b"ULog\x01\x12\x35\x01\x7f", "PX4 log", "foxhunt locate walk.csv LEVELS"),
+        (b"\xa3\x95\x80\x80", "ArduPilot log", "foxhunt locate walk.csv LEVELS"),
+        (b"<?xml version=\"1.0\"?><gpx/>", "XML", "foxhunt locate walk.csv LEVELS"),
         (b"\x01\x02\0\x03\n\x04", "binary", "CSV"),
     ] {
         let error = problem(bytes);
