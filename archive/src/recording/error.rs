@@ -330,7 +330,7 @@ pub enum RecordingError {
         file: String,
         /// Kind of the log.
         what: &'static str,
-        /// What is missing.
+        /// The missing part.
         problem: String,
     },
     /// A recording and the track of its receiver have no time in common.
@@ -432,6 +432,9 @@ pub enum FieldProblem {
     /// O stands for East in some languages and for West in others.
     #[error("may be East (Ost) or West (oeste, ouest); write E or W")]
     EastOrWest,
+    /// It must be a zone of UTM with its hemisphere.
+    #[error("{0}")]
+    NotAZone(&'static str),
     /// It must be a date and time.
     #[error("is not a time such as YYYY-MM-DD HH:MM:SS or DD.MM.YYYY HH:MM")]
     NotATime,

@@ -83,7 +83,9 @@ pub(super) fn recognise(
     options: &ReadOptions,
     first: impl Fn(&str) -> Option<String>,
 ) -> Result<Cow<'static, Mapping>, RecordingError> {
-    let (file, line, columns) = (table.file(), table.header_line(), table.header());
+    let file = table.file();
+    let line = table.header_line();
+    let columns = table.header();
     let with_header = || SHIPPED.iter().filter(|mapping| !mapping.header.is_empty());
     let fits = with_header().filter(|mapping| mapping.lacks(columns).is_empty());
     // `rev`, for of equals the last one would win.

@@ -4,7 +4,7 @@ use serde_json::{Deserializer, Map, Value};
 
 use super::RecordingError;
 
-/// Keys beyond so many are not read.
+/// Maximum number of columns; further keys are not read.
 const MOST_COLUMNS: usize = 500;
 
 /// A list with more entries than this is not read: it holds samples, not columns.

@@ -38,6 +38,7 @@ mod sweep;
 mod table;
 mod turns;
 pub(crate) mod utc;
+mod utm;
 mod value;
 mod write;
 
@@ -57,5 +58,6 @@ pub use rover::Rover;
 pub use source::Source;
 pub use sweep::RecordedSweep;
 pub use utc::utc_seconds;
+pub use utm::UtmZone;
 pub use value::Value;
 pub use write::SweepWriter;

@@ -3,7 +3,7 @@ use std::collections::BTreeMap;
 use foxhunt_core::parameter::{ParameterError, finite, not_negative, positive};
 use foxhunt_wire::geodesy::LocalFrame;
 
-use super::{Column, Mapping, North, Rover, TimeFormat, TimeZone, Value};
+use super::{Column, Mapping, North, Rover, TimeFormat, TimeZone, UtmZone, Value};
 
 /// How a recording is to be read. The default recognises the format by the header, puts the
 /// frame's origin at the first usable position, overrides nothing, and leaves out rows that cannot
@@ -25,6 +25,8 @@ pub struct ReadOptions {
     pub time_format: Option<TimeFormat>,
     /// The offset from UTC of dates that state none; UTC unless given.
     pub time_zone: TimeZone,
+    /// The zone of UTM of places in metres, instead of the table's own column.
+    pub utm_zone: Option<UtmZone>,
     /// Values that every row has, whatever the file or its mapping holds.
     pub constants: BTreeMap<Column, Value>,
     /// Where the receiver was at what time, instead of the file's own places.
@@ -85,6 +87,13 @@ impl ReadOptions {
     #[must_use]
     pub fn with_time_zone(mut self, zone: TimeZone) -> Self {
         self.time_zone = zone;
+        self
+    }
+
+    /// Sets the zone of UTM that places in metres are of.
+    #[must_use]
+    pub fn with_utm_zone(mut self, zone: UtmZone) -> Self {
+        self.utm_zone = Some(zone);
         self
     }
 

@@ -157,6 +157,9 @@ const NAMES: [(Column, &[&str]); 11] = [
 /// Common names of a day, which a time in another column is of.
 const DAYS: [&str; 4] = ["date", "datum", "fecha", "jour"];
 
+/// Common names of a zone of UTM.
+const ZONES: [&str; 3] = ["zone", "utmzone", "utm"];
+
 /// Names that tell that a number is a date.
 const DATES: [&str; 8] =
     ["date", "datum", "fecha", "datetime", "datumuhrzeit", "dateheure", "fechahora", "horodatage"];
@@ -183,6 +186,8 @@ struct Recognised<'h> {
     in_milliseconds: bool,
     /// The column of the day, where the time is another one.
     day: Option<&'h str>,
+    /// The column of the zone of UTM.
+    zone: Option<&'h str>,
     /// True if the bearing's name says that it is counted from magnetic North.
     is_magnetic: bool,
 }
@@ -218,6 +223,7 @@ impl<'h> Recognised<'h> {
             in_dbm: false,
             in_milliseconds: false,
             day: None,
+            zone: None,
             is_magnetic: false,
         };
         for (column, names) in NAMES {
@@ -245,6 +251,7 @@ impl<'h> Recognised<'h> {
                 found.is_magnetic = without_north(&parts(name).0).1;
             }
         }
+        found.zone = header.iter().find(|name| is_one(&ZONES, name)).map(String::as_str);
         found.day = header.iter().find(|name| is_one(&DAYS, name)).map(String::as_str);
         if !found.has(Column::TimeS)
             && let Some(day) = found.day.take()
@@ -357,7 +364,8 @@ pub(super) fn mapping(
     options: &ReadOptions,
     first: impl Fn(&str) -> Option<String>,
 ) -> Result<Option<Mapping>, RecordingError> {
-    let (file, line) = (table.file(), table.header_line());
+    let file = table.file();
+    let line = table.header_line();
     let format = options.time_format;
     let has_track = options.rover.is_some();
     let mut found = Recognised::of(table.header());
@@ -438,6 +446,7 @@ pub(super) fn mapping(
         turns: Turns::Circle,
         beside: Vec::new(),
         melt: None,
+        utm_zone: found.zone.filter(|_| !in_degrees).map(str::to_owned),
         separator: None,
     }))
 }
@@ -632,7 +641,8 @@ mod tests {
 
     #[test]
     fn a_number_that_may_be_a_day_or_seconds_is_asked_for() {
-        let (header, row) = ("time,lat,lon,rssi", "46194.58,50,14,-60");
+        let header = "time,lat,lon,rssi";
+        let row = "46194.58,50,14,-60";
         let error = made(header, row, None).expect_err("it may be either").to_string();
         for part in ["f.csv, line 2, time", "46194.58", "--time-format excel or seconds"] {
             assert!(error.contains(part), "{error}");

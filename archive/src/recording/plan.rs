@@ -1,8 +1,8 @@
 use std::{borrow::Cow, collections::BTreeMap};
 
 use super::{
-    Band, Column, Keep, Mapping, ReadOptions, RecordingError, Source, beside::Joined, column::Kind,
-    dates::Times, table::Table,
+    Band, Column, Keep, Mapping, ReadOptions, RecordingError, Source, UtmZone, beside::Joined,
+    column::Kind, dates::Times, table::Table,
 };
 
 /// A mapping fitted to one file's header.
@@ -40,12 +40,30 @@ pub(super) enum Origin {
     Fixed(String),
     /// From cells of the row of a table beside the file.
     Joined { table: usize, indices: Vec<usize>, source: Source },
+    /// From easting, northing and zone of UTM, each a column's number; the zone may be stated.
+    Utm { metres: [Metres; 2], zone: Zone, is_latitude: bool },
     /// The name of the melted column.
     MeltedName,
     /// The cell of the melted column.
     MeltedValue,
     /// The strongest of the bins from a cell on that lie in a band.
     Bins { low: usize, high: usize, step: usize, from: usize, first: f64, band: Band },
+}
+
+/// A column in metres, its scale and offset.
+#[derive(Clone)]
+pub(super) struct Metres {
+    pub(super) index: usize,
+    pub(super) source: Source,
+}
+
+/// The zone of UTM of a row.
+#[derive(Clone, Copy)]
+pub(super) enum Zone {
+    /// In a column.
+    Column(usize),
+    /// The same for all rows.
+    Stated(UtmZone),
 }
 
 /// A column that is added, with its sign.
@@ -195,6 +213,7 @@ impl Plan {
         for (column, value) in fixed {
             origins.insert(*column, Origin::Fixed(value.to_string()));
         }
+        read_utm(&mut origins, mapping, options, table)?;
         let mut rules = Vec::new();
         for keep in &mapping.keep {
             if keep.optional && table.index_of(&keep.column)?.is_none() {
@@ -241,6 +260,9 @@ impl Plan {
                 | Origin::Sum { source, .. }
                 | Origin::Joined { source, .. },
             ) => Cow::Owned(source.label()),
+            Some(Origin::Utm { metres: [east, north], .. }) => {
+                Cow::Owned(format!("{} and {}", east.source.label(), north.source.label()))
+            }
             _ => Cow::Borrowed(column.name()),
         }
     }
@@ -300,6 +322,36 @@ impl Plan {
     }
 }
 
+/// Makes degrees of metres whose zone of UTM is known.
+fn read_utm(
+    origins: &mut BTreeMap<Column, Origin>,
+    mapping: &Mapping,
+    options: &ReadOptions,
+    table: &Table<'_>,
+) -> Result<(), RecordingError> {
+    let stated = options.utm_zone.map(Zone::Stated);
+    let zone = match (stated, &mapping.utm_zone) {
+        (Some(zone), _) => zone,
+        (None, Some(column)) => Zone::Column(table.require_one(column, &mapping.name)?),
+        (None, None) => return Ok(()),
+    };
+    let metres = [Column::EastM, Column::NorthM].map(|column| match origins.get(&column) {
+        Some(Origin::Cells { indices, source }) => match indices.as_slice() {
+            [index] => Some(Metres { index: *index, source: source.clone() }),
+            _ => None,
+        },
+        _ => None,
+    });
+    let [Some(east), Some(north)] = metres else { return Ok(()) };
+    origins.remove(&Column::EastM);
+    origins.remove(&Column::NorthM);
+    for (column, is_latitude) in [(Column::LatDeg, true), (Column::LonDeg, false)] {
+        let metres = [east.clone(), north.clone()];
+        origins.insert(column, Origin::Utm { metres, zone, is_latitude });
+    }
+    Ok(())
+}
+
 fn ignored(
     header: &[String],
     origins: &BTreeMap<Column, Origin>,
@@ -311,6 +363,10 @@ fn ignored(
             Origin::Cells { indices, .. } => indices.clone(),
             Origin::Sum { terms, .. } => terms.iter().map(|term| term.index).collect(),
             Origin::Bins { low, high, step, .. } => vec![*low, *high, *step],
+            Origin::Utm { metres: [east, north], zone, .. } => {
+                let zone = if let Zone::Column(index) = zone { Some(*index) } else { None };
+                [east.index, north.index].into_iter().chain(zone).collect()
+            }
             _ => Vec::new(),
         });
         let rules = rules.iter().map(|rule| rule.index);

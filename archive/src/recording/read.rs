@@ -164,7 +164,8 @@ struct Read {
 impl File<'_> {
     /// Opens the table: its header is the one that fits the format, or is stated.
     fn table(&self, options: &ReadOptions) -> Result<Table<'_>, RecordingError> {
-        let (name, bytes) = (self.name, self.bytes);
+        let name = self.name;
+        let bytes = self.bytes;
         if let Some(json) = &self.json {
             return Ok(Table::open_json(name, json));
         }
@@ -287,9 +288,12 @@ impl File<'_> {
         // Times that are not on the track.
         let mut off_track: Option<[f64; 2]> = None;
         for (line, problem) in self.json.iter().flat_map(|json| &json.broken) {
-            let (file, line, problem) = (name.to_owned(), *line, problem.clone());
             rows += 1;
-            let error = RecordingError::NotJson { file, line, problem };
+            let error = RecordingError::NotJson {
+                file: name.to_owned(),
+                line: *line,
+                problem: problem.clone(),
+            };
             leave_out(&mut exclusions, error, options, name)?;
         }
         loop {

@@ -25,7 +25,7 @@ pub(super) struct Table<'b> {
     preamble: u64,
     /// Whether rows may have more cells than there are names.
     open_ended: bool,
-    /// Whether rows may have fewer cells than there are names.
+    /// True if rows may have fewer cells than there are names.
     padded: bool,
     /// The line of the file in which each line of the table began; empty if they are the same.
     lines: &'b [u64],

@@ -12,7 +12,7 @@ use foxhunt::{
     geodesy::{Geodetic, LocalFrame},
     recorded::{RecordedError, Selection, only_beacon},
     recording::{
-        Band, Column, Mapping, North, ReadOptions, Recording, Rover, TimeFormat, TimeZone,
+        Band, Column, Mapping, North, ReadOptions, Recording, Rover, TimeFormat, TimeZone, UtmZone,
         utc_seconds,
     },
 };
@@ -37,13 +37,17 @@ pub(crate) struct Reading {
     /// The beacon, where the recording holds several
     #[arg(long, value_name = "NAME")]
     beacon: Option<String>,
-    /// How times are written, where their cells leave it open: 3/4/2026 is in April (`dmy`) or in
+    /// Format of times whose cells leave it open: 3/4/2026 is in April (`dmy`) or in
     /// March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
     #[arg(long, value_name = "dmy|mdy|ymd|excel|seconds")]
     time_format: Option<TimeFormat>,
     /// The offset from UTC of dates that state none, such as +02:00 [default: UTC]
     #[arg(long, value_name = "OFFSET", allow_hyphen_values = true)]
     tz: Option<TimeZone>,
+    /// The zone of UTM of places in metres, with its band or hemisphere, such as 33U or "33 north";
+    /// they are then read as degrees
+    #[arg(long, value_name = "ZONE")]
+    utm_zone: Option<UtmZone>,
     /// Refuse a file for its first row that cannot be believed, instead of leaving such rows out:
     /// an unreadable cell, no fix, a place that jumps, a clock that runs back, a copy
     #[arg(long)]
@@ -70,12 +74,12 @@ pub(crate) struct Reading {
     /// is higher; found by itself where the highest level repeats
     #[arg(long, value_name = "DBM", allow_hyphen_values = true)]
     ceiling_dbm: Option<f64>,
-    /// Where the receiver was at what time, instead of the recording's own places: a GPX file or an
+    /// The receiver's path, instead of the recording's own places: a GPX file or an
     /// autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog). Such a file among the
     /// recordings is taken for it
     #[arg(long, value_name = "FILE")]
     rover: Option<PathBuf>,
-    /// What is added to the recording's times, in seconds, to make them UTC for the receiver's path:
+    /// Seconds added to the recording's times to make them UTC for the receiver's path:
     /// `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at which
     /// the recording's clock showed 0
     #[arg(
@@ -164,6 +168,9 @@ impl Reading {
             .with_negated_levels(self.negate_levels);
         if let Some(format) = self.time_format {
             options = options.with_time_format(format);
+        }
+        if let Some(zone) = self.utm_zone {
+            options = options.with_utm_zone(zone);
         }
         if let Some(zone) = self.tz {
             options = options.with_time_zone(zone);

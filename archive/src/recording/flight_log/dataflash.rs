@@ -20,7 +20,7 @@ const GPS_EPOCH_S: f64 = 315_964_800.0;
 /// Seconds of a week.
 const WEEK_S: f64 = 604_800.0;
 
-/// First GPS weeks of which GPS time is so many seconds ahead of UTC (IERS Bulletin C).
+/// First GPS weeks, each with the seconds by which GPS time is then ahead of UTC (IERS Bulletin C).
 const LEAP_SECONDS: [(f64, f64); 4] = [(1930.0, 18.0), (1851.0, 17.0), (1695.0, 16.0), (0.0, 15.0)];
 
 /// The least status of a fix in three dimensions.
@@ -145,8 +145,11 @@ fn described(message: &[u8]) -> Option<(u8, Format)> {
         let end = bytes.iter().position(|byte| *byte == 0).unwrap_or(length);
         Some(String::from_utf8_lossy(bytes.get(..end)?).into_owned())
     };
-    let (kind, length) = (*message.first()?, usize::from(*message.get(1)?));
-    let (name, letters, labels) = (text(2, 4)?, text(6, 16)?, text(22, 64)?);
+    let kind = *message.first()?;
+    let length = usize::from(*message.get(1)?);
+    let name = text(2, 4)?;
+    let letters = text(6, 16)?;
+    let labels = text(22, 64)?;
     let mut fields = Fields::new();
     let mut offset = 0;
     for (letter, label) in letters.bytes().zip(labels.split(',')) {

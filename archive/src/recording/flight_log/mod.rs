@@ -12,7 +12,7 @@ use foxhunt_wire::geodesy::Geodetic;
 pub(super) enum Kind {
     /// `ArduPilot`'s dataflash log, binary.
     Dataflash,
-    /// The same as text.
+    /// `ArduPilot`'s log as text.
     DataflashText,
     /// PX4's log.
     Ulog,

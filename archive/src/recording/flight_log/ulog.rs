@@ -92,7 +92,9 @@ fn place(value: impl Fn(&str) -> Option<f64>) -> Option<Geodetic> {
     if let Some((lat_deg, lon_deg)) = degrees("latitude_deg").zip(degrees("longitude_deg")) {
         return Some(Geodetic { lat_deg, lon_deg, alt_m: value("altitude_msl_m")? });
     }
-    let (lat, lon, alt) = (degrees("lat")?, degrees("lon")?, value("alt")?);
+    let lat = degrees("lat")?;
+    let lon = degrees("lon")?;
+    let alt = value("alt")?;
     let is_scaled = lat.abs() > 360.0 || lon.abs() > 360.0;
     let [degree, metre] = if is_scaled { [1e-7, 1e-3] } else { [1.0, 1.0] };
     Some(Geodetic { lat_deg: lat * degree, lon_deg: lon * degree, alt_m: alt * metre })

@@ -428,3 +428,38 @@ fn windows_1252_is_read_and_a_damaged_cell_is_one_bad_row() {
     let damaged = plain(damaged);
     assert_eq!((damaged.drones(), damaged.records().len()), (vec!["Süd"], 1));
 }
+
+#[test]
+fn utm_with_a_zone_is_degrees() {
+    let rows = "601983.2525,5339533.0871,33U,-60\n602083.2525,5339533.0871,33U,-61\n";
+    let metres = rows.replace(",33U", "");
+    let zone = ReadOptions::default().with_utm_zone("33 north".parse().expect("a zone"));
+    let mapping = "name = 'n'\ndescription = 'd'\nutm_zone = 'z'\n[columns]\n\
+                   east_m = { column = 'e', scale = 1000 }\nnorth_m = 'n'\nrss_db = 'l'\n";
+    let mapping = Mapping::parse(mapping, "n.toml").expect("a mapping");
+    let mapped = ReadOptions::default().with_format(mapping);
+    for (text, options) in [
+        (format!("easting,northing,zone,rssi\n{rows}"), &ReadOptions::default()),
+        (format!("easting,northing,rssi\n{metres}"), &zone),
+        (format!("east_m,north_m,rss_db\n{metres}"), &zone),
+        ("e,n,z,l\n601.9832525,5339533.0871,33U,-60\n".to_owned(), &mapped),
+    ] {
+        let recording = read(&text, options).expect(&text);
+        let origin = recording.frame().expect("degrees").origin();
+        let off = (origin.lat_deg - 48.200_833_3).abs() + (origin.lon_deg - 16.3725).abs();
+        assert!(off < 1e-8, "{text}: {origin:?}");
+    }
+    // Without a zone metres stay what they are.
+    let recording = plain(format!("easting,northing,rssi\n{metres}"));
+    assert!(recording.frame().is_none());
+    let header = "easting,northing,zone,rssi";
+    for (row, part) in [
+        ("601983,5339533,33S,-60", "line 2, zone: \"33S\" may be the southern hemisphere"),
+        ("601983,5339533,33,-60", "has no hemisphere"),
+        ("48.2,-5339533,33U,-60", "line 2, northing: \"-5339533\" is not between"),
+        (",5339533,33U,-60", "line 2, easting: \"\" must not be empty"),
+    ] {
+        let error = problem(format!("{header}\n{row}\n"));
+        assert!(error.contains(part), "{error}");
+    }
+}
