@@ -99,10 +99,8 @@ pub enum RecordingError {
     },
     /// The table has no header: its first line holds values.
     #[error(
-        "{file}, line {line}: the table has no header; its first row is {row}. Name its columns, in \
-         this order, such as foxhunt locate {} --columns {suggested} (- for a column that is not \
-         to be read){}",
-        argument(file),
+        "{file}, line {line}: the table has no header; its first row is {row}. {}{}",
+        naming(file, suggested),
         headerless(formats)
     )]
     NoHeader {
@@ -112,7 +110,8 @@ pub enum RecordingError {
         line: u64,
         /// The first row.
         row: String,
-        /// Names that its cells may have.
+        /// Names that its cells may have, in the form of the flag; empty for a row that is too long
+        /// to be named in a command.
         suggested: String,
         /// Formats without a header that have as many columns.
         formats: Box<[String]>,
@@ -488,7 +487,7 @@ pub enum FieldProblem {
     /// It is counted from magnetic North, and the day is not known.
     #[error(
         "is counted from magnetic North, which depends on the day, and the recording has no \
-         time_utc; give a date"
+         time_utc; give the day with --date YYYY-MM-DD"
     )]
     NoDate,
     /// It is counted from magnetic North, which is not known there and then.
@@ -516,6 +515,19 @@ pub enum FieldProblem {
 /// A file as an argument of a command.
 fn argument(file: &str) -> &str {
     if file == "standard input" { "-" } else { file }
+}
+
+/// The way in which the columns of a table without a header are named.
+fn naming(file: &str, suggested: &str) -> String {
+    if suggested.is_empty() {
+        return "Name its columns in a mapping, with names = [...], and give it with --format"
+            .to_owned();
+    }
+    let file = argument(file);
+    format!(
+        "Name its columns, in this order, such as foxhunt locate {file} --columns {suggested} (- \
+         for a column that is not to be read)"
+    )
 }
 
 /// The end of a message about a table without a header.

@@ -68,6 +68,20 @@ fn known() -> Vec<String> {
     SHIPPED.iter().map(|mapping| mapping.name.clone()).collect()
 }
 
+/// Columns that are named in a command at most.
+const MOST_NAMED: usize = 16;
+
+/// The format without a header that its rows show, with the cells by which they do.
+const ROWS: [(&str, [(usize, &str); 4]); 1] =
+    [("krakensdr", [(13, "R"), (14, "R"), (15, "R"), (16, "R")])];
+
+/// The shipped format without a header that a row is of; `None` if a name must be given.
+pub(super) fn headerless(row: &[String]) -> Option<&'static Mapping> {
+    let is = |(index, text): &(usize, &str)| row.get(*index).is_some_and(|cell| cell == text);
+    let (name, _) = ROWS.iter().find(|(_, cells)| cells.iter().all(is))?;
+    SHIPPED.iter().find(|mapping| mapping.name == *name)
+}
+
 /// Returns true if a shipped mapping's header fits a line, or its columns have common names.
 /// With a track the table needs no places.
 pub(super) fn is_known(columns: &[String], has_track: bool) -> bool {
@@ -86,6 +100,10 @@ pub(super) fn recognise(
     let file = table.file();
     let line = table.header_line();
     let columns = table.header();
+    let is_row_of = |mapping: &&Mapping| !mapping.names.is_empty() && mapping.names == columns;
+    if let Some(headerless) = SHIPPED.iter().find(is_row_of) {
+        return Ok(Cow::Borrowed(headerless));
+    }
     let with_header = || SHIPPED.iter().filter(|mapping| !mapping.header.is_empty());
     let fits = with_header().filter(|mapping| mapping.lacks(columns).is_empty());
     // `rev`, for of equals the last one would win.
@@ -105,7 +123,11 @@ pub(super) fn recognise(
             file: file.to_owned(),
             line,
             row: shown(&columns.join(", ")),
-            suggested: guess::names(columns).join(","),
+            suggested: if columns.len() <= MOST_NAMED {
+                guess::names(columns).join(",")
+            } else {
+                String::new()
+            },
             formats: SHIPPED.iter().filter(has).map(|m| m.name.clone()).collect(),
         });
     }

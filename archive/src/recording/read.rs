@@ -174,7 +174,14 @@ impl File<'_> {
         if !options.columns.is_empty() {
             return Ok(Table::open_named(name, bytes, separator, &options.columns));
         }
-        let names = format.map_or(&[][..], |mapping| mapping.names.as_slice());
+        let known = || {
+            let first = Table::open(name, bytes, separator, &[]).ok()?;
+            formats::headerless(first.header())
+        };
+        let names = match format {
+            Some(mapping) => mapping.names.as_slice(),
+            None => known().map_or(&[][..], |mapping| mapping.names.as_slice()),
+        };
         if !names.is_empty() {
             return Table::open(name, bytes, separator, names);
         }

@@ -314,6 +314,12 @@ fn a_table_without_a_header_says_which_command_reads_it() {
     let error = Recording::from_reader(&b"1,2,3\n"[..], "standard input", &ReadOptions::default());
     let error = error.expect_err("no header").to_string();
     assert!(error.contains("locate - --columns"), "{error}");
+    // Too many columns to be named in a command.
+    let error = problem(format!("{}\n", ["1"; 40].join(",")));
+    assert!(error.contains("names = [...]") && !error.contains("--columns"), "{error}");
+    // KrakenSDR's log is known by its row.
+    let kraken = include_str!("../../data/krakensdr.csv");
+    assert_eq!(plain(kraken).format(), "krakensdr");
     // More or fewer names than cells.
     for names in ["rss_dbm,range_m", "lat,lon,bearing,sigma"] {
         let error = read("50.1,14.2,45\n50.2,14.3,46\n", &named(names)).expect_err(names);
