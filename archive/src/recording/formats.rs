@@ -83,11 +83,11 @@ pub(super) fn headerless(row: &[String]) -> Option<&'static Mapping> {
 }
 
 /// Returns true if a shipped mapping's header fits a line, or its columns have common names.
-/// With a track the table needs no places.
-pub(super) fn is_known(columns: &[String], has_track: bool) -> bool {
+/// With a track the table needs no places, with a stated level no measurements.
+pub(super) fn is_known(columns: &[String], options: &ReadOptions) -> bool {
     let mut with_header = SHIPPED.iter().filter(|mapping| !mapping.header.is_empty());
     with_header.any(|mapping| mapping.lacks(columns).is_empty())
-        || plain::is_plain(columns, has_track)
+        || plain::is_plain(columns, options)
 }
 
 /// The shipped mapping whose header fits a file's columns; of several, the one that needs most. A

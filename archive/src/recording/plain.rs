@@ -52,10 +52,10 @@ const NAMES: [(Column, &[&str]); 11] = [
     (
         Column::TimeS,
         &[
-            "time",
-            "timestamp",
             "datetime",
             "utc",
+            "time",
+            "timestamp",
             "t",
             "seconds",
             "second",
@@ -345,10 +345,20 @@ fn is_one(names: &[&str], column: &str) -> bool {
     names.contains(&parts(column).0.as_str())
 }
 
+/// Returns true if the level is the same for all rows: the table is a path.
+fn has_stated_level(options: &ReadOptions) -> bool {
+    let levels = [Column::RssDb, Column::RssDbm];
+    levels.iter().any(|level| options.constants.contains_key(level))
+}
+
 /// Returns true if a line names places, or times where a track has the places, and what was
 /// measured there.
-pub(super) fn is_plain(header: &[String], has_track: bool) -> bool {
+pub(super) fn is_plain(header: &[String], options: &ReadOptions) -> bool {
+    let has_track = options.rover.is_some();
     let found = Recognised::of(header);
+    if has_stated_level(options) {
+        return found.is_placed() && found.is_timed();
+    }
     (found.is_placed() || (has_track && found.is_timed()))
         && (found.is_measured() || found.doubtful.is_some())
 }
@@ -372,7 +382,7 @@ pub(super) fn mapping(
     if !found.is_placed() && !(has_track && found.is_timed()) {
         return Ok(None);
     }
-    if !found.is_measured() {
+    if !found.is_measured() && !has_stated_level(options) {
         return match found.doubtful {
             None => Ok(None),
             Some(column) => Err(RecordingError::Doubtful {

@@ -187,7 +187,7 @@ impl File<'_> {
         }
         Table::open_fitting(name, bytes, separator, |header| match format {
             Some(mapping) => mapping.fits(header),
-            None => formats::is_known(header, options.rover.is_some()),
+            None => formats::is_known(header, options),
         })
     }
 
@@ -581,7 +581,7 @@ fn leave_out_jumps(
 
 /// The place on Earth of a receiver whose height is not that of the frame: far from the origin the
 /// ground is below the frame's plane.
-fn on_ground(frame: &LocalFrame, position: Vector3<f64>) -> Geodetic {
+pub(super) fn on_ground(frame: &LocalFrame, position: Vector3<f64>) -> Geodetic {
     let mut up = 0.0;
     let mut place = frame.to_geodetic(&position.xy().push(up));
     // Each step leaves some 1/1000 of the error at 200 km.

@@ -78,6 +78,40 @@ fn levels_without_places_are_joined_by_time() {
 }
 
 #[test]
+fn a_table_of_places_is_a_path() {
+    // As Airdata writes it: a time since the start beside the date.
+    let rows = (0..=180).step_by(5).map(|second| {
+        let place = rover("flight.bin").place(BEGIN + f64::from(second)).expect("on the path");
+        format!(
+            "{},2026-06-21 14:{:02}:{:02},{:.7},{:.7},98\n",
+            second * 1000,
+            3 + second / 60,
+            second % 60,
+            place.lat_deg,
+            place.lon_deg
+        )
+    });
+    let header = "time(millisecond),datetime(utc),latitude,longitude,battery_percent\n";
+    let table = format!("{header}{}", rows.collect::<String>());
+    let path = Rover::parse(table.as_bytes(), "airdata.csv").expect("a path");
+    let place = path.place(BEGIN + 32.5).expect("on the path");
+    let expected = rover("flight.bin").place(BEGIN + 32.5).expect("on the path");
+    let off = (place.lat_deg - expected.lat_deg).abs() + (place.lon_deg - expected.lon_deg).abs();
+    assert!(off < 1e-5, "{place:?} {expected:?}");
+    // The level of a recording that has places of its own is no part of it.
+    let own = Recording::from_reader(table.as_bytes(), "airdata.csv", &ReadOptions::default());
+    assert!(matches!(own, Err(RecordingError::UnknownFormat { .. })), "{own:?}");
+    for (text, part) in [
+        ("seconds,lat,lon\n0,48.2,16.37\n1,48.2,16.37\n", "not in UTC"),
+        ("time_utc,x,y\n2026-06-21 14:03:00,0,0\n2026-06-21 14:03:01,1,0\n", "not in degrees"),
+        ("noise\n", "noise"),
+    ] {
+        let error = Rover::parse(text.as_bytes(), "path.csv").expect_err(text).to_string();
+        assert!(error.contains("path.csv") && error.contains(part), "{error}");
+    }
+}
+
+#[test]
 fn clocks_that_have_nothing_in_common_are_refused_with_both_times() {
     let error = along("flight.bin", "levels.csv", -7200.0).expect_err("two hours off").to_string();
     for part in [
