@@ -1,7 +1,7 @@
 use foxhunt_core::parameter::{FieldError, ParameterError};
 use foxhunt_wire::declination::DeclinationError;
 
-use super::near_miss::slip_for;
+use super::{near_miss::slip_for, utc::utc};
 
 /// Why a recording cannot be read or written. Every message names the file, and where there is one
 /// the line, the column and the value.
@@ -15,6 +15,16 @@ pub enum RecordingError {
         file: String,
         /// Why not.
         source: std::io::Error,
+    },
+    /// The file is not a table.
+    #[error("{file}: this is {what}, not a table; {advice}")]
+    NotATable {
+        /// The file.
+        file: String,
+        /// Kind of the file.
+        what: &'static str,
+        /// The command that would work.
+        advice: String,
     },
     /// There is no header.
     #[error("{file}: the file is empty; its first line must name the columns")]
@@ -33,6 +43,16 @@ pub enum RecordingError {
         column: String,
         /// The cell, with stand-ins for what is not text.
         value: String,
+    },
+    /// A line of a file of JSON is no object of JSON.
+    #[error("{file}, line {line}: not a line of JSON: {problem}")]
+    NotJson {
+        /// The file.
+        file: String,
+        /// The line, from 1.
+        line: u64,
+        /// Why not.
+        problem: String,
     },
     /// A row is shorter or longer than the header.
     #[error(
@@ -77,6 +97,25 @@ pub enum RecordingError {
         /// The known formats.
         known: Box<[String]>,
     },
+    /// The table has no header: its first line holds values.
+    #[error(
+        "{file}, line {line}: the table has no header; its first row is {row}. {}{}",
+        naming(file, suggested),
+        headerless(formats)
+    )]
+    NoHeader {
+        /// The file.
+        file: String,
+        /// The first row's line, from 1.
+        line: u64,
+        /// The first row.
+        row: String,
+        /// Names that its cells may have, in the form of the flag; empty for a row that is too long
+        /// to be named in a command.
+        suggested: String,
+        /// Formats without a header that have as many columns.
+        formats: Box<[String]>,
+    },
     /// A column may be a bearing or the direction of the receiver.
     #[error(
         "{file}, line {line}: the column {column:?} may be the bearing to the transmitter or where \
@@ -89,6 +128,24 @@ pub enum RecordingError {
         line: u64,
         /// The column.
         column: String,
+    },
+    /// A time may be read in two ways, and no row shows which is right.
+    #[error(
+        "{file}, line {line}, {column}: {value:?} may be {}, and no row shows which; state it with \
+         --time-format {}", either(readings), readings.iter().map(|[name, _]| *name)
+             .collect::<Vec<_>>().join(" or ")
+    )]
+    AmbiguousTime {
+        /// The file.
+        file: String,
+        /// The line, from 1.
+        line: u64,
+        /// The column.
+        column: String,
+        /// The cell.
+        value: String,
+        /// Names of the formats that fit, each with what the cell then is.
+        readings: &'static [[&'static str; 2]],
     },
     /// There is neither a shipped mapping nor a file of this name.
     #[error("{name:?} is neither a file nor a known format; those are {}", known.join(", "))]
@@ -265,6 +322,35 @@ pub enum RecordingError {
         /// The file.
         file: String,
     },
+    /// An autopilot's log has no path in UTC.
+    #[error("{file}: this is {what}, but {problem}")]
+    NoPath {
+        /// The file.
+        file: String,
+        /// Kind of the log.
+        what: &'static str,
+        /// The missing part.
+        problem: String,
+    },
+    /// A recording and the track of its receiver have no time in common.
+    #[error(
+        "{file}: its times, from {} to {} UTC, are not those of the track {track}, from {} to {} \
+         UTC; they begin {:.0} s {} it. State how many seconds are to be added to the recording's \
+         times with --clock-offset-s S, or --tz where they are local time",
+        utc(times[0]), utc(times[1]), utc(track_times[0]), utc(track_times[1]),
+        (times[0] - track_times[0]).abs(),
+        if times[0] < track_times[0] { "before" } else { "after" }
+    )]
+    NoCommonTime {
+        /// The recording.
+        file: String,
+        /// Its first and last time, in seconds since 1970.
+        times: [f64; 2],
+        /// The track.
+        track: String,
+        /// Its first and last time, in seconds since 1970.
+        track_times: [f64; 2],
+    },
     /// Files in local metres and files in degrees do not share a frame.
     #[error("{file} is in local metres and {other} in degrees; a frame must be given for both")]
     MixedFrames {
@@ -334,8 +420,22 @@ pub enum FieldProblem {
     /// It would be a longitude.
     #[error("is no latitude; latitude and longitude look swapped")]
     Swapped,
+    /// It must be a latitude or longitude.
+    #[error("is neither degrees nor degrees, minutes and seconds")]
+    NotDegrees,
+    /// Its hemisphere is that of the other coordinate.
+    #[error(
+        "has the hemisphere of the other coordinate; N and S are latitudes, E and W longitudes"
+    )]
+    OtherHemisphere,
+    /// O stands for East in some languages and for West in others.
+    #[error("may be East (Ost) or West (oeste, ouest); write E or W")]
+    EastOrWest,
+    /// It must be a zone of UTM with its hemisphere.
+    #[error("{0}")]
+    NotAZone(&'static str),
     /// It must be a date and time.
-    #[error("is not a time of the form YYYY-MM-DD HH:MM:SS")]
+    #[error("is not a time such as YYYY-MM-DD HH:MM:SS or DD.MM.YYYY HH:MM")]
     NotATime,
     /// It must not be empty.
     #[error("must not be empty here")]
@@ -387,7 +487,7 @@ pub enum FieldProblem {
     /// It is counted from magnetic North, and the day is not known.
     #[error(
         "is counted from magnetic North, which depends on the day, and the recording has no \
-         time_utc; give a date"
+         time_utc; give the day with --date YYYY-MM-DD"
     )]
     NoDate,
     /// It is counted from magnetic North, which is not known there and then.
@@ -410,4 +510,35 @@ pub enum FieldProblem {
         /// How far.
         distance_km: f64,
     },
+}
+
+/// A file as an argument of a command.
+fn argument(file: &str) -> &str {
+    if file == "standard input" { "-" } else { file }
+}
+
+/// The way in which the columns of a table without a header are named.
+fn naming(file: &str, suggested: &str) -> String {
+    if suggested.is_empty() {
+        return "Name its columns in a mapping, with names = [...], and give it with --format"
+            .to_owned();
+    }
+    let file = argument(file);
+    format!(
+        "Name its columns, in this order, such as foxhunt locate {file} --columns {suggested} (- \
+         for a column that is not to be read)"
+    )
+}
+
+/// The end of a message about a table without a header.
+fn headerless(formats: &[String]) -> String {
+    if formats.is_empty() {
+        return String::new();
+    }
+    format!("; or, for what a program wrote, --format {}", formats.join(" or --format "))
+}
+
+/// The readings of a time, for people.
+fn either(readings: &[[&str; 2]]) -> String {
+    readings.iter().map(|[_, meaning]| *meaning).collect::<Vec<_>>().join(" or ")
 }

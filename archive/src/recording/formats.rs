@@ -1,20 +1,32 @@
 use std::{borrow::Cow, fs, path::Path, sync::LazyLock};
 
-use super::{Mapping, RecordingError, near_miss::near_miss, plain};
+use super::{
+    Mapping, ReadOptions, RecordingError, guess,
+    near_miss::near_miss,
+    plain,
+    table::{Table, shown},
+};
 
 /// Our own format first: it is preferred where two fit equally well.
-const TEXTS: [&str; 14] = [
+const TEXTS: [&str; 21] = [
     include_str!("../../formats/foxhunt.toml"),
     include_str!("../../formats/aerpaw-afar.toml"),
     include_str!("../../formats/aerpaw-tower.toml"),
+    include_str!("../../formats/chasemapper.toml"),
+    include_str!("../../formats/chirpstack.toml"),
+    include_str!("../../formats/chirpstack3.toml"),
+    include_str!("../../formats/espresense.toml"),
     include_str!("../../formats/hackrf-sweep.toml"),
     include_str!("../../formats/krakensdr.toml"),
+    include_str!("../../formats/krakensdr-json.toml"),
     include_str!("../../formats/lenth1981.toml"),
+    include_str!("../../formats/meshtastic.toml"),
     include_str!("../../formats/motus.toml"),
     include_str!("../../formats/movebank.toml"),
     include_str!("../../formats/otter-telemetry.toml"),
     include_str!("../../formats/rssi-distance.toml"),
     include_str!("../../formats/rtl-power.toml"),
+    include_str!("../../formats/ttn.toml"),
     include_str!("../../formats/uavrt-rotation.toml"),
     include_str!("../../formats/ucsd-collars.toml"),
     include_str!("../../formats/uri-yagi-station.toml"),
@@ -56,20 +68,42 @@ fn known() -> Vec<String> {
     SHIPPED.iter().map(|mapping| mapping.name.clone()).collect()
 }
 
+/// Columns that are named in a command at most.
+const MOST_NAMED: usize = 16;
+
+/// The format without a header that its rows show, with the cells by which they do.
+const ROWS: [(&str, [(usize, &str); 4]); 1] =
+    [("krakensdr", [(13, "R"), (14, "R"), (15, "R"), (16, "R")])];
+
+/// The shipped format without a header that a row is of; `None` if a name must be given.
+pub(super) fn headerless(row: &[String]) -> Option<&'static Mapping> {
+    let is = |(index, text): &(usize, &str)| row.get(*index).is_some_and(|cell| cell == text);
+    let (name, _) = ROWS.iter().find(|(_, cells)| cells.iter().all(is))?;
+    SHIPPED.iter().find(|mapping| mapping.name == *name)
+}
+
 /// Returns true if a shipped mapping's header fits a line, or its columns have common names.
-pub(super) fn is_known(columns: &[String]) -> bool {
+/// With a track the table needs no places, with a stated level no measurements.
+pub(super) fn is_known(columns: &[String], options: &ReadOptions) -> bool {
     let mut with_header = SHIPPED.iter().filter(|mapping| !mapping.header.is_empty());
-    with_header.any(|mapping| mapping.lacks(columns).is_empty()) || plain::is_plain(columns)
+    with_header.any(|mapping| mapping.lacks(columns).is_empty())
+        || plain::is_plain(columns, options)
 }
 
 /// The shipped mapping whose header fits a file's columns; of several, the one that needs most. A
 /// table whose columns have common names gets a mapping of its own, by the cells of its first row.
 pub(super) fn recognise(
-    file: &str,
-    line: u64,
-    columns: &[String],
+    table: &Table<'_>,
+    options: &ReadOptions,
     first: impl Fn(&str) -> Option<String>,
 ) -> Result<Cow<'static, Mapping>, RecordingError> {
+    let file = table.file();
+    let line = table.header_line();
+    let columns = table.header();
+    let is_row_of = |mapping: &&Mapping| !mapping.names.is_empty() && mapping.names == columns;
+    if let Some(headerless) = SHIPPED.iter().find(is_row_of) {
+        return Ok(Cow::Borrowed(headerless));
+    }
     let with_header = || SHIPPED.iter().filter(|mapping| !mapping.header.is_empty());
     let fits = with_header().filter(|mapping| mapping.lacks(columns).is_empty());
     // `rev`, for of equals the last one would win.
@@ -77,8 +111,25 @@ pub(super) fn recognise(
     if let Some(best) = fits.into_iter().rev().max_by_key(|mapping| mapping.header.len()) {
         return Ok(Cow::Borrowed(best));
     }
-    if let Some(plain) = plain::mapping(file, line, columns, first)? {
+    if let Some(plain) = plain::mapping(table, options, first)? {
         return Ok(Cow::Owned(plain));
+    }
+    if guess::is_row(columns) {
+        let has = |mapping: &&Mapping| {
+            let fixed = mapping.names.len();
+            fixed > 0 && columns.len() >= fixed
+        };
+        return Err(RecordingError::NoHeader {
+            file: file.to_owned(),
+            line,
+            row: shown(&columns.join(", ")),
+            suggested: if columns.len() <= MOST_NAMED {
+                guess::names(columns).join(",")
+            } else {
+                String::new()
+            },
+            formats: SHIPPED.iter().filter(has).map(|m| m.name.clone()).collect(),
+        });
     }
     let nearest = with_header().min_by_key(|mapping| {
         let lacks = mapping.lacks(columns);
@@ -120,8 +171,10 @@ mod tests {
     #[test]
     fn of_several_that_fit_the_one_that_needs_most_is_taken() {
         let named = |header: &str| {
-            let columns: Vec<_> = header.split(',').map(str::to_owned).collect();
-            recognise("f.csv", 1, &columns, |_| None).map(|mapping| mapping.name.clone()).ok()
+            let table = Table::open("f.csv", header.as_bytes(), None, &[]).expect("a header");
+            recognise(&table, &ReadOptions::default(), |_| None)
+                .map(|mapping| mapping.name.clone())
+                .ok()
         };
         assert_eq!(named("rss_dbm,range_m").as_deref(), Some("foxhunt"));
         let both = named("rss_dbm,range_m,obs,x,y,bearing_deg");

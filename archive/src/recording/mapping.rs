@@ -47,6 +47,9 @@ pub struct Mapping {
     pub beside: Vec<Beside>,
     /// Columns of which each is of one beacon or drone.
     pub melt: Option<Melt>,
+    /// The column with the zone of UTM, such as 33U, that `east_m` and `north_m` are of; they are
+    /// then read as degrees.
+    pub utm_zone: Option<String>,
     /// What separates the cells, one character; found by the header unless given.
     pub separator: Option<char>,
 }

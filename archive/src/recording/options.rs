@@ -3,7 +3,7 @@ use std::collections::BTreeMap;
 use foxhunt_core::parameter::{ParameterError, finite, not_negative, positive};
 use foxhunt_wire::geodesy::LocalFrame;
 
-use super::{Column, Mapping, North, Rover, Value};
+use super::{Column, Mapping, North, Rover, TimeFormat, TimeZone, UtmZone, Value};
 
 /// How a recording is to be read. The default recognises the format by the header, puts the
 /// frame's origin at the first usable position, overrides nothing, and leaves out rows that cannot
@@ -12,12 +12,21 @@ use super::{Column, Mapping, North, Rover, Value};
 pub struct ReadOptions {
     /// The format, instead of recognising it.
     pub format: Option<Mapping>,
+    /// Names of the columns of a table without a header, from the first on; `-` is a column that
+    /// is not read. Empty for a table whose header names them.
+    pub columns: Vec<String>,
     /// The local frame. A file in local metres is taken to be in it.
     pub frame: Option<LocalFrame>,
     /// What angles are counted from, instead of what the format has.
     pub north: Option<North>,
     /// The day of magnetic North in recordings without `time_utc`: any of its seconds since 1970.
     pub date_s: Option<f64>,
+    /// The way in which times are written, instead of recognising it.
+    pub time_format: Option<TimeFormat>,
+    /// The offset from UTC of dates that state none; UTC unless given.
+    pub time_zone: TimeZone,
+    /// The zone of UTM of places in metres, instead of the table's own column.
+    pub utm_zone: Option<UtmZone>,
     /// Values that every row has, whatever the file or its mapping holds.
     pub constants: BTreeMap<Column, Value>,
     /// Where the receiver was at what time, instead of the file's own places.
@@ -57,6 +66,34 @@ impl ReadOptions {
     #[must_use]
     pub fn with_format(mut self, format: Mapping) -> Self {
         self.format = Some(format);
+        self
+    }
+
+    /// Names the columns of a table without a header; `-` is a column that is not read.
+    #[must_use]
+    pub fn with_columns<N: Into<String>>(mut self, names: impl IntoIterator<Item = N>) -> Self {
+        self.columns = names.into_iter().map(Into::into).collect();
+        self
+    }
+
+    /// Sets the way in which times are written, where the cells leave it open.
+    #[must_use]
+    pub fn with_time_format(mut self, format: TimeFormat) -> Self {
+        self.time_format = Some(format);
+        self
+    }
+
+    /// Sets the offset from UTC of dates that state none.
+    #[must_use]
+    pub fn with_time_zone(mut self, zone: TimeZone) -> Self {
+        self.time_zone = zone;
+        self
+    }
+
+    /// Sets the zone of UTM that places in metres are of.
+    #[must_use]
+    pub fn with_utm_zone(mut self, zone: UtmZone) -> Self {
+        self.utm_zone = Some(zone);
         self
     }
 

@@ -1,13 +1,32 @@
 use std::{borrow::Cow, collections::BTreeMap};
 
-use super::{Column, Mapping, RecordingError, Source, Turns, utc::utc_seconds};
+use super::{
+    Column, Mapping, North, ReadOptions, RecordingError, Source, TimeFormat, Turns,
+    dates::{clock_seconds, is_date, is_day, is_serial},
+    table::{Table, shown},
+};
 
 /// The name of the mapping that is made for a table with columns of common names.
 pub(super) const PLAIN: &str = "plain";
 
-/// Common names of columns, the most usual first, without unit, signs and capitals.
+/// Common names of columns in English, German, French and Spanish, the most usual first, without
+/// unit, signs and capitals.
 const NAMES: [(Column, &[&str]); 12] = [
-    (Column::LatDeg, &["lat", "latitude", "gpslat", "gpslatitude", "currentlatitude"]),
+    (
+        Column::LatDeg,
+        &[
+            "lat",
+            "latitude",
+            "gpslat",
+            "gpslatitude",
+            "currentlatitude",
+            "breite",
+            "breitengrad",
+            "geographischebreite",
+            "latitud",
+            "late7",
+        ],
+    ),
     (
         Column::LonDeg,
         &[
@@ -19,17 +38,24 @@ const NAMES: [(Column, &[&str]); 12] = [
             "gpslong",
             "gpslongitude",
             "currentlongitude",
+            "länge",
+            "laenge",
+            "längengrad",
+            "laengengrad",
+            "geographischelänge",
+            "longitud",
+            "lone7",
         ],
     ),
-    (Column::EastM, &["east", "easting", "x"]),
-    (Column::NorthM, &["north", "northing", "y"]),
+    (Column::EastM, &["east", "easting", "x", "ostwert", "est", "este"]),
+    (Column::NorthM, &["north", "northing", "y", "nordwert", "nord", "norte"]),
     (
         Column::TimeS,
         &[
-            "time",
-            "timestamp",
             "datetime",
             "utc",
+            "time",
+            "timestamp",
             "t",
             "seconds",
             "second",
@@ -37,6 +63,17 @@ const NAMES: [(Column, &[&str]); 12] = [
             "epoch",
             "unixtime",
             "firstseen",
+            "zeit",
+            "zeitstempel",
+            "uhrzeit",
+            "datumuhrzeit",
+            "horodatage",
+            "dateheure",
+            "heure",
+            "temps",
+            "fechahora",
+            "hora",
+            "tiempo",
         ],
     ),
     (
@@ -55,6 +92,18 @@ const NAMES: [(Column, &[&str]); 12] = [
             "dbm",
             "snr",
             "smeter",
+            "pegel",
+            "empfangspegel",
+            "signalstärke",
+            "signalstaerke",
+            "feldstärke",
+            "feldstaerke",
+            "niveau",
+            "niveausignal",
+            "puissance",
+            "nivel",
+            "señal",
+            "potencia",
         ],
     ),
     (
@@ -67,17 +116,83 @@ const NAMES: [(Column, &[&str]); 12] = [
             "accuracymetres",
             "hacc",
             "eph",
+            "genauigkeit",
+            "précision",
+            "precision",
+            "precisión",
         ],
     ),
-    (Column::AttenuationDb, &["attenuation", "attenuator"]),
-    (Column::BearingDegCompass, &["bearing", "azimuth", "az"]),
+    (
+        Column::AttenuationDb,
+        &["attenuation", "attenuator", "dämpfung", "daempfung", "atténuation", "atenuación"],
+    ),
+    (
+        Column::BearingDegCompass,
+        &["bearing", "azimuth", "az", "azimut", "peilung", "relèvement", "relevement", "acimut"],
+    ),
     (Column::BearingSigmaDeg, &["bearingsigma", "bearingerror", "sigma"]),
-    (Column::Beacon, &["beacon", "tag", "tagid", "transmitter", "mac", "bssid", "address"]),
-    (Column::Drone, &["drone", "receiver", "station", "node", "observer"]),
+    (
+        Column::Beacon,
+        &[
+            "beacon",
+            "tag",
+            "tagid",
+            "transmitter",
+            "mac",
+            "bssid",
+            "address",
+            "sender",
+            "émetteur",
+            "emetteur",
+            "balise",
+            "emisor",
+            "transmisor",
+            "baliza",
+        ],
+    ),
+    (
+        Column::Drone,
+        &[
+            "drone",
+            "receiver",
+            "station",
+            "node",
+            "observer",
+            "empfänger",
+            "empfaenger",
+            "beobachter",
+            "récepteur",
+            "recepteur",
+            "receptor",
+            "estación",
+            "estacion",
+        ],
+    ),
 ];
 
+/// Common names of a day, which a time in another column is of.
+const DAYS: [&str; 4] = ["date", "datum", "fecha", "jour"];
+
+/// Common names of a zone of UTM.
+const ZONES: [&str; 3] = ["zone", "utmzone", "utm"];
+
+/// Names that tell that a number is a date.
+const DATES: [&str; 8] =
+    ["date", "datum", "fecha", "datetime", "datumuhrzeit", "dateheure", "fechahora", "horodatage"];
+
+/// Names that tell that a number is in seconds.
+const SECONDS: [&str; 4] = ["seconds", "second", "sec", "t"];
+
+/// Ends of the name of a bearing that is counted from magnetic North.
+const MAGNETIC: [&str; 6] =
+    ["magnetic", "mag", "magnetisch", "missweisend", "magnétique", "magnético"];
+
+/// Ends of the name of a bearing that is counted from true North.
+const TRUE_NORTH: [&str; 4] = ["true", "rechtweisend", "vrai", "verdadero"];
+
 /// Names that may be a bearing to the transmitter or the direction of the receiver.
-const DOUBTFUL: [&str; 5] = ["heading", "direction", "course", "doa", "angle"];
+const DOUBTFUL: [&str; 9] =
+    ["heading", "direction", "course", "doa", "angle", "richtung", "kurs", "rumbo", "dirección"];
 
 /// A header of a file, as far as its columns have common names.
 struct Recognised<'h> {
@@ -85,13 +200,20 @@ struct Recognised<'h> {
     doubtful: Option<&'h str>,
     in_dbm: bool,
     in_milliseconds: bool,
+    /// The column of the day, where the time is another one.
+    day: Option<&'h str>,
+    /// The column of the zone of UTM.
+    zone: Option<&'h str>,
+    /// True if the bearing's name says that it is counted from magnetic North.
+    is_magnetic: bool,
 }
 
 /// The name of a column without capitals and signs, and its unit in brackets or behind it.
 fn parts(name: &str) -> (String, String) {
     let lower = name.to_lowercase();
     let (name, unit) = lower.split_once(['[', '(']).unwrap_or((&lower, ""));
-    let letters = |text: &str| text.chars().filter(char::is_ascii_alphanumeric).collect::<String>();
+    let is_letter = |c: &char| c.is_alphanumeric() && *c != 'º';
+    let letters = |text: &str| text.chars().filter(is_letter).collect::<String>();
     let name = letters(name);
     let unit = letters(unit);
     for suffix in ["degcompass", "dbm", "deg", "db", "ms", "s", "m"] {
@@ -116,14 +238,22 @@ impl<'h> Recognised<'h> {
             doubtful: None,
             in_dbm: false,
             in_milliseconds: false,
+            day: None,
+            zone: None,
+            is_magnetic: false,
         };
         for (column, names) in NAMES {
             let rank = |name: &'h String| {
                 let of = parts(name);
-                let rank = names.iter().position(|known| *known == of.0)?;
+                let known = match column {
+                    Column::BearingDegCompass => without_north(&of.0).0,
+                    _ => &of.0,
+                };
+                let rank = names.iter().position(|name| *name == known)?;
                 Some((rank, name, of.1))
             };
-            let Some((_, name, unit)) = header.iter().filter_map(rank).min_by_key(|of| of.0) else {
+            let whole = header.iter().filter_map(rank).min_by_key(|of| of.0);
+            let Some((_, name, unit)) = whole.or_else(|| only_nested(header, names)) else {
                 continue;
             };
             found.columns.insert(column, name);
@@ -133,6 +263,16 @@ impl<'h> Recognised<'h> {
             if column == Column::TimeS {
                 found.in_milliseconds = unit == "ms";
             }
+            if column == Column::BearingDegCompass {
+                found.is_magnetic = without_north(&parts(name).0).1;
+            }
+        }
+        found.zone = header.iter().find(|name| is_one(&ZONES, name)).map(String::as_str);
+        found.day = header.iter().find(|name| is_one(&DAYS, name)).map(String::as_str);
+        if !found.has(Column::TimeS)
+            && let Some(day) = found.day.take()
+        {
+            found.columns.insert(Column::TimeS, day);
         }
         for column in Column::ALL {
             if let Some(name) = header.iter().find(|name| *name == column.name()) {
@@ -176,6 +316,10 @@ impl<'h> Recognised<'h> {
         has([Column::LatDeg, Column::LonDeg]) || has([Column::EastM, Column::NorthM])
     }
 
+    fn is_timed(&self) -> bool {
+        self.has(Column::TimeS) || self.has(Column::TimeUtc)
+    }
+
     fn is_measured(&self) -> bool {
         let measured = [
             Column::RssDb,
@@ -188,10 +332,51 @@ impl<'h> Recognised<'h> {
     }
 }
 
-/// Returns true if a line names places and what was measured there.
-pub(super) fn is_plain(header: &[String]) -> bool {
+/// The only nested key of JSON whose last part has one of these names, and its unit.
+fn only_nested<'h>(header: &'h [String], names: &[&str]) -> Option<(usize, &'h String, String)> {
+    let mut nested = header.iter().filter_map(|name| {
+        let (name_of, unit) = parts(name.rsplit_once('.')?.1);
+        let rank = names.iter().position(|name| *name == name_of)?;
+        Some((rank, name, unit))
+    });
+    let only = nested.next();
+    only.filter(|_| nested.next().is_none())
+}
+
+/// The name of a bearing without the North that it is counted from, and true if that is magnetic.
+fn without_north(name: &str) -> (&str, bool) {
+    let strip = |ends: &[&str]| {
+        let short = ends.iter().find_map(|end| name.strip_suffix(end));
+        short.filter(|short| !short.is_empty())
+    };
+    match (strip(&MAGNETIC), strip(&TRUE_NORTH)) {
+        (Some(short), _) => (short, true),
+        (None, Some(short)) => (short, false),
+        (None, None) => (name, false),
+    }
+}
+
+/// Returns true if a column's name is one of these.
+fn is_one(names: &[&str], column: &str) -> bool {
+    names.contains(&parts(column).0.as_str())
+}
+
+/// Returns true if the level is the same for all rows: the table is a path.
+fn has_stated_level(options: &ReadOptions) -> bool {
+    let levels = [Column::RssDb, Column::RssDbm];
+    levels.iter().any(|level| options.constants.contains_key(level))
+}
+
+/// Returns true if a line names places, or times where a track has the places, and what was
+/// measured there.
+pub(super) fn is_plain(header: &[String], options: &ReadOptions) -> bool {
+    let has_track = options.rover.is_some();
     let found = Recognised::of(header);
-    found.is_placed() && (found.is_measured() || found.doubtful.is_some())
+    if has_stated_level(options) {
+        return found.is_placed() && found.is_timed();
+    }
+    (found.is_placed() || (has_track && found.is_timed()))
+        && (found.is_measured() || found.doubtful.is_some())
 }
 
 /// Makes a mapping for a table whose columns have common names; `None` if it has no places or
@@ -201,16 +386,19 @@ pub(super) fn is_plain(header: &[String]) -> bool {
 ///
 /// [`RecordingError::Doubtful`] for a column that may be a bearing or the receiver's direction.
 pub(super) fn mapping(
-    file: &str,
-    line: u64,
-    header: &[String],
+    table: &Table<'_>,
+    options: &ReadOptions,
     first: impl Fn(&str) -> Option<String>,
 ) -> Result<Option<Mapping>, RecordingError> {
-    let mut found = Recognised::of(header);
-    if !found.is_placed() {
+    let file = table.file();
+    let line = table.header_line();
+    let format = options.time_format;
+    let has_track = options.rover.is_some();
+    let mut found = Recognised::of(table.header());
+    if !found.is_placed() && !(has_track && found.is_timed()) {
         return Ok(None);
     }
-    if !found.is_measured() {
+    if !found.is_measured() && !has_stated_level(options) {
         return match found.doubtful {
             None => Ok(None),
             Some(column) => Err(RecordingError::Doubtful {
@@ -222,11 +410,14 @@ pub(super) fn mapping(
     }
     // Degrees go before metres, as x and y may be either.
     let in_degrees = found.has(Column::LatDeg) && found.has(Column::LonDeg);
-    let others = match in_degrees {
-        true => [Column::EastM, Column::NorthM],
-        false => [Column::LatDeg, Column::LonDeg],
-    };
-    found.columns.retain(|column, _| !others.contains(column));
+    let degrees = [Column::LatDeg, Column::LonDeg];
+    let metres = [Column::EastM, Column::NorthM];
+    let others = if in_degrees { metres } else { degrees };
+    let is_used = |column: &Column| !others.contains(column);
+    // The track's places stand for the table's own.
+    let is_own =
+        |column: &Column| !has_track || !degrees.iter().chain(&metres).any(|c| c == column);
+    found.columns.retain(|column, _| is_used(column) && is_own(column));
     if !found.has(Column::BearingDegCompass) {
         found.columns.remove(&Column::BearingSigmaDeg);
     }
@@ -239,7 +430,20 @@ pub(super) fn mapping(
         let column = match column {
             Column::RssDb if found.in_dbm => Column::RssDbm,
             Column::TimeS if *name != Column::TimeS.name() => {
-                let (column, scale) = time(first(name).as_deref(), found.in_milliseconds);
+                let cell = first(name);
+                let cell = cell.as_deref().unwrap_or_default();
+                let day = found.day.filter(|_| clock_seconds(cell).is_some());
+                if let Some(day) = day {
+                    source.columns.insert(0, day.to_owned());
+                    columns.insert(Column::TimeUtc, source);
+                    continue;
+                }
+                // A day alone is no time.
+                if is_day(cell) {
+                    continue;
+                }
+                let (column, scale) = time(cell, name, found.in_milliseconds, format)
+                    .ok_or_else(|| serial_or_seconds(file, line, name, cell))?;
                 source.scale = scale;
                 column
             }
@@ -247,10 +451,17 @@ pub(super) fn mapping(
                 source.scale = SIGMA_OF_ACCURACY;
                 *column
             }
+            Column::LatDeg | Column::LonDeg => {
+                let pair = [Column::LatDeg, Column::LonDeg].map(|c| found.columns.get(&c));
+                let cells = pair.map(|name| name.and_then(|name| first(name)));
+                source.scale = degrees_scale(&cells);
+                *column
+            }
             column => *column,
         };
         columns.insert(column, source);
     }
+    let north = if found.is_magnetic { North::Magnetic } else { North::True };
     Ok(Some(Mapping {
         name: PLAIN.to_owned(),
         description: "a table whose columns have common names".to_owned(),
@@ -260,11 +471,12 @@ pub(super) fn mapping(
         rising: false,
         columns,
         constants: BTreeMap::new(),
-        north: super::North::True,
+        north,
         keep: Vec::new(),
         turns: Turns::Circle,
         beside: Vec::new(),
         melt: None,
+        utm_zone: found.zone.filter(|_| !in_degrees).map(str::to_owned),
         separator: None,
     }))
 }
@@ -273,21 +485,57 @@ pub(super) fn mapping(
 /// 0.32).
 const SIGMA_OF_ACCURACY: f64 = 0.662;
 
-/// The column that a time is, and its scale, by the first cell.
-fn time(cell: Option<&str>, in_milliseconds: bool) -> (Column, f64) {
+/// The column that a time is, and its scale, by a cell; `None` if the cell may be a spreadsheet's
+/// day or a number of seconds.
+fn time(
+    cell: &str,
+    name: &str,
+    in_milliseconds: bool,
+    format: Option<TimeFormat>,
+) -> Option<(Column, f64)> {
     /// Seconds since 1970 in the years 2001 to 2286.
     const UNIX_S: std::ops::Range<f64> = 1e9..1e10;
-    let Some(number) = cell.and_then(|cell| cell.replace(',', ".").parse::<f64>().ok()) else {
-        let is_date = cell.is_some_and(|cell| utc_seconds(cell).is_some());
-        return (if is_date { Column::TimeUtc } else { Column::TimeS }, 1.0);
+    let Ok(number) = cell.replace(',', ".").parse::<f64>() else {
+        return Some((if is_date(cell) { Column::TimeUtc } else { Column::TimeS }, 1.0));
     };
     if UNIX_S.contains(&number) {
-        return (Column::TimeUtc, 1.0);
+        return Some((Column::TimeUtc, 1.0));
     }
     if UNIX_S.contains(&(number / 1e3)) {
-        return (Column::TimeUtc, 1e-3);
+        return Some((Column::TimeUtc, 1e-3));
     }
-    (Column::TimeS, if in_milliseconds { 1e-3 } else { 1.0 })
+    if in_milliseconds {
+        return Some((Column::TimeS, 1e-3));
+    }
+    match format {
+        Some(TimeFormat::Excel) => Some((Column::TimeUtc, 1.0)),
+        Some(TimeFormat::Seconds) => Some((Column::TimeS, 1.0)),
+        _ if !is_serial(number) => Some((Column::TimeS, 1.0)),
+        _ if is_one(&DATES, name) => Some((Column::TimeUtc, 1.0)),
+        _ if is_one(&SECONDS, name) || parts(name).1 == "s" => Some((Column::TimeS, 1.0)),
+        _ => None,
+    }
+}
+
+/// The error that a time may be a spreadsheet's day or a number of seconds.
+fn serial_or_seconds(file: &str, line: u64, column: &str, cell: &str) -> RecordingError {
+    RecordingError::AmbiguousTime {
+        file: file.to_owned(),
+        line: line + 1,
+        column: column.to_owned(),
+        value: shown(cell),
+        readings: &[["excel", "a spreadsheet's day"], ["seconds", "a number of seconds"]],
+    }
+}
+
+/// The scale of a latitude and longitude: whole numbers beyond 180 are degrees × 10⁷, as GNSS
+/// receivers and autopilots count.
+fn degrees_scale(cells: &[Option<String>; 2]) -> f64 {
+    let whole = |cell: &Option<String>| cell.as_deref().and_then(|cell| cell.parse::<i64>().ok());
+    let [Some(lat), Some(lon)] = [whole(&cells[0]), whole(&cells[1])] else { return 1.0 };
+    let is_scaled = lat.abs() > 360 || lon.abs() > 360;
+    let fits = lat.abs() <= 900_000_000 && lon.abs() <= 3_600_000_000;
+    if is_scaled && fits { 1e-7 } else { 1.0 }
 }
 
 /// Returns true if a column's name is a common one of an attenuation.
@@ -302,7 +550,8 @@ pub(super) fn is_attenuation(name: &str) -> bool {
 pub(super) fn described(mapping: &Mapping) -> String {
     let pair = |(column, source): (&Column, &Source)| {
         let label = source.label();
-        (label != column.name()).then(|| Cow::Owned(format!("{label} as {column}")))
+        let scaled = if (source.scale - 1e-7).abs() < 1e-12 { " × 10⁻⁷" } else { "" };
+        (label != column.name()).then(|| Cow::Owned(format!("{label} as {column}{scaled}")))
     };
     let pairs: Vec<Cow<'_, str>> = mapping.columns.iter().filter_map(pair).collect();
     pairs.join(", ")
@@ -312,13 +561,22 @@ pub(super) fn described(mapping: &Mapping) -> String {
 mod tests {
     use super::*;
 
-    fn read(header: &str, row: &str) -> Vec<String> {
-        let header: Vec<String> = header.split(',').map(str::to_owned).collect();
+    fn made(
+        header: &str,
+        row: &str,
+        format: Option<TimeFormat>,
+    ) -> Result<Option<Mapping>, RecordingError> {
+        let table = Table::open("f.csv", header.as_bytes(), None, &[]).expect("a header");
         let cell = |name: &str| {
-            let index = header.iter().position(|column| column == name)?;
+            let index = header.split(',').position(|column| column == name)?;
             row.split(',').nth(index).map(str::to_owned)
         };
-        let made = mapping("f.csv", 1, &header, cell).expect("no doubt").expect("a table");
+        let options = ReadOptions { time_format: format, ..ReadOptions::default() };
+        mapping(&table, &options, cell)
+    }
+
+    fn read(header: &str, row: &str) -> Vec<String> {
+        let made = made(header, row, None).expect("no doubt").expect("a table");
         let names =
             made.columns.iter().map(|(column, source)| format!("{column}={}", source.label()));
         names.collect()
@@ -376,14 +634,58 @@ mod tests {
 
     #[test]
     fn a_heading_alone_is_asked_for() {
-        let header = ["lat", "lon", "heading"].map(str::to_owned);
-        let error = mapping("f.csv", 1, &header, |_| None).expect_err("it may be either");
+        let error = made("lat,lon,heading", "", None).expect_err("it may be either");
         for part in ["f.csv, line 1", "\"heading\"", "bearing_deg_compass", "heading_deg_compass"] {
             assert!(error.to_string().contains(part), "{error}");
         }
-        for header in [["lat", "lon", "note"], ["time", "distance", "rssi"]] {
-            let made = mapping("f.csv", 1, &header.map(str::to_owned), |_| None);
-            assert!(made.is_ok_and(|made| made.is_none()), "{header:?}");
+        for header in ["lat,lon,note", "time,distance,rssi"] {
+            assert!(made(header, "", None).is_ok_and(|made| made.is_none()), "{header}");
+        }
+    }
+
+    #[test]
+    fn names_of_other_languages_and_dates_are_columns() {
+        for (header, row, columns) in [
+            (
+                "Datum,Uhrzeit,Breite,Länge,Pegel [dBm]",
+                "21.06.2026,14:03,50,14,-60",
+                "time_utc=Datum and Uhrzeit lat_deg=Breite lon_deg=Länge rss_dbm=Pegel [dBm]",
+            ),
+            (
+                "Fecha,Latitud,Longitud,Nivel",
+                "46194.58,50,14,-60",
+                "time_utc=Fecha lat_deg=Latitud lon_deg=Longitud rss_db=Nivel",
+            ),
+            (
+                "Heure,Latitude,Longitude,Azimut mag.",
+                "14:03,50,14,60",
+                "time_s=Heure lat_deg=Latitude lon_deg=Longitude bearing_deg_compass=Azimut mag.",
+            ),
+            ("Date,lat,lon,rssi", "2026-06-21,50,14,-60", "lat_deg=lat lon_deg=lon rss_db=rssi"),
+            ("t,lat,lon,rssi", "46194.5,50,14,-6", "time_s=t lat_deg=lat lon_deg=lon rss_db=rssi"),
+        ] {
+            assert_eq!(read(header, row).join(" "), sorted(columns), "{header}");
+        }
+        let magnetic = made("x,y,Azimut mag.", "1,2,3", None).expect("no doubt").expect("a table");
+        assert_eq!(magnetic.north, North::Magnetic);
+        let scaled = made("lat,lon,rssi", "481234567,163725000,-6", None);
+        let scaled = scaled.expect("no doubt").expect("a table");
+        assert!((scaled.columns[&Column::LatDeg].scale - 1e-7).abs() < 1e-20);
+    }
+
+    #[test]
+    fn a_number_that_may_be_a_day_or_seconds_is_asked_for() {
+        let header = "time,lat,lon,rssi";
+        let row = "46194.58,50,14,-60";
+        let error = made(header, row, None).expect_err("it may be either").to_string();
+        for part in ["f.csv, line 2, time", "46194.58", "--time-format excel or seconds"] {
+            assert!(error.contains(part), "{error}");
+        }
+        for (format, column) in
+            [(TimeFormat::Excel, Column::TimeUtc), (TimeFormat::Seconds, Column::TimeS)]
+        {
+            let made = made(header, row, Some(format)).expect("stated").expect("a table");
+            assert!(made.columns.contains_key(&column), "{format:?}");
         }
     }
 }

@@ -1,8 +1,8 @@
 use std::{borrow::Cow, collections::BTreeMap};
 
 use super::{
-    Band, Column, Keep, Mapping, ReadOptions, RecordingError, Source, beside::Joined, column::Kind,
-    table::Table,
+    Band, Column, Keep, Mapping, ReadOptions, RecordingError, Source, UtmZone, beside::Joined,
+    column::Kind, dates::Times, table::Table,
 };
 
 /// A mapping fitted to one file's header.
@@ -15,6 +15,8 @@ pub(super) struct Plan {
     pub(super) melted: Vec<Melted>,
     /// True if levels are written without their sign.
     pub(super) negate_levels: bool,
+    /// The way in which times are written.
+    pub(super) times: Times,
     /// The file's columns that nothing reads.
     pub(super) ignored: Vec<String>,
     /// The names of the file's columns.
@@ -38,12 +40,30 @@ pub(super) enum Origin {
     Fixed(String),
     /// From cells of the row of a table beside the file.
     Joined { table: usize, indices: Vec<usize>, source: Source },
+    /// From easting, northing and zone of UTM, each a column's number; the zone may be stated.
+    Utm { metres: [Metres; 2], zone: Zone, is_latitude: bool },
     /// The name of the melted column.
     MeltedName,
     /// The cell of the melted column.
     MeltedValue,
     /// The strongest of the bins from a cell on that lie in a band.
     Bins { low: usize, high: usize, step: usize, from: usize, first: f64, band: Band },
+}
+
+/// A column in metres, its scale and offset.
+#[derive(Clone)]
+pub(super) struct Metres {
+    pub(super) index: usize,
+    pub(super) source: Source,
+}
+
+/// The zone of UTM of a row.
+#[derive(Clone, Copy)]
+pub(super) enum Zone {
+    /// In a column.
+    Column(usize),
+    /// The same for all rows.
+    Stated(UtmZone),
 }
 
 /// A column that is added, with its sign.
@@ -193,6 +213,7 @@ impl Plan {
         for (column, value) in fixed {
             origins.insert(*column, Origin::Fixed(value.to_string()));
         }
+        read_utm(&mut origins, mapping, options, table)?;
         let mut rules = Vec::new();
         for keep in &mapping.keep {
             if keep.optional && table.index_of(&keep.column)?.is_none() {
@@ -204,16 +225,23 @@ impl Plan {
         let ignored = ignored(table.header(), &origins, &rules, &melted);
         let names = table.header().to_vec();
         let negate_levels = options.negate_levels;
-        let plan = Self { origins, rules, joined, melted, negate_levels, ignored, names };
+        let times = Times { format: options.time_format, zone: options.time_zone };
+        let plan = Self { origins, rules, joined, melted, negate_levels, times, ignored, names };
         plan.check(table.file(), table.header_line())?;
+        // Seconds of any origin are UTC once an offset is stated.
+        let is_in_utc = plan.has(Column::TimeUtc)
+            || (plan.has(Column::TimeS) && options.clock_offset_s.abs() > 0.0);
         if let Some(rover) = &options.rover
-            && !plan.has(Column::TimeUtc)
+            && !is_in_utc
         {
             return Err(RecordingError::Incomplete {
                 file: table.file().to_owned(),
                 line: table.header_line(),
                 column: format!("the track {}", rover.file()),
-                needs: Column::TimeUtc.name().to_owned(),
+                needs:
+                    "time_utc (or time_s and --clock-offset-s with the time in UTC at which its \
+                        clock showed 0)"
+                        .to_owned(),
             });
         }
         Ok(plan)
@@ -232,6 +260,9 @@ impl Plan {
                 | Origin::Sum { source, .. }
                 | Origin::Joined { source, .. },
             ) => Cow::Owned(source.label()),
+            Some(Origin::Utm { metres: [east, north], .. }) => {
+                Cow::Owned(format!("{} and {}", east.source.label(), north.source.label()))
+            }
             _ => Cow::Borrowed(column.name()),
         }
     }
@@ -291,6 +322,36 @@ impl Plan {
     }
 }
 
+/// Makes degrees of metres whose zone of UTM is known.
+fn read_utm(
+    origins: &mut BTreeMap<Column, Origin>,
+    mapping: &Mapping,
+    options: &ReadOptions,
+    table: &Table<'_>,
+) -> Result<(), RecordingError> {
+    let stated = options.utm_zone.map(Zone::Stated);
+    let zone = match (stated, &mapping.utm_zone) {
+        (Some(zone), _) => zone,
+        (None, Some(column)) => Zone::Column(table.require_one(column, &mapping.name)?),
+        (None, None) => return Ok(()),
+    };
+    let metres = [Column::EastM, Column::NorthM].map(|column| match origins.get(&column) {
+        Some(Origin::Cells { indices, source }) => match indices.as_slice() {
+            [index] => Some(Metres { index: *index, source: source.clone() }),
+            _ => None,
+        },
+        _ => None,
+    });
+    let [Some(east), Some(north)] = metres else { return Ok(()) };
+    origins.remove(&Column::EastM);
+    origins.remove(&Column::NorthM);
+    for (column, is_latitude) in [(Column::LatDeg, true), (Column::LonDeg, false)] {
+        let metres = [east.clone(), north.clone()];
+        origins.insert(column, Origin::Utm { metres, zone, is_latitude });
+    }
+    Ok(())
+}
+
 fn ignored(
     header: &[String],
     origins: &BTreeMap<Column, Origin>,
@@ -302,6 +363,10 @@ fn ignored(
             Origin::Cells { indices, .. } => indices.clone(),
             Origin::Sum { terms, .. } => terms.iter().map(|term| term.index).collect(),
             Origin::Bins { low, high, step, .. } => vec![*low, *high, *step],
+            Origin::Utm { metres: [east, north], zone, .. } => {
+                let zone = if let Zone::Column(index) = zone { Some(*index) } else { None };
+                [east.index, north.index].into_iter().chain(zone).collect()
+            }
             _ => Vec::new(),
         });
         let rules = rules.iter().map(|rule| rule.index);
@@ -309,7 +374,8 @@ fn ignored(
         cells.chain(rules).chain(melted).any(|index| index == wanted)
     };
     let unread = header.iter().enumerate().filter(|(index, _)| !read(*index));
-    unread.map(|(_, name)| name.clone()).collect()
+    // A column that was named `-` is not to be read.
+    unread.filter(|(_, name)| *name != "-").map(|(_, name)| name.clone()).collect()
 }
 
 fn label(keep: &Keep) -> String {

@@ -14,23 +14,29 @@ use nalgebra::Vector3;
 
 use super::{
     Backwards, Column, Dropped, FieldProblem, ReadOptions, Record, Recording, RecordingError,
-    Rover,
+    Rover, TimeFormat,
     beside::Joined,
     ceiling::find_ceilings,
+    content,
+    dates::{Order, order},
     decompress::decompressed,
     exclusion::{Cause, Exclusions},
     formats,
+    json::Json,
     parse::LeftOut,
     plain,
-    plan::{Melted, Plan},
+    plan::{Melted, Origin, Plan},
     reachable::{Jump, jumps, out_of_time},
     row::Reader,
-    table::{Row, Table},
+    table::{Row, Table, shown, spaces_as_tabs},
     utc::utc,
 };
 
 /// The path of standard input.
 const STANDARD_INPUT: &str = "-";
+
+/// Rows in which the first cell of a column is looked for.
+const FIRST_ROWS: usize = 100;
 
 /// No receiver measures more than this, in dBm; near a transmitter it may be 0 to 20.
 const MOST_DBM: f64 = 20.0;
@@ -113,8 +119,13 @@ impl Recording {
         folder: Option<&Path>,
         options: &ReadOptions,
     ) -> Result<Self, RecordingError> {
-        let bytes = decompressed(bytes, name)?;
-        let file = File { bytes: &bytes, name, folder };
+        let mut bytes = decompressed(bytes, name)?;
+        content::check(&bytes, name)?;
+        if let Some(tabs) = spaces_as_tabs(&bytes, options.columns.len()) {
+            bytes = Cow::Owned(tabs);
+        }
+        let json = Json::read(&bytes, name)?;
+        let file = File { bytes: &bytes, json, name, folder };
         let astray = Cell::new(None);
         let read = file.read(options, &astray);
         if options.strict || options.frame.is_some() || options.rover.is_some() {
@@ -137,6 +148,8 @@ impl Recording {
 /// The text of a file, and where it lies.
 struct File<'f> {
     bytes: &'f [u8],
+    /// Its rows, if it is a file of JSON.
+    json: Option<Json>,
     name: &'f str,
     folder: Option<&'f Path>,
 }
@@ -149,13 +162,88 @@ struct Read {
 }
 
 impl File<'_> {
-    /// A cell of the first row of a file whose format is to be recognised.
-    fn first_cell(&self, column: &str) -> Option<String> {
-        let table = Table::open_fitting(self.name, self.bytes, None, formats::is_known);
-        let mut table = table.ok()?;
+    /// Opens the table: its header is the one that fits the format, or is stated.
+    fn table(&self, options: &ReadOptions) -> Result<Table<'_>, RecordingError> {
+        let name = self.name;
+        let bytes = self.bytes;
+        if let Some(json) = &self.json {
+            return Ok(Table::open_json(name, json));
+        }
+        let format = options.format.as_ref();
+        let separator = format.and_then(|mapping| mapping.separator);
+        if !options.columns.is_empty() {
+            return Ok(Table::open_named(name, bytes, separator, &options.columns));
+        }
+        let known = || {
+            let first = Table::open(name, bytes, separator, &[]).ok()?;
+            formats::headerless(first.header())
+        };
+        let names = match format {
+            Some(mapping) => mapping.names.as_slice(),
+            None => known().map_or(&[][..], |mapping| mapping.names.as_slice()),
+        };
+        if !names.is_empty() {
+            return Table::open(name, bytes, separator, names);
+        }
+        Table::open_fitting(name, bytes, separator, |header| match format {
+            Some(mapping) => mapping.fits(header),
+            None => formats::is_known(header, options),
+        })
+    }
+
+    /// The first cell of a column that is not empty, in a file whose format is to be recognised.
+    fn first_cell(&self, options: &ReadOptions, column: &str) -> Option<String> {
+        let mut table = self.table(options).ok()?;
         let index = table.index_of(column).ok()??;
-        let row = table.next().ok()??;
-        Some(row.cell(index).to_owned())
+        for _ in 0..FIRST_ROWS {
+            // A row that cannot be read has no cell.
+            let Ok(row) = table.next() else { continue };
+            let cell = row?.cell(index).to_owned();
+            if !cell.is_empty() {
+                return Some(cell);
+            }
+        }
+        None
+    }
+
+    /// The order of day and month by the first row that shows it; `None` if no row needs one.
+    fn time_format(
+        &self,
+        options: &ReadOptions,
+        plan: &Plan,
+    ) -> Result<Option<TimeFormat>, RecordingError> {
+        let Some(Origin::Cells { indices, source }) = plan.origins.get(&Column::TimeUtc) else {
+            return Ok(None);
+        };
+        let mut table = self.table(options)?;
+        let mut open = None;
+        let mut clear = 0;
+        loop {
+            let row = match table.next() {
+                Ok(None) => break,
+                Ok(Some(row)) => row,
+                Err(_) => continue,
+            };
+            let Some(text) = row.joined(indices, &source.between) else { continue };
+            match order(&text) {
+                Order::Shown(format) => return Ok(Some(format)),
+                Order::Open => {
+                    open.get_or_insert_with(|| (row.line(), shown(&text)));
+                }
+                Order::Clear => clear += 1,
+            }
+            if open.is_none() && clear > FIRST_ROWS {
+                break;
+            }
+        }
+        let Some((line, value)) = open else { return Ok(None) };
+        Err(RecordingError::AmbiguousTime {
+            file: self.name.to_owned(),
+            line,
+            column: source.label(),
+            value,
+            readings: &[["dmy", "day, month, year"], ["mdy", "month, day, year"]],
+        })
     }
 
     fn read(
@@ -164,22 +252,12 @@ impl File<'_> {
         astray: &Cell<Option<Geodetic>>,
     ) -> Result<Read, RecordingError> {
         let name = self.name;
-        let separator = options.format.as_ref().and_then(|mapping| mapping.separator);
-        let names = options.format.as_ref().map_or(&[][..], |mapping| mapping.names.as_slice());
-        let mut table = if names.is_empty() {
-            let fits = |header: &[String]| match &options.format {
-                Some(mapping) => mapping.fits(header),
-                None => formats::is_known(header),
-            };
-            Table::open_fitting(name, self.bytes, separator, fits)?
-        } else {
-            Table::open(name, self.bytes, separator, names)?
-        };
+        let mut table = self.table(options)?;
         let mapping = match &options.format {
             Some(mapping) => Cow::Borrowed(mapping),
             None => {
-                let first = |column: &str| self.first_cell(column);
-                formats::recognise(name, table.header_line(), table.header(), first)?
+                let first = |column: &str| self.first_cell(options, column);
+                formats::recognise(&table, options, first)?
             }
         };
         let mapping = mapping.as_ref();
@@ -191,7 +269,11 @@ impl File<'_> {
             };
             joined.extend(Joined::read(beside, &mapping.name, name, self.folder, given)?);
         }
-        let plan = Plan::new(mapping, options, joined, &table)?;
+        let mut plan = Plan::new(mapping, options, joined, &table)?;
+        if plan.times.format.is_none() {
+            plan.times.format = self.time_format(options, &plan)?;
+        }
+        let plan = plan;
 
         let rules = plan.rules.iter().map(|rule| rule.label.as_str());
         let rover = options.rover.as_ref();
@@ -210,6 +292,17 @@ impl File<'_> {
         let mut records = Vec::new();
         let mut exclusions = Exclusions::default();
         let mut copies = Copies::default();
+        // Times that are not on the track.
+        let mut off_track: Option<[f64; 2]> = None;
+        for (line, problem) in self.json.iter().flat_map(|json| &json.broken) {
+            rows += 1;
+            let error = RecordingError::NotJson {
+                file: name.to_owned(),
+                line: *line,
+                problem: problem.clone(),
+            };
+            leave_out(&mut exclusions, error, options, name)?;
+        }
         loop {
             let row = match table.next() {
                 Ok(None) => break,
@@ -237,6 +330,11 @@ impl File<'_> {
                     Ok(Err(LeftOut(rule))) => {
                         if let Some(dropped) = dropped.get_mut(rule) {
                             dropped.rows += 1;
+                            let time = rover.and_then(|_| reader.time().ok().flatten());
+                            if let Some(time) = time.filter(|_| dropped.rule == located) {
+                                let [from, to] = off_track.unwrap_or([time; 2]);
+                                off_track = Some([from.min(time), to.max(time)]);
+                            }
                             if dropped.rule == NOT_LOCATED {
                                 exclusions.note(Cause::NoPlace, row.line(), "has no place");
                             }
@@ -288,6 +386,14 @@ impl File<'_> {
             dropped.rows > 0 || (dropped.rule != NOT_MEASURED && dropped.rule != located)
         });
         let Some(first) = records.first() else {
+            if let (Some((rover, offset_s)), Some(times)) = (rover, off_track) {
+                return Err(RecordingError::NoCommonTime {
+                    file: name.to_owned(),
+                    times: times.map(|time| time + offset_s),
+                    track: rover.file().to_owned(),
+                    track_times: rover.times(),
+                });
+            }
             let lines = dropped.iter().map(|d| format!("; {} lack {}", d.rows, d.rule));
             return Err(RecordingError::NothingKept {
                 file: name.to_owned(),
@@ -308,10 +414,12 @@ impl File<'_> {
         let better_origin = if origin_is_kept { None } else { first_place() };
         let mut remarks = exclusions.remarks(name, rows);
         if mapping.name == plain::PLAIN && options.format.is_none() {
-            let text = format!(
-                "{name}: no format has such a header; its columns are read by their names: {}",
-                plain::described(mapping)
-            );
+            let how = if options.columns.is_empty() {
+                "no format has such a header; its columns are read by their names"
+            } else {
+                "its columns are read by the names that were given"
+            };
+            let text = format!("{name}: {how}: {}", plain::described(mapping));
             remarks.push(Remark::new("columns-by-name", text));
         }
         if table.preamble() > 0 {
@@ -396,9 +504,9 @@ fn leave_out(
         RecordingError::Field { problem: FieldProblem::NoPlace | FieldProblem::NoDate, .. } => None,
         // A cell of a table beside the file is wrong for many rows.
         RecordingError::Field { file, line, .. } if file == name => Some(*line),
-        RecordingError::FieldCount { line, .. } | RecordingError::NotUtf8 { line, .. } => {
-            Some(*line)
-        }
+        RecordingError::FieldCount { line, .. }
+        | RecordingError::NotUtf8 { line, .. }
+        | RecordingError::NotJson { line, .. } => Some(*line),
         _ => None,
     };
     match line.filter(|_| !options.strict) {
@@ -473,7 +581,7 @@ fn leave_out_jumps(
 
 /// The place on Earth of a receiver whose height is not that of the frame: far from the origin the
 /// ground is below the frame's plane.
-fn on_ground(frame: &LocalFrame, position: Vector3<f64>) -> Geodetic {
+pub(super) fn on_ground(frame: &LocalFrame, position: Vector3<f64>) -> Geodetic {
     let mut up = 0.0;
     let mut place = frame.to_geodetic(&position.xy().push(up));
     // Each step leaves some 1/1000 of the error at 200 km.

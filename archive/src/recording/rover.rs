@@ -7,17 +7,24 @@ use quick_xml::{
 };
 
 use super::{
-    FieldProblem, RecordingError,
+    Column, FieldProblem, ReadOptions, Record, Recording, RecordingError,
     decompress::decompressed,
+    flight_log::{Fix, Kind},
+    read::on_ground,
     utc::{utc, utc_seconds},
 };
+
+/// Bytes in which the first element of a GPX file is looked for.
+const LOOKED_AT: usize = 1024;
 
 /// Two points of a track farther apart in seconds are not joined: the receiver may have been
 /// anywhere between them.
 const LONGEST_GAP_S: f64 = 30.0;
 
 /// Where a receiver was at what time: the track of a GPX file (Topografix, GPX 1.1, 2004), as
-/// navigators and loggers write it. Points without a time are not used.
+/// navigators and loggers write it, or the path in an autopilot's log: `ArduPilot`'s dataflash
+/// (`.bin`, `.log`), PX4's (`.ulg`) or MAVLink's (`.tlog`), or a table with times in UTC and places.
+/// Points without a time are not used.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rover {
     file: Arc<str>,
@@ -38,12 +45,13 @@ struct Point {
 }
 
 impl Rover {
-    /// Reads a GPX file, compressed with gzip or not.
+    /// Reads a GPX file, compressed with gzip or not, an autopilot's log, or a table.
     ///
     /// # Errors
     ///
     /// [`RecordingError`] names the file, and the line, field and value of a point that is none:
-    /// out of range, at 0, 0, or earlier than the one before.
+    /// out of range, at 0, 0, or earlier than the one before; of a log without places in UTC the
+    /// reason.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, RecordingError> {
         let file = path.as_ref().display().to_string();
         let wrong = |source| RecordingError::Read { file: file.clone(), source };
@@ -51,15 +59,77 @@ impl Rover {
         Self::parse(&decompressed(&bytes, &file)?, &file)
     }
 
-    /// A track from GPX; `file` is what errors call it.
+    /// Returns true for bytes that [`Self::parse`] reads: a GPX file or an autopilot's log.
+    #[must_use]
+    pub fn is_track(bytes: &[u8]) -> bool {
+        let begin = bytes.get(..LOOKED_AT).unwrap_or(bytes);
+        let is_xml = begin.starts_with(b"<") || begin.starts_with(b"\xef\xbb\xbf<");
+        let is_gpx = is_xml && begin.windows(4).any(|word| word == b"<gpx");
+        is_gpx || Kind::of(bytes).is_some()
+    }
+
+    /// Reads a track from GPX, an autopilot's log or a table; `file` is what errors call it.
     ///
     /// # Errors
     ///
     /// As [`Self::read`].
     pub fn parse(gpx: &[u8], file: &str) -> Result<Self, RecordingError> {
+        if let Some(kind) = Kind::of(gpx) {
+            return Self::of_log(kind, gpx, file);
+        }
+        // GPX is XML, perhaps behind spaces or a byte order mark; a table is neither that nor empty.
+        let begin = gpx.strip_prefix(b"\xef\xbb\xbf").unwrap_or(gpx);
+        let first = begin.iter().find(|byte| !byte.is_ascii_whitespace());
+        if first.is_some_and(|byte| *byte != b'<') {
+            return Self::of_table(gpx, file);
+        }
         let mut track = Track { file, gpx, points: Vec::new(), starts: true };
         track.read()?;
         let Track { points, .. } = track;
+        let (Some(&first), Some(&last)) = (points.first(), points.last()) else {
+            return Err(RecordingError::NoTrack { file: file.to_owned() });
+        };
+        Ok(Self { file: file.into(), points: points.into(), first, last })
+    }
+
+    /// A table is a recording whose level is the same everywhere.
+    fn of_table(bytes: &[u8], file: &str) -> Result<Self, RecordingError> {
+        let options = ReadOptions::default().with_constant(Column::RssDb, 0.0);
+        let recording = Recording::from_reader(bytes, file, &options)?;
+        let no_path = |problem: &str| RecordingError::NoPath {
+            file: file.to_owned(),
+            what: "a table",
+            problem: problem.to_owned(),
+        };
+        if !recording.is_in_utc() {
+            return Err(no_path("its times are not in UTC: a path needs dates, or time_utc"));
+        }
+        let in_degrees = recording.frame.filter(|_| recording.in_degrees);
+        let frame = in_degrees.ok_or_else(|| no_path("its places are not in degrees"))?;
+        let has_height = recording.records().iter().filter_map(|record| record.receiver);
+        let has_height = has_height.clone().any(|pose| pose.position.z.abs() > 0.0);
+        let fix = |record: &Record| {
+            let position = record.receiver?.position;
+            let place = match has_height {
+                true => frame.to_geodetic(&position),
+                false => on_ground(&frame, position),
+            };
+            Some(Fix { time: record.time?, place })
+        };
+        let mut fixes: Vec<Fix> = recording.records().iter().filter_map(fix).collect();
+        fixes.sort_by(|a, b| a.time.total_cmp(&b.time));
+        Self::of_fixes(fixes, file)
+    }
+
+    fn of_log(kind: Kind, bytes: &[u8], file: &str) -> Result<Self, RecordingError> {
+        let no_path =
+            |problem| RecordingError::NoPath { file: file.to_owned(), what: kind.name(), problem };
+        Self::of_fixes(kind.fixes(bytes).map_err(no_path)?, file)
+    }
+
+    fn of_fixes(fixes: Vec<Fix>, file: &str) -> Result<Self, RecordingError> {
+        let point = |fix: Fix| Point { time: fix.time, place: fix.place, joined: true };
+        let points: Vec<Point> = fixes.into_iter().map(point).collect();
         let (Some(&first), Some(&last)) = (points.first(), points.last()) else {
             return Err(RecordingError::NoTrack { file: file.to_owned() });
         };
@@ -76,6 +146,11 @@ impl Rover {
     pub(super) fn label(&self) -> String {
         let [from, to] = [self.first, self.last].map(|end| utc(end.time));
         format!("on the track {}, from {from} to {to} UTC", self.file)
+    }
+
+    /// The first and the last time, in seconds since 1970.
+    pub(super) fn times(&self) -> [f64; 2] {
+        [self.first.time, self.last.time]
     }
 
     /// Where the track begins.

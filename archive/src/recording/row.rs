@@ -3,11 +3,12 @@ use std::{borrow::Cow, cell::Cell};
 use foxhunt_wire::geodesy::Geodetic;
 
 use super::{
-    Band, Column, FieldProblem, North, RecordingError, Rover, Source, Value,
+    Band, Column, FieldProblem, North, RecordingError, Rover, Source, UtmZone, Value,
     column::Kind,
-    plan::{Melted, Origin, Plan, Rule, Term},
+    coordinate::degrees,
+    dates::clock_seconds,
+    plan::{Melted, Metres, Origin, Plan, Rule, Term, Zone},
     table::Row,
-    utc::utc_seconds,
 };
 
 /// One row, read by a plan.
@@ -86,6 +87,10 @@ impl Reader<'_> {
                 let label = self.melted.map_or("", |melted| &melted.column);
                 self.row.wrong(label, cell, problem)
             }
+            Some(Origin::Utm { metres: [east, north], .. }) => {
+                let cells = [east, north].map(|of| self.row.cell(of.index)).join(", ");
+                self.row.wrong(&label, &cells, problem)
+            }
             Some(Origin::Bins { .. }) | None => self.row.wrong(&label, "", problem),
         }
     }
@@ -127,6 +132,12 @@ impl Reader<'_> {
                 Some(row) => row.value(indices, source),
                 None => Ok(None),
             },
+            Some(Origin::Utm { metres, zone, is_latitude }) => {
+                let degrees = self.utm_degrees(metres, *zone)?;
+                let [lat, lon] = degrees.map_or([None; 2], |degrees| degrees.map(Some));
+                let degree = if *is_latitude { lat } else { lon };
+                Ok(degree.map(|degree| Cow::Owned(degree.to_string())))
+            }
             Some(Origin::MeltedName) => {
                 Ok(self.melted.map(|melted| Cow::Borrowed(melted.name.as_str())))
             }
@@ -135,6 +146,44 @@ impl Reader<'_> {
                 Ok(cell.filter(|cell| !cell.is_empty()).map(Cow::Borrowed))
             }
         }
+    }
+
+    /// Latitude and longitude of a place in UTM; `None` if both of its numbers are missing.
+    fn utm_degrees(
+        &self,
+        metres: &[Metres; 2],
+        zone: Zone,
+    ) -> Result<Option<[f64; 2]>, RecordingError> {
+        /// Bounds of an easting and a northing within a zone.
+        const BOUNDS: [(f64, f64); 2] = [(0.0, 1e6), (0.0, 1e7)];
+        let mut numbers = [None; 2];
+        for ((number, of), (min, max)) in numbers.iter_mut().zip(metres).zip(BOUNDS) {
+            let Some(text) = self.row.value(&[of.index], &of.source)? else { continue };
+            let wrong = |problem| self.row.wrong(&of.source.label(), &text, problem);
+            let raw = self.row.parse(&text).ok_or_else(|| wrong(FieldProblem::NotANumber))?;
+            let value = raw * of.source.scale + of.source.offset;
+            if !(min..=max).contains(&value) {
+                return Err(wrong(FieldProblem::OutOfRange { min, max }));
+            }
+            *number = Some(value);
+        }
+        let missing = |of: &Metres| self.row.wrong(&of.source.label(), "", FieldProblem::Missing);
+        let [east_m, north_m] = match (numbers, metres) {
+            ([Some(east), Some(north)], _) => [east, north],
+            ([None, None], _) => return Ok(None),
+            ([None, _], [east, _]) => return Err(missing(east)),
+            (_, [_, north]) => return Err(missing(north)),
+        };
+        let zone = match zone {
+            Zone::Stated(zone) => zone,
+            Zone::Column(index) => {
+                let cell = self.row.cell(index);
+                let label = self.plan.names.get(index).map_or("", String::as_str);
+                cell.parse::<UtmZone>()
+                    .map_err(|why| self.row.wrong(label, cell, FieldProblem::NotAZone(why)))?
+            }
+        };
+        Ok(Some(zone.degrees(east_m, north_m)))
     }
 
     /// The sum of cells; `None` if all are missing.
@@ -178,8 +227,10 @@ impl Reader<'_> {
     /// A number within the column's bounds.
     pub(super) fn number(&self, column: Column) -> Result<Option<f64>, RecordingError> {
         let Some(text) = self.text(column)? else { return Ok(None) };
-        let raw = self.row.parse(&text);
-        let raw = raw.ok_or_else(|| self.wrong(column, FieldProblem::NotANumber))?;
+        let raw = match self.row.parse(&text) {
+            Some(raw) => raw,
+            None => self.written(column, &text).map_err(|problem| self.wrong(column, problem))?,
+        };
         let value = match self.plan.origins.get(&column) {
             Some(
                 Origin::Cells { source, .. }
@@ -204,6 +255,16 @@ impl Reader<'_> {
             }
             Kind::Index(max) => Err(self.wrong(column, FieldProblem::NotWhole { max })),
             Kind::Text => Err(self.wrong(column, FieldProblem::NotANumber)),
+        }
+    }
+
+    /// The number that a text stands for: degrees with minutes or a hemisphere, a time of the day.
+    fn written(&self, column: Column, text: &str) -> Result<f64, FieldProblem> {
+        match column {
+            Column::LatDeg | Column::TruthLatDeg => degrees(text, true),
+            Column::LonDeg | Column::TruthLonDeg => degrees(text, false),
+            Column::TimeS => clock_seconds(text).ok_or(FieldProblem::NotANumber),
+            _ => Err(FieldProblem::NotANumber),
         }
     }
 
@@ -277,8 +338,8 @@ impl Reader<'_> {
                 _ => [1.0, 0.0],
             };
             let number = self.row.parse(&text).map(|number| number * scale + offset);
-            let number = number.filter(|seconds| (0.0..1e11).contains(seconds));
-            let seconds = number.or_else(|| utc_seconds(&text));
+            let number = number.and_then(|number| self.plan.times.of_number(number));
+            let seconds = number.or_else(|| self.plan.times.of_text(&text));
             return Ok(Some(
                 seconds.ok_or_else(|| self.wrong(Column::TimeUtc, FieldProblem::NotATime))?,
             ));

@@ -2,7 +2,7 @@ use std::{borrow::Cow, sync::Arc};
 
 use csv::{ByteRecord, StringRecord, Trim};
 
-use super::{FieldProblem, RecordingError, Source, near_miss::near_miss};
+use super::{FieldProblem, RecordingError, Source, json::Json, near_miss::near_miss};
 
 /// Longer cells are cut in messages: an unclosed quote swallows the rest of the file.
 const SHOWN: usize = 60;
@@ -25,6 +25,10 @@ pub(super) struct Table<'b> {
     preamble: u64,
     /// Whether rows may have more cells than there are names.
     open_ended: bool,
+    /// True if rows may have fewer cells than there are names.
+    padded: bool,
+    /// The line of the file in which each line of the table began; empty if they are the same.
+    lines: &'b [u64],
     header: Vec<String>,
     header_line: u64,
     /// Up to which byte the lines are counted, and how many there were.
@@ -58,8 +62,7 @@ impl<'b> Table<'b> {
         separator: Option<char>,
         names: &[String],
     ) -> Result<Self, RecordingError> {
-        let begin = if bytes.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
-        let mut table = Self::begin_at(file, bytes, begin, separator);
+        let mut table = Self::begin_at(file, bytes, mark_end(bytes), separator);
         table.open_ended = !names.is_empty();
         table.header = names.to_vec();
         if table.open_ended {
@@ -67,6 +70,35 @@ impl<'b> Table<'b> {
         }
         table.read_header()?;
         Ok(table)
+    }
+
+    /// Opens a table without a header, whose columns the user has named: rows are as long as the
+    /// names, and what separates the cells is what gives the first row that length.
+    pub(super) fn open_named(
+        file: &str,
+        bytes: &'b [u8],
+        separator: Option<char>,
+        names: &[String],
+    ) -> Self {
+        let begin = mark_end(bytes);
+        let row = first_row(bytes.get(begin..).unwrap_or_default());
+        let fits = |separator: &char| {
+            let count = row.iter().filter(|byte| char::from(**byte) == *separator).count();
+            count + 1 == names.len()
+        };
+        let separator = separator.or_else(|| ['\t', ';', ','].into_iter().find(fits));
+        let mut table = Self::begin_at(file, bytes, begin, separator);
+        table.header = names.to_vec();
+        table
+    }
+
+    /// Opens a table that was made of JSON.
+    pub(super) fn open_json(file: &str, json: &'b Json) -> Self {
+        let mut table = Self::begin_at(file, &json.csv, 0, Some(','));
+        table.header.clone_from(&json.header);
+        table.padded = true;
+        table.lines = &json.lines;
+        table
     }
 
     /// Reads the header, which is the first line that fits: lines of text may come before it, and
@@ -117,6 +149,8 @@ impl<'b> Table<'b> {
             separator,
             preamble: 0,
             open_ended: false,
+            padded: false,
+            lines: &[],
             header: Vec::new(),
             header_line: 1,
             counted: (0, 0),
@@ -207,7 +241,7 @@ impl<'b> Table<'b> {
         let Some((line, cells)) = self.advance()? else { return Ok(None) };
         let named =
             self.header.iter().rposition(|name| !name.is_empty()).map_or(0, |last| last + 1);
-        let is_short = cells.len() < named;
+        let is_short = cells.len() < named && !self.padded;
         let is_long = cells.iter().skip(self.header.len()).any(|cell| !cell.is_empty());
         if is_short || (is_long && !self.open_ended) {
             self.undo_unclosed_quote();
@@ -264,6 +298,8 @@ impl<'b> Table<'b> {
         let start = self.record.position().map_or(0, csv::Position::byte);
         let start = usize::try_from(start).unwrap_or(usize::MAX);
         let line = self.line_at(self.begin.saturating_add(start));
+        let number = usize::try_from(line).unwrap_or(usize::MAX);
+        let line = number.checked_sub(1).and_then(|at| self.lines.get(at)).copied().unwrap_or(line);
         match StringRecord::from_byte_record(self.record.clone()) {
             Ok(cells) => Ok(Some((line, cells))),
             Err(error) => {
@@ -408,7 +444,7 @@ fn reader(bytes: &[u8], separator: u8) -> csv::Reader<&[u8]> {
 /// The lines behind the first one in which a header may be, and comments without their sign.
 fn candidates(bytes: &[u8]) -> Vec<Candidate> {
     let mut lines = Vec::new();
-    let mut begin = if bytes.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
+    let mut begin = mark_end(bytes);
     for number in (1..).take(PREAMBLE_LINES) {
         let Some(rest) = bytes.get(begin..).filter(|rest| !rest.is_empty()) else { break };
         let length = rest.iter().position(|byte| *byte == b'\n').unwrap_or(rest.len());
@@ -426,11 +462,48 @@ fn candidates(bytes: &[u8]) -> Vec<Candidate> {
     lines
 }
 
+/// The first byte behind the byte order mark.
+fn mark_end(bytes: &[u8]) -> usize {
+    if bytes.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 }
+}
+
+/// The first line that is neither empty nor a comment.
+fn first_row(bytes: &[u8]) -> &[u8] {
+    let mut lines = bytes.split(|byte| matches!(byte, b'\n' | b'\r'));
+    lines.find(|line| !line.is_empty() && !line.starts_with(b"#")).unwrap_or_default()
+}
+
+/// A table whose cells are separated by spaces alone, with tabs in place of them; `None` if its
+/// first row has another separator, or more or fewer words than `columns`.
+pub(super) fn spaces_as_tabs(bytes: &[u8], columns: usize) -> Option<Vec<u8>> {
+    let row = first_row(bytes.get(mark_end(bytes)..)?);
+    let has_separator = row.iter().any(|byte| matches!(byte, b'\t' | b';'));
+    let is_word = |word: &&[u8]| !word.is_empty();
+    let words = row.split(|byte| *byte == b' ').filter(is_word).count();
+    // A comma within a row of the right number of words is a decimal one.
+    if has_separator || columns < 2 || words != columns || row.iter().any(|b| *b == b'"') {
+        return None;
+    }
+    if row.split(|byte| *byte == b' ').any(|word| word.ends_with(b",")) {
+        return None;
+    }
+    let mut tabs = Vec::with_capacity(bytes.len());
+    for line in bytes.split_inclusive(|byte| *byte == b'\n') {
+        let mut words = line.split(|byte| *byte == b' ').filter(is_word);
+        tabs.extend(words.next().unwrap_or_default());
+        for word in words {
+            if !matches!(word, b"\n" | b"\r\n") {
+                tabs.push(b'\t');
+            }
+            tabs.extend(word);
+        }
+    }
+    Some(tabs)
+}
+
 /// Which of comma, semicolon and tab the header has most of; a comma where it has none.
 fn most_frequent_separator(bytes: &[u8]) -> u8 {
-    let mut lines = bytes.split(|byte| matches!(byte, b'\n' | b'\r'));
-    let header = lines.find(|line| !line.is_empty() && !line.starts_with(b"#"));
-    let header = header.unwrap_or_default();
+    let header = first_row(bytes);
     let mut counts = [(b'\t', 0_usize), (b';', 0), (b',', 0)];
     let mut quoted = false;
     for byte in header {
@@ -444,7 +517,7 @@ fn most_frequent_separator(bytes: &[u8]) -> u8 {
 }
 
 /// A cell as messages show it.
-fn shown(cell: &str) -> String {
+pub(super) fn shown(cell: &str) -> String {
     let mut shown: String = cell.chars().take(SHOWN).collect();
     if shown.len() < cell.len() {
         shown.push('…');

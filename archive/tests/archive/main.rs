@@ -7,8 +7,10 @@ mod pictures;
 mod recordings {
     mod believed;
     mod errors;
+    mod flight_logs;
     mod generated;
     mod joined;
+    mod json;
     mod quantities;
     mod real;
     mod round_trip;

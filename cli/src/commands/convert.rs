@@ -6,7 +6,7 @@ use std::{
 
 use foxhunt::{
     bag::{self, Converted, Topics, is_bag},
-    recording::{ClockOffset, PoseLog, TimedLevel, utc_seconds, write_recordings},
+    recording::{ClockOffset, PoseLog, TimedLevel, write_recordings},
     signal::{
         Pulse,
         tags::{PulseList, read_pulses},
@@ -14,7 +14,7 @@ use foxhunt::{
 };
 use serde::Serialize;
 
-use super::recorded::Reading;
+use super::recorded::{Reading, offset};
 use crate::{
     context::Context,
     error::{CliError, InFile},
@@ -84,11 +84,6 @@ struct Posing {
     /// The levels of the pulses are in dBm, not in dB of full scale
     #[arg(long, requires = "poses")]
     calibrated: bool,
-}
-
-fn offset(text: &str) -> Result<f64, &'static str> {
-    let seconds = text.parse().ok().filter(|number: &f64| number.is_finite());
-    seconds.or_else(|| utc_seconds(text)).ok_or("neither a number nor a time in UTC")
 }
 
 /// A topic with levels, as the command line has it.

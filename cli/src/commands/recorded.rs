@@ -1,12 +1,20 @@
 //! What the subcommands that read recordings have in common.
 
-use std::{path::PathBuf, str::FromStr};
+use std::{
+    fs::File,
+    io::Read as _,
+    path::{Path, PathBuf},
+    str::FromStr,
+};
 
 use clap::value_parser;
 use foxhunt::{
     geodesy::{Geodetic, LocalFrame},
     recorded::{RecordedError, Selection, only_beacon},
-    recording::{Band, Column, Mapping, North, ReadOptions, Recording, Rover, utc_seconds},
+    recording::{
+        Band, Column, Mapping, North, ReadOptions, Recording, Rover, TimeFormat, TimeZone, UtmZone,
+        utc_seconds,
+    },
 };
 
 use crate::{
@@ -21,9 +29,25 @@ pub(crate) struct Reading {
     /// mapping; recognised by the file's header unless given
     #[arg(long, value_name = "NAME|FILE")]
     format: Option<String>,
+    /// The names of the columns of a table without a header, from the first on, separated by
+    /// commas; `-` for a column that is not to be read. Common names will do, such as
+    /// lat,lon,bearing
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    columns: Vec<String>,
     /// The beacon, where the recording holds several
     #[arg(long, value_name = "NAME")]
     beacon: Option<String>,
+    /// Format of times whose cells leave it open: 3/4/2026 is in April (`dmy`) or in
+    /// March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
+    #[arg(long, value_name = "dmy|mdy|ymd|excel|seconds")]
+    time_format: Option<TimeFormat>,
+    /// The offset from UTC of dates that state none, such as +02:00 [default: UTC]
+    #[arg(long, value_name = "OFFSET", allow_hyphen_values = true)]
+    tz: Option<TimeZone>,
+    /// The zone of UTM of places in metres, with its band or hemisphere, such as 33U or "33 north";
+    /// they are then read as degrees
+    #[arg(long, value_name = "ZONE")]
+    utm_zone: Option<UtmZone>,
     /// Refuse a file for its first row that cannot be believed, instead of leaving such rows out:
     /// an unreadable cell, no fix, a place that jumps, a clock that runs back, a copy
     #[arg(long)]
@@ -50,17 +74,20 @@ pub(crate) struct Reading {
     /// is higher; found by itself where the highest level repeats
     #[arg(long, value_name = "DBM", allow_hyphen_values = true)]
     ceiling_dbm: Option<f64>,
-    /// Where the receiver was at what time: a GPX file, instead of the recording's own places
-    #[arg(long, value_name = "GPX")]
+    /// The receiver's path, instead of the recording's own places: a GPX file or an
+    /// autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), which may be among the
+    /// recordings instead, or a table with dates and places
+    #[arg(long, value_name = "FILE")]
     rover: Option<PathBuf>,
-    /// What is added to the recording's times, in seconds, to make them UTC for --rover:
-    /// `rtl_power` and `hackrf_sweep` write the computer's local time
+    /// Seconds added to the recording's times to make them UTC for the receiver's path:
+    /// `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at which
+    /// the recording's clock showed 0
     #[arg(
         long,
-        value_name = "S",
-        default_value_t = 0.0,
+        value_name = "S|UTC",
+        default_value = "0",
         allow_hyphen_values = true,
-        requires = "rover"
+        value_parser = offset
     )]
     clock_offset_s: f64,
     /// The beacon's frequency in hertz, for recordings of power over frequency
@@ -70,6 +97,12 @@ pub(crate) struct Reading {
     /// given
     #[arg(long, value_name = "HZ", default_value_t = 0.0, requires = "frequency_hz")]
     bandwidth_hz: f64,
+}
+
+/// Seconds, or a time in UTC as seconds since 1970.
+pub(super) fn offset(text: &str) -> Result<f64, &'static str> {
+    let seconds = text.parse().ok().filter(|number: &f64| number.is_finite());
+    seconds.or_else(|| utc_seconds(text)).ok_or("neither a number nor a time in UTC")
 }
 
 /// A day, as the command line has it: its first second, since 1970.
@@ -126,16 +159,27 @@ impl LatLon {
 }
 
 impl Reading {
-    fn options(&self) -> Result<ReadOptions, CliError> {
+    /// Options of the reading; `rover` is the path of the receiver.
+    fn options(&self, rover: Option<&Path>) -> Result<ReadOptions, CliError> {
         let (north, date_s) = (self.north, self.date.map(|Day(first_s)| first_s));
         let mut options = ReadOptions { north, date_s, ..ReadOptions::default() }
+            .with_columns(self.columns.iter().map(|name| name.trim()))
             .with_strict(self.strict)
             .with_negated_levels(self.negate_levels);
+        if let Some(format) = self.time_format {
+            options = options.with_time_format(format);
+        }
+        if let Some(zone) = self.utm_zone {
+            options = options.with_utm_zone(zone);
+        }
+        if let Some(zone) = self.tz {
+            options = options.with_time_zone(zone);
+        }
         if let Some(format) = &self.format {
             options = options.with_format(Mapping::find(format).map_err(CliError::input)?);
         }
-        if let Some(gpx) = &self.rover {
-            let rover = Rover::read(gpx).map_err(CliError::input)?;
+        if let Some(path) = rover {
+            let rover = Rover::read(path).map_err(CliError::input)?;
             options = options.with_rover(rover, self.clock_offset_s).map_err(CliError::input)?;
         }
         if let Some(frequency_hz) = self.frequency_hz {
@@ -153,8 +197,15 @@ impl Reading {
 
     /// Reads recordings into one frame, and prints on standard error what was left out.
     pub(super) fn read(&self, files: &[PathBuf]) -> Result<Vec<Recording>, CliError> {
-        let options = self.options()?;
-        let recordings = Recording::read_all(files, &options).map_err(CliError::input)?;
+        let (tracks, recordings) = self.tracks(files)?;
+        let options = self.options(self.rover.as_deref().or(tracks.first().copied()))?;
+        if self.rover.is_none() && tracks.is_empty() && self.clock_offset_s.abs() > 0.0 {
+            return Err(CliError::input(
+                "--clock-offset-s is of use for a recording beside its receiver's path alone \
+                 (--rover FILE)",
+            ));
+        }
+        let recordings = Recording::read_all(recordings, &options).map_err(CliError::input)?;
         for recording in &recordings {
             narrate(recording);
         }
@@ -164,6 +215,28 @@ impl Reading {
             ));
         }
         Ok(recordings)
+    }
+
+    /// The files that are paths of a receiver, at most one, and the recordings.
+    fn tracks<'f>(&self, files: &'f [PathBuf]) -> Result<(Vec<&'f Path>, Vec<&'f Path>), CliError> {
+        let files = files.iter().map(PathBuf::as_path);
+        // One file alone is a recording, or is refused as one.
+        if files.len() < 2 || self.rover.is_some() {
+            return Ok((Vec::new(), files.collect()));
+        }
+        let (tracks, recordings): (Vec<_>, Vec<_>) = files.partition(|file| is_track(file));
+        if let [first, second, ..] = tracks.as_slice() {
+            return Err(CliError::input(format!(
+                "{} and {} are both paths of a receiver; give each recording with its own path: \
+                 foxhunt convert LEVELS PATH OUT.csv, then foxhunt locate OUT.csv ...",
+                first.display(),
+                second.display()
+            )));
+        }
+        if let [track] = tracks.as_slice() {
+            warn(&format!("{}: the receiver's path", track.display()));
+        }
+        Ok((tracks, recordings))
     }
 
     /// The beacon of the command line.
@@ -176,6 +249,14 @@ impl Reading {
         let selection = self.beacon.clone().map_or(Selection::Only, Selection::Named);
         only_beacon(recordings, &selection).map_err(|error: RecordedError| CliError::input(error))
     }
+}
+
+/// Returns true for a file that holds the path of a receiver; false for one that cannot be read,
+/// which is for the reader to say.
+fn is_track(file: &Path) -> bool {
+    let mut begin = Vec::new();
+    let read = File::open(file).and_then(|file| file.take(4096).read_to_end(&mut begin));
+    read.is_ok() && Rover::is_track(&begin)
 }
 
 /// Prints how a recording was read.

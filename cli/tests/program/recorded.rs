@@ -698,3 +698,41 @@ fn a_transmitter_behind_a_ridge_is_located_over_terrain() {
     foxhunt(["locate", &ellipsoid, "--terrain", &tiles])
         .failed(2, &["alt_m", "--up-from take-off"]);
 }
+
+#[test]
+fn three_lines_without_a_header_are_a_fix() {
+    let folder = folder("headerless");
+    let file = write(&folder, "typed.txt", "0 0 45\n100 0 315\n50 100 180\n");
+    let report = foxhunt(["locate", "--json", &file, "--columns", "x,y,bearing"]).json();
+    let near = |index: usize, expected: f64| {
+        let value = report["position_m"][index].as_f64().expect("a number");
+        assert!((value - expected).abs() < 1.0, "{report}");
+    };
+    near(0, 50.0);
+    near(1, 50.0);
+    let file = write(&folder, "typed.csv", "0,0,45\n100,0,315\n50,100,180\n");
+    let command = format!("foxhunt locate {file} --columns x,y,bearing");
+    foxhunt(["locate", &file]).failed(1, &["no header", "0, 0, 45", &command]);
+}
+
+#[test]
+fn an_autopilots_log_is_the_path_of_the_levels() {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../archive/tests/data/flight-logs");
+    let file = |name: &str| data.join(name).to_str().expect("UTF-8").to_owned();
+    let path = file("flight.bin");
+    let levels = file("levels.csv");
+    let truth = "48.200405,16.370810";
+    let report = foxhunt(["locate", "--json", &path, &levels, "--truth", truth]).json();
+    let joined = report["error_m"].as_f64().expect("a number");
+    assert!(joined < 10.0, "{report}");
+    let own = file("levels-own-clock.csv");
+    let began = ["--clock-offset-s", "2026-06-21T14:02:40Z"];
+    let report =
+        foxhunt(["locate", "--json", &own, &path, "--truth", truth].iter().chain(&began)).json();
+    assert!((report["error_m"].as_f64().expect("a number") - joined).abs() < 0.1, "{report}");
+    foxhunt(["locate", &path, &levels, "--tz", "+02:00"]).failed(1, &["levels.csv", "7198 s"]);
+    foxhunt(["locate", &path]).failed(1, &["an ArduPilot log", "LEVELS.csv"]);
+    let other = file("flight.ulg");
+    foxhunt(["locate", &path, &other, &levels]).failed(1, &["flight.ulg", "both paths"]);
+    foxhunt(["locate", &levels, "--clock-offset-s", "3"]).failed(1, &["--clock-offset-s"]);
+}

@@ -83,6 +83,8 @@ fn broken_rows_are_named() {
     assert_names(long, &["line 3", "6 fields instead of 5", "column 6", "\"7\""]);
     let mut bytes = HEADER.as_bytes().to_vec();
     bytes.extend(b"1,50,14,10,-6\xff\n");
+    assert_names(&bytes, &["line 3", "rss_dbm", "-6\u{ff}", "not a number"]);
+    bytes.extend("# \u{e9}\n".as_bytes());
     assert_names(bytes, &["line 3", "rss_dbm", "-6\u{fffd}", "UTF-8"]);
     // An unclosed quote swallows the file; the message does not.
     let swallowed = format!("{HEADER}\"{}", "1,50,14,10,-60\n".repeat(1_000));

@@ -1,6 +1,6 @@
 //! Tables as people have them: what comes before the header, commas as decimal points, encodings.
 
-use foxhunt_archive::recording::{Mapping, ReadOptions, Recording, RecordingError};
+use foxhunt_archive::recording::{Mapping, ReadOptions, Recording, RecordingError, utc_seconds};
 
 const WIGLE: &str = include_str!("../../data/tables/wigle.csv");
 const DECIMAL_COMMA: &str = include_str!("../../data/tables/decimal-comma.csv");
@@ -251,4 +251,221 @@ fn the_most_natural_tables_are_read_by_their_names() {
     // RSSI without its sign, about a reference that the name states.
     let positive = rows("time,lat,lon,rssi", ["0,50,14,60", "5,50.001,14,63"]);
     assert_eq!(codes(&positive), ["columns-by-name", "positive-levels"]);
+}
+
+fn problem(bytes: impl AsRef<[u8]>) -> String {
+    read(bytes, &ReadOptions::default()).expect_err("it cannot be read").to_string()
+}
+
+fn named(columns: &str) -> ReadOptions {
+    ReadOptions::default().with_columns(columns.split(','))
+}
+
+#[test]
+fn a_table_without_a_header_is_read_by_the_names_that_are_given() {
+    let header = "lat,lon,bearing\n";
+    let rows = "50.0755,14.4378,45\n50.0755,14.4452,315\n50.08,14.44,180\n";
+    let expected = plain(format!("{header}{rows}"));
+    let tabs = rows.replace(',', "\t");
+    let spaces = rows.replace(',', " ");
+    let wide = rows.replace(',', "   ");
+    let commas = rows.replace(',', ";").replace('.', ",");
+    let padded = rows.replace(',', ", ");
+    for text in [rows, &tabs, &spaces, &wide, &commas, &padded] {
+        let recording = read(text, &named("lat,lon,bearing")).expect(text);
+        let bearings = |of: &Recording| of.records().iter().map(|r| r.bearing).collect::<Vec<_>>();
+        assert_eq!(bearings(&recording), bearings(&expected), "{text}");
+        assert_eq!(recording.records()[0].line, 1);
+        assert_eq!(codes(&recording), ["columns-by-name"]);
+    }
+    // A column that is not to be read, names of our own, and the names of a mapping's columns.
+    let skipped = rows.replace(',', ",x,");
+    let recording = read(skipped, &named("lat_deg,-,lon_deg,-,bearing_deg_compass")).expect("rows");
+    assert_eq!((recording.records().len(), recording.ignored_columns()), (3, &[][..]));
+    let mapping = "name = 'n'\ndescription = 'd'\n[columns]\nrss_dbm = 'a'\nrange_m = 'b'\n";
+    let mapping = Mapping::parse(mapping, "n.toml").expect("a mapping");
+    let recording = read("-60,5\n", &named("a,b").with_format(mapping)).expect("a row");
+    assert_eq!(recording.records()[0].rss_dbm, Some(-60.0));
+}
+
+#[test]
+fn a_table_without_a_header_says_which_command_reads_it() {
+    for (rows, row, command) in [
+        (
+            "50.0755,14.4378,45\n50.0755,14.4452,315\n",
+            "50.0755, 14.4378, 45",
+            "foxhunt locate walk.csv --columns lat,lon,bearing",
+        ),
+        (
+            "21.06.2026 14:03;50,0755;14,4378;-71\n",
+            "21.06.2026 14:03, 50,0755, 14,4378, -71",
+            "--columns time,lat,lon,rssi",
+        ),
+        ("\n# typed\n0,100,315\n", "line 3", "--columns x,y,bearing"),
+    ] {
+        let error = problem(rows);
+        for part in ["walk.csv, line", "no header", row, command] {
+            assert!(error.contains(part), "{part}: {error}");
+        }
+        // The command works.
+        let names = command.rsplit(' ').next().expect("names");
+        assert!(read(rows, &named(names)).is_ok(), "{command}");
+    }
+    let error = Recording::from_reader(&b"1,2,3\n"[..], "standard input", &ReadOptions::default());
+    let error = error.expect_err("no header").to_string();
+    assert!(error.contains("locate - --columns"), "{error}");
+    // Too many columns to be named in a command.
+    let error = problem(format!("{}\n", ["1"; 40].join(",")));
+    assert!(error.contains("names = [...]") && !error.contains("--columns"), "{error}");
+    // KrakenSDR's log is known by its row.
+    let kraken = include_str!("../../data/krakensdr.csv");
+    assert_eq!(plain(kraken).format(), "krakensdr");
+    // More or fewer names than cells.
+    for names in ["rss_dbm,range_m", "lat,lon,bearing,sigma"] {
+        let error = read("50.1,14.2,45\n50.2,14.3,46\n", &named(names)).expect_err(names);
+        assert!(error.to_string().contains("3 fields instead of"), "{error}");
+    }
+}
+
+#[test]
+fn what_is_no_table_is_named_without_its_bytes() {
+    for (bytes, what, command) in [
+        (&b"PK\x03\x04\x14\0\x06\0"[..], "spreadsheet", "CSV"),
+        (b"SQLite format 3\0\x10\0", "SQLite", "foxhunt convert walk.csv"),
+        (b"RIFF\x24\xff\xff\x7fWAVE", "samples", "foxhunt pulses walk.csv"),
+        (b"ULog\x01\x12\x35\x01\x7f", "PX4 log", "foxhunt locate walk.csv LEVELS"),
+        (b"\xa3\x95\x80\x80", "ArduPilot log", "foxhunt locate walk.csv LEVELS"),
+        (b"<?xml version=\"1.0\"?><gpx/>", "XML", "foxhunt locate walk.csv LEVELS"),
+        (b"\x01\x02\0\x03\n\x04", "binary", "CSV"),
+    ] {
+        let error = problem(bytes);
+        for part in ["walk.csv: this is", what, command] {
+            assert!(error.contains(part), "{error}");
+        }
+        assert!(error.chars().all(|c| !c.is_control() && c != '\u{fffd}'), "{error:?}");
+    }
+}
+
+/// `date -u -d '2026-06-21 14:03' +%s`
+const SUMMER: f64 = 1_782_050_580.0;
+
+#[test]
+fn times_of_spreadsheets_are_read() {
+    use foxhunt_archive::recording::TimeFormat;
+
+    let times = |text: &str, options: &ReadOptions| {
+        let recording = read(text, options)?;
+        let times = recording.records().iter().filter_map(|record| record.time);
+        Ok::<_, RecordingError>((recording.is_in_utc(), times.collect::<Vec<f64>>()))
+    };
+    let default = ReadOptions::default();
+    for (header, cell) in [
+        ("time", "21.06.2026 14:03"),
+        ("time", "6/21/2026 2:03 PM"),
+        ("time", "2026-06-21T16:03+02:00"),
+        ("time", "1782050580"),
+        ("Date", "46194.585416666669"),
+        ("time_utc", "46194.585416666669"),
+        ("Date;Time", "2026-06-21;14:03"),
+        ("Datum;Uhrzeit", "21.06.26;14:03:00"),
+    ] {
+        let text = format!("{header};x;y;rssi\n{cell};0;0;-60\n");
+        let (in_utc, seconds) = times(&text, &default).expect(cell);
+        assert!(in_utc, "{cell}");
+        assert!(seconds.iter().all(|second| (second - SUMMER).abs() < 1e-3), "{cell}: {seconds:?}");
+    }
+    let clock = times("time;x;y;rssi\n14:03;0;0;-60\n14:05;9;0;-61\n", &default);
+    assert_eq!(clock.expect("clocks"), (false, vec![50_580.0, 50_700.0]));
+    let zone = default.clone().with_time_zone("+02:00".parse().expect("an offset"));
+    let local = times("time;x;y;rssi\n21.06.2026 16:03;0;0;-60\n", &zone);
+    assert_eq!(local.expect("a date"), (true, vec![SUMMER]));
+    // One row shows the order of all; without one it is asked for.
+    let open = "Zeit;x;y;rssi\n3/4/2026 10:00;0;0;-60\n5/4/2026 10:00;9;0;-61\n";
+    let error = times(open, &default).expect_err("3 April, or March 4").to_string();
+    for part in ["walk.csv, line 2, Zeit", "3/4/2026 10:00", "--time-format dmy or mdy"] {
+        assert!(error.contains(part), "{error}");
+    }
+    let april = utc_seconds("2026-04-03 10:00:00").expect("a time");
+    let shown = format!("{open}25/4/2026 10:00;18;0;-62\n");
+    assert_eq!(times(&shown, &default).expect("shown").1[0].to_bits(), april.to_bits());
+    for (format, expected) in
+        [(TimeFormat::Dmy, "2026-04-03 10:00:00"), (TimeFormat::Mdy, "2026-03-04 10:00:00")]
+    {
+        let stated = times(open, &default.clone().with_time_format(format)).expect("stated");
+        assert_eq!(Some(stated.1[0]), utc_seconds(expected));
+    }
+}
+
+#[test]
+fn places_are_read_as_people_write_them() {
+    let expected = plain("lat,lon,rssi\n48.2008333333,16.3725,-60\n48.21,16.38,-61\n");
+    let origin = expected.frame().expect("degrees").origin();
+    for text in [
+        "lat;lon;rssi\n48°12′3″N;16°22′21″E;-60\n48.21;16.38;-61\n",
+        "lat;lon;rssi\nN 48 12.05;E 16 22.35;-60\n48.21;16.38;-61\n",
+        "lat,lon,rssi\n482008333,163725000,-60\n482100000,163800000,-61\n",
+        "Breite;Länge;Pegel\n48,2008333333;16,3725;-60\n48,21;16,38;-61\n",
+    ] {
+        let recording = plain(text);
+        let found = recording.frame().expect("degrees").origin();
+        let off = (found.lat_deg - origin.lat_deg).abs() + (found.lon_deg - origin.lon_deg).abs();
+        assert!(off < 2e-7, "{text}: {found:?}");
+        assert_eq!(recording.records().len(), 2, "{text}");
+    }
+    let wrong = "lat;lon;rssi\n48°12'N;16°22'O;-60\n48°12'E;16.4;-60\n48°12'N;16°22'E;-61\n\
+                 48.21;16.38;-61\n";
+    let recording = plain(wrong);
+    let remark = recording.remarks().iter().find(|remark| remark.code == "rows-left-out");
+    let text = &remark.expect("two rows").text;
+    for part in ["line 2, lon", "East (Ost) or West", "line 3, lat", "hemisphere"] {
+        assert!(text.contains(part), "{text}");
+    }
+}
+
+#[test]
+fn windows_1252_is_read_and_a_damaged_cell_is_one_bad_row() {
+    let text = "Länge;Breite;Pegel;Empfänger\n16,3725;48,2;-60;Süd\n16,38;48,21;-61;Süd\n";
+    let bytes: Vec<u8> = text.chars().map(|c| u8::try_from(u32::from(c)).expect("Latin")).collect();
+    let recording = plain(bytes);
+    assert_eq!(recording.drones(), ["Süd"]);
+    let mut damaged = text.replace("61;Süd", "61;S?").into_bytes();
+    let at = damaged.iter().rposition(|byte| *byte == b'?').expect("a place");
+    damaged[at] = 0xfc;
+    let damaged = plain(damaged);
+    assert_eq!((damaged.drones(), damaged.records().len()), (vec!["Süd"], 1));
+}
+
+#[test]
+fn utm_with_a_zone_is_degrees() {
+    let rows = "601983.2525,5339533.0871,33U,-60\n602083.2525,5339533.0871,33U,-61\n";
+    let metres = rows.replace(",33U", "");
+    let zone = ReadOptions::default().with_utm_zone("33 north".parse().expect("a zone"));
+    let mapping = "name = 'n'\ndescription = 'd'\nutm_zone = 'z'\n[columns]\n\
+                   east_m = { column = 'e', scale = 1000 }\nnorth_m = 'n'\nrss_db = 'l'\n";
+    let mapping = Mapping::parse(mapping, "n.toml").expect("a mapping");
+    let mapped = ReadOptions::default().with_format(mapping);
+    for (text, options) in [
+        (format!("easting,northing,zone,rssi\n{rows}"), &ReadOptions::default()),
+        (format!("easting,northing,rssi\n{metres}"), &zone),
+        (format!("east_m,north_m,rss_db\n{metres}"), &zone),
+        ("e,n,z,l\n601.9832525,5339533.0871,33U,-60\n".to_owned(), &mapped),
+    ] {
+        let recording = read(&text, options).expect(&text);
+        let origin = recording.frame().expect("degrees").origin();
+        let off = (origin.lat_deg - 48.200_833_3).abs() + (origin.lon_deg - 16.3725).abs();
+        assert!(off < 1e-8, "{text}: {origin:?}");
+    }
+    // Without a zone metres stay what they are.
+    let recording = plain(format!("easting,northing,rssi\n{metres}"));
+    assert!(recording.frame().is_none());
+    let header = "easting,northing,zone,rssi";
+    for (row, part) in [
+        ("601983,5339533,33S,-60", "line 2, zone: \"33S\" may be the southern hemisphere"),
+        ("601983,5339533,33,-60", "has no hemisphere"),
+        ("48.2,-5339533,33U,-60", "line 2, northing: \"-5339533\" is not between"),
+        (",5339533,33U,-60", "line 2, easting: \"\" must not be empty"),
+    ] {
+        let error = problem(format!("{header}\n{row}\n"));
+        assert!(error.contains(part), "{error}");
+    }
 }

@@ -1,0 +1,98 @@
+//! Logs of autopilots, as far as they hold where the vehicle was at what time.
+
+mod dataflash;
+mod little_endian;
+mod tlog;
+mod ulog;
+
+use foxhunt_wire::geodesy::Geodetic;
+
+/// Kind of a log, by its first bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// `ArduPilot`'s dataflash log, binary.
+    Dataflash,
+    /// `ArduPilot`'s log as text.
+    DataflashText,
+    /// PX4's log.
+    Ulog,
+    /// MAVLink messages as a ground station received them.
+    Tlog,
+}
+
+/// A place at a time in seconds since 1970.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Fix {
+    pub(super) time: f64,
+    pub(super) place: Geodetic,
+}
+
+/// A place at a time of the vehicle's own clock in seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct OwnFix {
+    own_s: f64,
+    place: Geodetic,
+}
+
+impl Kind {
+    /// The kind of a log; `None` for any other file.
+    pub(super) fn of(bytes: &[u8]) -> Option<Self> {
+        match bytes {
+            [0xa3, 0x95, ..] => Some(Self::Dataflash),
+            [b'F', b'M', b'T', b',', ..] => Some(Self::DataflashText),
+            [b'U', b'L', b'o', b'g', 0x01, 0x12, 0x35, ..] => Some(Self::Ulog),
+            _ => tlog::is_tlog(bytes).then_some(Self::Tlog),
+        }
+    }
+
+    /// The name that messages give to the log.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Dataflash | Self::DataflashText => "an ArduPilot log",
+            Self::Ulog => "a PX4 log",
+            Self::Tlog => "a MAVLink log",
+        }
+    }
+
+    /// Reads the places in the order of time.
+    ///
+    /// # Errors
+    ///
+    /// The reason why there are none, as the end of a sentence that begins with the file.
+    pub(super) fn fixes(self, bytes: &[u8]) -> Result<Vec<Fix>, String> {
+        let mut fixes = match self {
+            Self::Dataflash => dataflash::binary(bytes)?,
+            Self::DataflashText => dataflash::text(bytes)?,
+            Self::Ulog => ulog::fixes(bytes)?,
+            Self::Tlog => tlog::fixes(bytes)?,
+        };
+        fixes.retain(|fix| fix.time.is_finite() && is_place(&fix.place));
+        fixes.sort_by(|a, b| a.time.total_cmp(&b.time));
+        fixes.dedup_by(|next, last| next.time <= last.time);
+        if fixes.is_empty() {
+            return Err("it holds no place; had the vehicle a fix of its GNSS?".to_owned());
+        }
+        Ok(fixes)
+    }
+}
+
+/// Returns true for a place in range that is not the one of a receiver without a fix.
+fn is_place(place: &Geodetic) -> bool {
+    let is_origin = place.lat_deg.abs() < 1e-6 && place.lon_deg.abs() < 1e-6;
+    place.lat_deg.abs() <= 90.0
+        && place.lon_deg.abs() <= 360.0
+        && !is_origin
+        && place.alt_m.is_finite()
+}
+
+/// Fixes of the vehicle's own clock in UTC. `pairs` are times of the own clock and of UTC; their
+/// median offset stands for all, as single ones are late.
+fn in_utc(fixes: &[OwnFix], pairs: &[[f64; 2]]) -> Result<Vec<Fix>, String> {
+    let mut offsets: Vec<f64> = pairs.iter().map(|[own, utc]| utc - own).collect();
+    offsets.sort_by(f64::total_cmp);
+    let Some(offset) = offsets.get(offsets.len() / 2) else {
+        return Err("no message of its GNSS says what time it was in UTC".to_owned());
+    };
+    let fix = |fix: &OwnFix| Fix { time: fix.own_s + offset, place: fix.place };
+    Ok(fixes.iter().map(fix).collect())
+}
