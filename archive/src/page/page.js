@@ -625,31 +625,26 @@ function showDoubts() {
 }
 
 function rowsTable(rows) {
+  const several = data.searches.length > 1, named = rows.some((one) => one.receiver);
   const cells = (one) => [
-    `${one.file}, line ${one.line}`, one.receiver || null, one.kind.replace("-", " "),
+    `${one.file}, line ${one.line}`, several ? one.beacon : null, named ? one.receiver || "" : null, one.kind.replace("-", " "),
     `${one.residual > 0 ? "+" : ""}${fixed(one.residual, 1)}${one.unit === "deg" ? "°" : " " + one.unit}`,
     one.p === undefined ? "–" : one.p < 0.001 ? one.p.toExponential(0) : fixed(one.p, 3), one.left_out ? "left out" : "",
   ];
-  const named = rows.some((one) => one.receiver);
-  const body = rows.map((one) => {
-    const all = cells(one);
-    if (named && all[1] === null) all[1] = "";
-    return row(all, "td");
-  });
-  const head = row(["row", named ? "receiver" : null, "measured", "residual", "p", ""], "th");
+  const head = row(["row", several ? "beacon" : null, named ? "receiver" : null, "measured", "residual", "p", ""], "th");
+  const body = rows.map((one) => row(cells(one), "td"));
   return element("div", { class: "wide" }, element("table", {}, element("thead", {}, head), element("tbody", {}, ...body)));
 }
 
 function showRows() {
-  const parts = [];
-  for (const search of data.searches) {
-    const rows = search.rows || [];
-    if (!rows.length) continue;
-    if (data.searches.length > 1) parts.push(element("h3", {}, search.name));
-    parts.push(rowsTable(rows.slice(0, WORST)));
-    if (rows.length <= WORST) continue;
-    const all = search.of_rows ? `The worst ${rows.length} of ${search.of_rows} measurements` : `All ${rows.length} measurements`;
-    const fold = element("details", {}, element("summary", {}, all));
+  const rows = data.searches.flatMap((search) => (search.rows || []).map((one) => ({ ...one, beacon: search.name })));
+  const p = (one) => one.p ?? Infinity;
+  rows.sort((a, b) => (p(a) < p(b) ? -1 : p(a) > p(b) ? 1 : Math.abs(b.residual) - Math.abs(a.residual)));
+  const parts = rows.length ? [rowsTable(rows.slice(0, WORST))] : [];
+  if (rows.length > WORST) {
+    const total = data.searches.reduce((sum, search) => sum + (search.of_rows || (search.rows || []).length), 0);
+    const text = total > rows.length ? `The worst ${rows.length} of ${total} measurements` : `All ${total} measurements`;
+    const fold = element("details", {}, element("summary", {}, text));
     // Thousands of rows are made when they are wanted.
     fold.addEventListener("toggle", () => {
       if (fold.open && fold.children.length < 2) fold.append(element("div", { class: "all" }, rowsTable(rows)));

@@ -95,10 +95,7 @@ fn remarks_and_the_rows_that_fit_worst_are_in_the_page() {
     assert_eq!(search["rows"][1]["p"], 0.12);
     assert_eq!(search["rows"][1]["residual"], 1.23);
     assert_eq!(search["rows"][1]["kind"], "bearing");
-    assert_eq!(
-        search["remarks"],
-        serde_json::json!([["outlier", "the bearing of a.csv, line 7"]])
-    );
+    assert_eq!(search["remarks"], serde_json::json!([["outlier", "the bearing of a.csv, line 7"]]));
     assert_eq!(data["remarks"], serde_json::json!([["rows-left-out", "two rows"]]));
 }
 

@@ -1,12 +1,13 @@
 use foxhunt_core::{
-    BeaconId, BearingModes, Correction, MeasuredList, Pose, Quantity, Reception, Remark,
+    BeaconId, BearingModes, Correction, Estimate, MeasuredList, Pose, Quantity, Reception, Remark,
 };
 use foxhunt_filters::ShadowingGridConfig;
 use foxhunt_sensors::{AntennaError, LogDistance, OverTerrain, RssBearing};
+use nalgebra::Vector3;
 
 use super::{EstimatorEntry, Need, Registry, RegistryError, TrackRequest};
 use crate::{
-    config::{EstimatorConfig, PulseModel, ReceiverModel},
+    config::{EstimatorConfig, ModelConfig, PulseModel, ReceiverModel},
     hunt::{Components, Search, TrackStep},
     locate::{
         Area, FREE_POWER_SIGMA_DB, LocateConfig, LocateError, Located, Power, Residual, Uses,
@@ -93,6 +94,37 @@ impl EstimatorEntry {
             }
             Err(_) => Ok(located),
         }
+    }
+
+    /// Returns the doubts about a place that the estimator found in flight, from receptions one
+    /// after the other, by the law that it took for that of propagation.
+    #[must_use]
+    pub fn remarks_in_flight(
+        &self,
+        estimate: &Estimate<2>,
+        receptions: &[Reception],
+        model: &ModelConfig,
+    ) -> Vec<Remark> {
+        let knows_power = self.settings().is_none_or(|s| s.power_sigma_db.is_none());
+        let (reference_dbm, exponent) = (model.reference_dbm, model.exponent);
+        let config = LocateConfig {
+            power: match knows_power {
+                true => Power::Known { reference_dbm, exponent },
+                false => Power::FreeReference { exponent },
+            },
+            target_up_m: model.target_up_m,
+            reference_m: model.reference_m.map(Vector3::from),
+            ..LocateConfig::default()
+        };
+        let uses = self.uses();
+        // The log-distance law alone is examined; antennas and terrain bend it.
+        let follows_law =
+            model.antenna.is_none() && model.terrain.is_none() && !self.takes_samples();
+        let levels = uses.levels && follows_law;
+        let uses = Uses { levels, searches_area: false, ..uses };
+        let mut located = Located::at(*estimate);
+        let _ = examine(&mut located, receptions, &config, uses, &|_| None);
+        located.remarks
     }
 
     /// Returns the residual of each measurement from the place that [`locate`](Self::locate) found
