@@ -153,7 +153,11 @@ fn meeting_from(data: &[Datum], up: f64, starts: &[Vector2<f64>]) -> Option<Meet
 }
 
 /// Σ s sᵀ and Σ s r of slopes and residuals.
-pub(crate) fn normal(data: &[Datum], place: &Vector2<f64>, up: f64) -> (Matrix2<f64>, Vector2<f64>) {
+pub(crate) fn normal(
+    data: &[Datum],
+    place: &Vector2<f64>,
+    up: f64,
+) -> (Matrix2<f64>, Vector2<f64>) {
     let mut information = Matrix2::zeros();
     let mut gradient = Vector2::zeros();
     for datum in data {

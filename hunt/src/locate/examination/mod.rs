@@ -316,12 +316,7 @@ fn subject(data: &[Datum], position: usize, name: Name<'_>) -> String {
 }
 
 /// Returns the predicate of the sentence on an outlier, without whether it was left out.
-fn outlier_text(
-    datum: &Datum,
-    outlier: &fit::Outlier,
-    found: &Outliers,
-    up: f64,
-) -> String {
+fn outlier_text(datum: &Datum, outlier: &fit::Outlier, found: &Outliers, up: f64) -> String {
     let from = spoken(&datum.receiver.xy());
     let there = spoken(&found.meeting.place);
     let p = probability(outlier.p);
