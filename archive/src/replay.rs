@@ -49,7 +49,7 @@ pub struct ReplayedFix {
     /// How often the innovations of the last receptions became larger than the estimator can
     /// explain.
     pub diverged: u32,
-    /// Doubts about the place (docs/remarks.md); empty for tracks of one's own.
+    /// Doubts about the place (docs/remarks.md); empty for [`replay_with`].
     pub remarks: Vec<Remark>,
     /// The fix of the log, if the search ended.
     pub logged: Option<Fix>,

@@ -9,6 +9,7 @@ use foxhunt_archive::{
 };
 use foxhunt_core::{Bearing, Level, Measured, MeasuredList, Pose, Quantity, Reception, angle};
 use foxhunt_hunt::{
+    calibration::{ConformalFactors, Deviation},
     locate::{LocateConfig, Located, Residual, learn_bearing_sigma},
     registry::Registry,
 };
@@ -213,6 +214,40 @@ fn p_of_clean_rows_is_uniform() {
             assert!(off.abs() < 3.29, "{estimator}: {share:.4} in {low} to {high}, {off:.1} σ");
         }
     }
+}
+
+/// True σ of bearings is twice the stated one. Regions scaled by 99 fixes with a known truth hold
+/// 95 % of 400 others, within 3.29 σ of what both numbers vary by; the ellipses do not.
+#[test]
+fn conformal_regions_hold_where_stated_sigma_is_half_the_true_one() {
+    let registry = Registry::builtin();
+    let entry = registry.estimator("pseudolinear").expect("built in");
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(13);
+    let mut draw = || {
+        let target = place(&mut rng, 2000.0);
+        let received = about(&mut rng, target, (6, 6.0, 3.0));
+        let located = entry.locate(&received, &LocateConfig::default()).expect("it is located");
+        let deviation = Deviation::new(&located, &target).expect("it has an ellipse");
+        (deviation, located.ellipse_95_holds(&target) == Some(true))
+    };
+    let own: Vec<Deviation> = (0..99).map(|_| draw().0).collect();
+    let factors = ConformalFactors::new("pseudolinear", &own).expect("enough");
+    let fixes = 400;
+    let mut held = [0.0; 3];
+    for _ in 0..fixes {
+        let (deviation, in_ellipse) = draw();
+        let [ellipse, circle] = factors.hold(&deviation);
+        for (sum, holds) in held.iter_mut().zip([ellipse, circle, in_ellipse]) {
+            *sum += f64::from(u8::from(holds));
+        }
+    }
+    let count = f64::from(fixes);
+    let [ellipse, circle, own] = held.map(|held| held / count);
+    let interval = 3.29 * (0.95 * 0.05 * (1.0 / count + 1.0 / 101.0)).sqrt();
+    for share in [ellipse, circle] {
+        assert!((share - 0.95).abs() < interval, "{share} ± {interval}");
+    }
+    assert!(own < 0.95 - interval && own < 0.75, "{own}");
 }
 
 /// 400 draws of clean bearings each: at most 1 % have a remark on their fit, by 3.29 σ of that

@@ -207,7 +207,7 @@ impl ConformalFile {
 pub enum ConformalError {
     /// Too few fixes for the coverage.
     #[error(
-        "{estimator} has {fixes} fixes with a known truth and an ellipse; 95 % by one's own \
+        "{estimator} has {fixes} fixes with a known truth and an ellipse; 95 % by your own \
          recordings needs at least {LEAST_CONFORMAL_FIXES}"
     )]
     TooFew {

@@ -106,7 +106,7 @@ impl EstimatorEntry {
         model: &ModelConfig,
     ) -> Vec<Remark> {
         let knows_power = self.settings().is_none_or(|s| s.power_sigma_db.is_none());
-        let (reference_dbm, exponent) = (model.reference_dbm, model.exponent);
+        let ModelConfig { reference_dbm, exponent, .. } = *model;
         let config = LocateConfig {
             power: match knows_power {
                 true => Power::Known { reference_dbm, exponent },
