@@ -122,7 +122,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     output.result(&report, text)
 }
 
-/// Judges the regions of one's own recordings; the file must have the first estimator.
+/// Judges the regions by the user's recordings; the file must have the first estimator.
 fn with_conformal(answers: Vec<Answer>, file: &ConformalFile) -> Result<Vec<Answer>, CliError> {
     if let Some(first) = answers.first() {
         file.of(&first.estimator).map_err(CliError::input)?;
@@ -317,7 +317,7 @@ fn interval(of: Option<[f64; 2]>) -> String {
     of.map_or_else(|| "-".to_owned(), |[low, high]| format!("{low:.2} … {high:.2}"))
 }
 
-/// Returns the table of the regions of one's own recordings; empty without any.
+/// Returns the table of the regions by the user's recordings; empty without any.
 fn conformal(estimators: &[Summary]) -> String {
     let mut regions =
         table(&["estimator", "in ellipse", "share (95 %)", "in circle", "their share (95 %)"]);
@@ -340,5 +340,5 @@ fn conformal(estimators: &[Summary]) -> String {
     if is_empty {
         return String::new();
     }
-    format!("\n\nThe regions of --conformal, for 95 % by one's own recordings:\n{regions}")
+    format!("\n\nThe regions of --conformal, for 95 % by your own recordings:\n{regions}")
 }

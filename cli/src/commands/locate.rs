@@ -105,7 +105,7 @@ struct Report {
     explanation: Option<Explanation>,
     /// What the bearings of each place have in common, where some place has several.
     common_errors: Option<CommonErrors>,
-    /// Regions that hold the transmitter with 95 % by one's own recordings, for --conformal.
+    /// Regions that hold the transmitter with 95 % by the user's recordings, for --conformal.
     #[serde(skip_serializing_if = "Option::is_none")]
     conformal_95: Option<ConformalRegions>,
     /// Whether the ellipse is a poor picture of the regions.
@@ -269,7 +269,9 @@ fn one(
     let rows = prepared.residuals(estimator, &located, &received);
     let (name, up) = (estimator.name.to_string(), prepared.config().target_up_m);
     let called = beacon.clone().unwrap_or_else(|| "transmitter".to_owned());
-    let search = SearchOverview::located(called, &located, truth, 0.0).with_rows(rows.clone());
+    // Millions of rows are copied for pages and exports alone.
+    let shown = if args.views.any() { rows.clone() } else { Vec::new() };
+    let search = SearchOverview::located(called, &located, truth, 0.0).with_rows(shown);
     let found = Found { beacon: beacon.clone(), method: name.clone(), search, tracks: None };
     let mut report = Report::new(name, beacon, prepared.recordings(), up, truth, &located);
     report.ignored = prepared.ignored(report.beacon.as_deref());
@@ -445,7 +447,7 @@ fn remarks_of(remarks: &[Remark], whose: &str) -> String {
     doubts(remarks.iter().filter(untold), whose)
 }
 
-/// Returns the regions of one's own recordings in a sentence.
+/// Returns the regions by the user's recordings in a sentence.
 fn conformal(regions: &ConformalRegions, whose: &str) -> String {
     let ConformalRegions { fixes, ellipse, circle_m } = regions;
     format!(

@@ -89,7 +89,7 @@ pub(super) struct Locating {
     terrain: OverTerrain,
     #[command(flatten)]
     calibration: Calibration,
-    /// Show a second region, which holds the transmitter with 95 % by one's own recordings: the
+    /// Show a second region, which holds the transmitter with 95 % by your own recordings: the
     /// factors that `judge --calibrate` wrote
     #[arg(long, value_name = "FILE")]
     conformal: Option<PathBuf>,
@@ -244,7 +244,7 @@ impl Locating {
         self.reading.beacon(recordings)
     }
 
-    /// Reads the factors of one's own recordings, where they are named.
+    /// Reads the factors by the user's recordings, where a file is named.
     pub(super) fn conformal(&self) -> Result<Option<ConformalFile>, CliError> {
         let path = self.conformal.as_deref();
         path.map(ConformalFile::read).transpose().map_err(CliError::input)

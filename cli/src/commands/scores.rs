@@ -25,10 +25,10 @@ pub(super) struct Answer {
     pub(super) in_region_95: Option<bool>,
     /// -ln of the density at the truth, in 1/m².
     pub(super) log_score: Option<f64>,
-    /// True if the ellipse of one's own recordings holds the truth, for --conformal.
+    /// True if the ellipse by the user's recordings holds the truth, for --conformal.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) in_conformal_ellipse_95: Option<bool>,
-    /// True if the circle of one's own recordings holds the truth, for --conformal.
+    /// True if the circle by the user's recordings holds the truth, for --conformal.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) in_conformal_circle_95: Option<bool>,
     /// Deviation of the truth in units of the ellipse.
@@ -67,13 +67,13 @@ pub(super) struct Summary {
     pub(super) unremarked_95: [usize; 2],
     /// The interval of `coverage_interval` for the answers without a remark.
     pub(super) unremarked_interval: Option<[f64; 2]>,
-    /// Number of ellipses of one's own recordings that hold the truth, of how many.
+    /// Number of ellipses by the user's recordings that hold the truth, of how many.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) in_conformal_ellipses_95: Option<[usize; 2]>,
     /// The interval of `coverage_interval` for these ellipses.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) conformal_ellipse_interval: Option<[f64; 2]>,
-    /// Number of circles of one's own recordings that hold the truth, of how many.
+    /// Number of circles by the user's recordings that hold the truth, of how many.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) in_conformal_circles_95: Option<[usize; 2]>,
     /// The interval of `coverage_interval` for these circles.
@@ -105,7 +105,7 @@ impl Answer {
         }
     }
 
-    /// Judges the regions of one's own recordings too.
+    /// Judges the regions by the user's recordings too.
     pub(super) fn with_conformal(self, factors: Option<&ConformalFactors>) -> Self {
         let held = factors.zip(self.deviation).map(|(factors, of)| factors.hold(&of));
         Self {

@@ -454,6 +454,54 @@ fn own_recordings_give_a_second_region() {
     foxhunt(["judge", &new, "--conformal", &own]).failed(2, &["own.csv", "judge --calibrate"]);
 }
 
+/// Every other animal-day calibrates, and the others are judged: the ellipses of `pseudolinear`,
+/// which are too small, hold fewer than the regions that the first half scales.
+#[test]
+fn half_of_the_otters_calibrates_the_other_half() {
+    let data = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/otter_telemetr");
+    let (Ok(bearings), Ok(truth)) = (
+        fs::read_to_string(format!("{data}/bearings.csv")),
+        fs::read_to_string(format!("{data}/truth.csv")),
+    ) else {
+        println!("skipped: no recordings at {data}");
+        return;
+    };
+    let mut lines = bearings.lines();
+    let head = lines.next().expect("a header");
+    // Animal and day stand behind place and bearing.
+    let key = |line: &str| line.splitn(4, ',').nth(3).expect("five columns").to_owned();
+    let mut keys: Vec<String> = Vec::new();
+    let mut halves = [head.to_owned(), head.to_owned()];
+    for line in lines {
+        let key = key(line);
+        let number = keys.iter().position(|known| *known == key).unwrap_or_else(|| {
+            keys.push(key);
+            keys.len() - 1
+        });
+        write!(halves[number % 2], "\n{line}").expect("a text takes it all");
+    }
+    let folder = folder("otters");
+    let [own, others] = [0, 1].map(|half| {
+        let folder = folder.join(half.to_string());
+        fs::create_dir(&folder).expect("a folder can be made");
+        write(&folder, "truth.csv", &truth);
+        write(&folder, "bearings.csv", &halves[half])
+    });
+    let factors = folder.join("factors.toml");
+    let factors = factors.to_str().expect("UTF-8");
+    assert_eq!(foxhunt(["judge", &own, "--calibrate", factors]).code, 0);
+    let report = foxhunt(["judge", "--json", &others, "--conformal", factors]).json();
+    for of in report["estimators"].as_array().expect("a list") {
+        let [held, fixes] = [0, 1].map(|at| of["in_conformal_ellipses_95"][at].as_u64());
+        let (held, fixes) = (held.expect("a number"), fixes.expect("a number"));
+        // Fewer than 29 of 39 have a probability of 0.2 % (beta-binomial, of 39 to calibrate).
+        assert!(fixes >= 38 && held >= 29, "{of}");
+        if of["estimator"] == "pseudolinear" {
+            assert!(of["inside_95"].as_u64().expect("a number") < held, "{of}");
+        }
+    }
+}
+
 #[test]
 fn judged_answers_and_files_have_their_remarks() {
     let folder = folder("judged-remarks");
