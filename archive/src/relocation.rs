@@ -6,7 +6,7 @@ use foxhunt_core::Reception;
 use foxhunt_hunt::locate::{Listener, TrackingConfig, left_out, track};
 use foxhunt_hunt::{
     document,
-    locate::{LocateConfig, LocateError},
+    locate::{LocateConfig, LocateError, Residual},
     registry::{Registry, RegistryError},
 };
 use nalgebra::Vector2;
@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 use crate::recorded::truth_at;
 use crate::{
     overview::SearchOverview,
+    recorded::{RowResidual, row_name},
     struck::{RowId, StruckRows},
 };
 
@@ -204,14 +205,23 @@ impl Relocation {
                 continue;
             }
             let truth = truth.first().map(|(_, place)| *place);
-            let left = of_it().filter(|row| !struck.contains(&row.id));
-            let received: Vec<Reception> = left.map(|row| row.reception).collect();
+            let left: Vec<&Row> = of_it().filter(|row| !struck.contains(&row.id)).collect();
+            let received: Vec<Reception> = left.iter().map(|row| row.reception).collect();
             let estimator = match estimator {
                 Some(name) => registry.estimator(name)?,
                 None => registry.suited_to(&received)?,
             };
-            found.push(match estimator.locate(&received, config) {
-                Ok(located) => SearchOverview::located(name.clone(), &located, truth, *time),
+            let called = |index: usize| left.get(index).map(|row| row_name(&row.id));
+            found.push(match estimator.locate_named(&received, config, &called) {
+                Ok(located) => {
+                    let of_rows = estimator.residuals(&located, &received, config);
+                    let of_row = |residual: &Residual| {
+                        let row = left.get(residual.reception)?;
+                        Some(RowResidual::new(&row.id, None, residual))
+                    };
+                    SearchOverview::located(name.clone(), &located, truth, *time)
+                        .with_rows(of_rows.iter().filter_map(of_row).collect())
+                }
                 Err(error) => not_located(name, &error),
             });
         }
@@ -327,8 +337,13 @@ mod tests {
         let _ = never.rows.pop();
         let struck = locate(&all, &[7]);
         assert_eq!(struck, locate(&never, &[]));
-        // The bearing that is far off is left out anyway; another one is missed.
-        assert_eq!(struck, locate(&all, &[]));
+        assert!(struck.remarks.is_empty() && struck.rows.len() == 5, "{struck:?}");
+        // The bearing that is far off is left out anyway, and named; another one is missed.
+        let whole = locate(&all, &[]);
+        let [remark] = &whole.remarks[..] else { panic!("{:?}", whole.remarks) };
+        assert!(remark.text.starts_with("the bearing of a.csv, line 7 ("), "{remark}");
+        assert!(whole.rows.iter().all(|row| row.left_out == (row.line == 7)), "{whole:?}");
+        assert_eq!(struck.beliefs, whole.beliefs);
         assert_ne!(struck, locate(&all, &[2]));
         assert_eq!(struck.last().map(|last| last.steps), Some(5));
         let none = locate(&all, &[2, 3, 4, 5, 6, 7]);

@@ -2,10 +2,10 @@
 
 use std::fmt;
 
-use foxhunt_core::{BeaconId, Estimate, EstimatorError, Reception};
+use foxhunt_core::{BeaconId, Estimate, EstimatorError, Reception, Remark};
 use foxhunt_filters::consistency::{ChiSquaredAverage, Whiteness};
 use foxhunt_hunt::{
-    config::ModelError,
+    config::{ModelConfig, ModelError},
     hunt::{Event, Fix, Search, Track, TrackStep, Tracks},
     log::{Log, LogHeader},
     registry::{EstimatorEntry, Registry, RegistryError, TrackRequest, beacon_seed},
@@ -49,6 +49,8 @@ pub struct ReplayedFix {
     /// Number of times that the innovations of the last receptions became larger than the estimator
     /// can explain.
     pub diverged: u32,
+    /// Doubts about the place (docs/remarks.md); empty for [`replay_with`].
+    pub remarks: Vec<Remark>,
     /// The fix of the log, if the search ended.
     pub logged: Option<Fix>,
 }
@@ -121,6 +123,8 @@ pub fn replay_with(log: &Log, tracks: &mut dyn Tracks) -> Result<Replay, ReplayE
 /// Replays a hunt event by event: from a log, or while it is flown.
 pub struct Replayer<'a> {
     tracks: Box<dyn Tracks + 'a>,
+    /// Estimator whose answers are examined in the end, and the law that it goes by.
+    examined: Option<(EstimatorEntry, ModelConfig)>,
     struck: Struck,
     searches: Vec<ReplayedSearch>,
     /// Beacon of the last reception.
@@ -162,19 +166,22 @@ impl<'a> Replayer<'a> {
         let pulses = header.model.build_pulses()?;
         let reference = header.model.reference_m.map(Vector3::from);
         let seed = header.seed;
-        Ok(Self::of_tracks(move |search: &Search<'_>| {
+        let examined = Some((estimator.clone(), header.model.clone()));
+        let replayer = Self::of_tracks(move |search: &Search<'_>| {
             let seed = beacon_seed(seed, search.beacon);
             let search = *search;
             let pulses = pulses.as_ref();
             let request = TrackRequest { search, model: &model, reference, pulses, seed };
             estimator.track(&request, true)
-        }))
+        });
+        Ok(Self { examined, ..replayer })
     }
 
     /// Replays through the given tracks.
     fn of_tracks(tracks: impl Tracks + 'a) -> Self {
         Self {
             tracks: Box::new(tracks),
+            examined: None,
             struck: Struck::default(),
             searches: Vec::new(),
             received: None,
@@ -237,12 +244,15 @@ impl<'a> Replayer<'a> {
         self.received = Some(reception.beacon);
         let of_beacon = |search: &ReplayedSearch| search.fix.beacon == reception.beacon;
         let number = self.searches.iter().rposition(of_beacon)?;
-        let ReplayedSearch { track, fix } = self.searches.get_mut(number)?;
+        let ReplayedSearch { track, fix, receptions } = self.searches.get_mut(number)?;
         if self.struck.contains(ReceptionId::new(drone, reception)) {
             return Some(Moment { search: number, track, step: None });
         }
         // What the estimator refuses now it refused in flight, or would have.
         let step = track.update(reception, first_position).ok();
+        if self.examined.is_some() && matches!(step, Some(TrackStep::Updated { .. })) {
+            receptions.push(*reception);
+        }
         if let Some(TrackStep::Updated { correction, degrees_of_freedom }) = step {
             fix.nis.extend(correction.nis().map(|nis| (nis, degrees_of_freedom)));
             fix.rejected += u32::from(correction.is_rejected());
@@ -257,7 +267,9 @@ impl<'a> Replayer<'a> {
     /// Returns the replayed fixes and the counts.
     #[must_use]
     pub fn finish(self) -> Replay {
-        let fixes = self.searches.into_iter().map(ReplayedSearch::into_fix).collect();
+        let examined = self.examined;
+        let fix = |search: ReplayedSearch| search.into_fix(examined.as_ref());
+        let fixes = self.searches.into_iter().map(fix).collect();
         Replay { fixes, compared: self.compared, different: self.different }
     }
 
@@ -291,6 +303,8 @@ fn last_of(searches: &mut [ReplayedSearch], beacon: BeaconId) -> Option<&mut Rep
 struct ReplayedSearch {
     track: Track,
     fix: ReplayedFix,
+    /// Receptions that went through the track, where the answer is examined.
+    receptions: Vec<Reception>,
 }
 
 impl ReplayedSearch {
@@ -305,12 +319,17 @@ impl ReplayedSearch {
             whiteness: Whiteness::new(LAGS),
             rejected: 0,
             diverged: 0,
+            remarks: Vec::new(),
             logged: None,
         };
-        Self { track, fix }
+        Self { track, fix, receptions: Vec::new() }
     }
 
-    fn into_fix(mut self) -> ReplayedFix {
+    fn into_fix(mut self, examined: Option<&(EstimatorEntry, ModelConfig)>) -> ReplayedFix {
+        if let Some((estimator, model)) = examined.filter(|_| !self.receptions.is_empty()) {
+            let estimate = &self.fix.estimate;
+            self.fix.remarks = estimator.remarks_in_flight(estimate, &self.receptions, model);
+        }
         self.track.add_innovations_to(&mut self.fix.whiteness);
         self.fix
     }

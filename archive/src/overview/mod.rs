@@ -12,14 +12,19 @@ pub use notice::{Notice, notice};
 pub use of_log::{KeptTurn, OverviewReader};
 pub use turn::{KnownAntenna, Turn};
 
-use foxhunt_core::{Bearing, BearingModes, Ellipse, Estimate, HeightAboveGround, Level};
+use std::collections::HashSet;
+
+use foxhunt_core::{Bearing, BearingModes, Ellipse, Estimate, HeightAboveGround, Level, Remark};
 #[cfg(feature = "batch")]
 use foxhunt_hunt::locate::Tracked;
-use foxhunt_hunt::locate::{Located, Region, Rival};
+use foxhunt_hunt::locate::{Located, Measurand, Region, Rival};
 use foxhunt_wire::geodesy::LocalFrame;
 use nalgebra::{Vector2, Vector3};
 
-use crate::struck::{ReceptionKey, StruckRows};
+use crate::{
+    recorded::RowResidual,
+    struck::{ReceptionKey, StruckRows},
+};
 
 /// A hunt, or what was read of recordings, in the order of time. Places are East, North and Up in
 /// metres, angles radians counter-clockwise from East, times seconds.
@@ -43,6 +48,8 @@ pub struct Overview {
     pub searches: Vec<SearchOverview>,
     /// Events in words, with reasons.
     pub notices: Vec<Notice>,
+    /// Doubts about the recordings.
+    pub remarks: Vec<Remark>,
 }
 
 /// A drone, or another receiver.
@@ -130,6 +137,10 @@ pub struct SearchOverview {
     pub regions_95: Vec<Region>,
     /// Other places that are nearly as probable in the end.
     pub rivals: Vec<Rival>,
+    /// Doubts about the place in the end.
+    pub remarks: Vec<Remark>,
+    /// Residuals of the rows of recordings from the place in the end.
+    pub rows: Vec<RowResidual>,
     /// Outcome of the search, if it ended.
     pub outcome: Option<String>,
 }
@@ -179,8 +190,15 @@ impl SearchOverview {
             beliefs: vec![Believed::located(time, located, truth)],
             regions_95: located.regions_95.clone(),
             rivals: located.rivals.clone(),
-            outcome: None,
+            remarks: located.remarks.clone(),
+            ..Self::default()
         }
+    }
+
+    /// Replaces the residuals of the rows.
+    #[must_use]
+    pub fn with_rows(self, rows: Vec<RowResidual>) -> Self {
+        Self { rows, ..self }
     }
 
     /// A transmitter that moves, with where it truly was at a time.
@@ -235,6 +253,23 @@ impl Overview {
         for received in &mut self.received {
             if let Some(ReceptionKey::Recorded(row)) = &received.id {
                 received.struck = struck.contains(row);
+            }
+        }
+    }
+
+    /// Marks the bearings that the rows of the searches say were left out.
+    pub fn mark_left_out(&mut self) {
+        let mut left_out = HashSet::new();
+        for (number, search) in self.searches.iter().enumerate() {
+            let rows = search.rows.iter();
+            let bearings = rows.filter(|row| row.left_out && row.kind == Measurand::Bearing);
+            left_out.extend(bearings.map(|row| (number, row.file.as_str(), row.line)));
+        }
+        for received in &mut self.received {
+            if let (Some(search), Some(ReceptionKey::Recorded(row))) =
+                (received.search, &received.id)
+            {
+                received.used &= !left_out.contains(&(search, row.file.as_str(), row.line));
             }
         }
     }

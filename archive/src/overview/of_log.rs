@@ -157,8 +157,13 @@ impl<'a> OverviewReader<'a> {
 
     /// Returns the overview and the replay of all events.
     #[must_use]
-    pub fn finish(self) -> (Overview, Replay) {
-        (self.overview, self.replayer.finish())
+    pub fn finish(mut self) -> (Overview, Replay) {
+        let replay = self.replayer.finish();
+        // Both are in the order in which the searches began.
+        for (search, fix) in self.overview.searches.iter_mut().zip(&replay.fixes) {
+            search.remarks.clone_from(&fix.remarks);
+        }
+        (self.overview, replay)
     }
 
     /// Adds what happened.

@@ -1,5 +1,5 @@
-use foxhunt_core::{Ellipse, HeightSource};
-use foxhunt_hunt::hunt::PlaceEstimate;
+use foxhunt_core::{Ellipse, HeightSource, Remark};
+use foxhunt_hunt::{hunt::PlaceEstimate, locate::Measurand};
 use nalgebra::{Vector2, Vector3};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -7,6 +7,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use super::points::Points;
 use crate::{
     overview::{Believed, Health, Knot, Notice, Overview, Received, SearchOverview, Turn},
+    recorded::RowResidual,
     replay::Replay,
     struck::ReceptionKey,
 };
@@ -33,6 +34,9 @@ pub(super) struct Data<'a> {
     received: Vec<Reception<'a>>,
     searches: Vec<Search<'a>>,
     notices: Vec<(f64, &'a str, u8)>,
+    /// Doubts about the recordings: code and sentence.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    remarks: Vec<Doubt<'a>>,
     /// Where a consistent estimator's NIS lies with 95 %, for 1, 2, … degrees of freedom.
     nis_95: Vec<[f64; 2]>,
     /// What was thinned out: every so manieth is shown.
@@ -174,6 +178,34 @@ struct Search<'a> {
     regions: Vec<Vec<Vec<[f64; 2]>>>,
     /// East, North, density over that at the estimate.
     rivals: Vec<[f64; 3]>,
+    /// Doubts about the place: code and sentence.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    remarks: Vec<Doubt<'a>>,
+    /// Rows of the recordings, the worst first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    rows: Vec<PageRow<'a>>,
+    /// Number of all rows, where the page does not have all of them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    of_rows: Option<usize>,
+}
+
+/// Code and sentence of a remark.
+type Doubt<'a> = (&'a str, &'a str);
+
+/// Row of a recording with its residual from the place.
+#[derive(Debug, Serialize)]
+struct PageRow<'a> {
+    file: &'a str,
+    line: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    receiver: Option<&'a str>,
+    kind: Measurand,
+    residual: f64,
+    unit: &'a str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    p: Option<f64>,
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    left_out: bool,
 }
 
 #[derive(Debug, Serialize)]
@@ -247,6 +279,7 @@ impl<'a> Data<'a> {
             receivers: receivers.collect(),
             searches: searches.map(|s| Search::of(s, &s.truth, &s.beliefs)).collect(),
             notices: thinned(&overview.notices).map(notice).collect(),
+            remarks: overview.remarks.iter().map(doubt).collect(),
             nis_95: (1..=4).filter_map(nis_95).collect(),
             every,
             live,
@@ -406,6 +439,8 @@ impl<'a> Search<'a> {
     fn of(search: &'a SearchOverview, truth: &[Knot], beliefs: &[Believed]) -> Self {
         let border = |outline: &Vec<Vector2<f64>>| outline.iter().map(flat).collect();
         let place = |knot: &Knot| [seconds(knot.time), metres(knot.place.x), metres(knot.place.y)];
+        let mut rows: Vec<&RowResidual> = search.rows.iter().collect();
+        rows.sort_by(|a, b| a.worst_first(b));
         Self {
             name: &search.name,
             outcome: search.outcome.as_deref(),
@@ -420,8 +455,38 @@ impl<'a> Search<'a> {
                     [east, north, round(rival.relative_density, 3)]
                 })
                 .collect(),
+            remarks: search.remarks.iter().map(doubt).collect(),
+            of_rows: (rows.len() > MOST).then_some(rows.len()),
+            rows: rows.into_iter().take(MOST).map(PageRow::of).collect(),
         }
     }
+}
+
+fn doubt(Remark { code, text }: &Remark) -> Doubt<'_> {
+    (code, text)
+}
+
+impl<'a> PageRow<'a> {
+    fn of(row: &'a RowResidual) -> Self {
+        Self {
+            file: &row.file,
+            line: row.line,
+            receiver: row.receiver.as_deref().filter(|receiver| !receiver.is_empty()),
+            kind: row.kind,
+            residual: round(row.residual, 2),
+            unit: row.unit,
+            p: row.p.map(rounded_p),
+            left_out: row.left_out,
+        }
+    }
+}
+
+/// Returns a probability with two digits.
+fn rounded_p(p: f64) -> f64 {
+    let decimals = if p > 0.0 { 1.0 - p.log10().floor() } else { 0.0 };
+    #[expect(clippy::cast_possible_truncation, reason = "the logarithm of a double is below 324")]
+    let decimals = decimals.clamp(0.0, 300.0) as i32;
+    round(p, decimals)
 }
 
 impl Belief {

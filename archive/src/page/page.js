@@ -84,7 +84,7 @@ function survey() {
   receivedTimes = received.map((one) => one.time);
   for (const search of data.searches) {
     search.original ||= search.beliefs;
-    search.first ||= { regions: search.regions, rivals: search.rivals };
+    search.first ||= { regions: search.regions, rivals: search.rivals, remarks: search.remarks || [], rows: search.rows || [], of_rows: search.of_rows };
     search.times = search.beliefs.map((belief) => belief.time);
     search.unpacked ||= new Map();
   }
@@ -609,6 +609,52 @@ function showFixes() {
   byId("fixes").replaceChildren(element("thead", {}, row(head, "th")), element("tbody", {}, ...rows));
 }
 
+// ---------------------------------------------------------------- remarks, and the rows that fit worst
+
+const WORST = 8;
+const whose = (search) => (data.searches.length > 1 ? `${search.name}: ` : "");
+
+function showDoubts() {
+  const item = ([code, text], before) => element("li", {}, before + text + " ", element("code", {}, code));
+  const items = data.searches.flatMap((search) => (search.remarks || []).map((remark) => item(remark, whose(search))));
+  items.push(...(data.remarks || []).map((remark) => item(remark, "")));
+  const stale = data.searches.some((search) => search.remarksOfAll);
+  if (stale && items.length) items.push(element("li", { class: "note" }, "The remarks are those before anything was struck out; the program makes new ones."));
+  byId("doubts").hidden = !items.length;
+  byId("doubt-list").replaceChildren(...items);
+}
+
+function rowsTable(rows) {
+  const several = data.searches.length > 1, named = rows.some((one) => one.receiver);
+  const cells = (one) => [
+    `${one.file}, line ${one.line}`, several ? one.beacon : null, named ? one.receiver || "" : null, one.kind.replace("-", " "),
+    `${one.residual > 0 ? "+" : ""}${fixed(one.residual, 1)}${one.unit === "deg" ? "°" : " " + one.unit}`,
+    one.p === undefined ? "–" : one.p < 0.001 ? one.p.toExponential(0) : fixed(one.p, 3), one.left_out ? "left out" : "",
+  ];
+  const head = row(["row", several ? "beacon" : null, named ? "receiver" : null, "measured", "residual", "p", ""], "th");
+  const body = rows.map((one) => row(cells(one), "td"));
+  return element("div", { class: "wide" }, element("table", {}, element("thead", {}, head), element("tbody", {}, ...body)));
+}
+
+function showRows() {
+  const rows = data.searches.flatMap((search) => (search.rows || []).map((one) => ({ ...one, beacon: search.name })));
+  const p = (one) => one.p ?? Infinity;
+  rows.sort((a, b) => (p(a) < p(b) ? -1 : p(a) > p(b) ? 1 : Math.abs(b.residual) - Math.abs(a.residual)));
+  const parts = rows.length ? [rowsTable(rows.slice(0, WORST))] : [];
+  if (rows.length > WORST) {
+    const total = data.searches.reduce((sum, search) => sum + (search.of_rows || (search.rows || []).length), 0);
+    const text = total > rows.length ? `The worst ${rows.length} of ${total} measurements` : `All ${total} measurements`;
+    const fold = element("details", {}, element("summary", {}, text));
+    // Thousands of rows are made when they are wanted.
+    fold.addEventListener("toggle", () => {
+      if (fold.open && fold.children.length < 2) fold.append(element("div", { class: "all" }, rowsTable(rows)));
+    });
+    parts.push(fold);
+  }
+  byId("rows").hidden = !parts.length;
+  byId("rows-body").replaceChildren(...parts);
+}
+
 // ---------------------------------------------------------------- one reception and its turn
 
 function polar(one) {
@@ -932,7 +978,7 @@ function showHeads() {
 
 // Shows everything anew after the data have changed.
 function refresh() {
-  survey(); measure(); showHeads(); showLayers(); offerSpeeds(); listEvents(); renewCharts();
+  survey(); measure(); showHeads(); showDoubts(); showRows(); showLayers(); offerSpeeds(); listEvents(); renewCharts();
   if (!view.moved) fit();
   shownTurn = undefined; shownBeliefs = "";
   redraw();
@@ -954,6 +1000,8 @@ wished.addEventListener("change", () => setContrast(wished.matches));
 byId("contrast").addEventListener("click", () => setContrast(!state.contrast));
 
 showHeads();
+showDoubts();
+showRows();
 offerSpeeds();
 makeCharts();
 listEvents();

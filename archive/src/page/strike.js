@@ -172,6 +172,11 @@ function showReplayed(result) {
     const now = result ? result.searches[index] : search.first;
     search.beliefs = result ? now.beliefs : search.original;
     search.regions = now.regions; search.rivals = now.rivals;
+    // Estimators of a version without rows have no remarks either.
+    search.remarksOfAll = Boolean(result) && search.first.rows.length > 0 && !now.rows && search.beliefs.length > 0;
+    search.remarks = search.remarksOfAll ? search.first.remarks : now.remarks || [];
+    search.rows = search.remarksOfAll ? search.first.rows : now.rows || [];
+    search.of_rows = search.remarksOfAll ? search.first.of_rows : now.of_rows;
     search.failure = search.beliefs.length ? null : now.outcome;
     search.unpacked = new Map();
   });

@@ -1,9 +1,15 @@
-use foxhunt_core::{Bearing, BearingModes, Estimate, HeightAboveGround, HeightSource, Level};
+use foxhunt_core::{
+    Bearing, BearingModes, Estimate, HeightAboveGround, HeightSource, Level, Remark,
+};
+use foxhunt_hunt::locate::Measurand;
 use nalgebra::{Vector2, Vector3};
 use serde_json::Value;
 
 use super::*;
-use crate::overview::{Believed, Health, Notice, Received, SearchOverview, Turn};
+use crate::{
+    overview::{Believed, Health, Notice, Received, SearchOverview, Turn},
+    recorded::RowResidual,
+};
 
 /// The data of a page, as a browser reads them.
 fn data_in(page: &str) -> Value {
@@ -60,6 +66,37 @@ fn overview() -> Overview {
         ..SearchOverview::default()
     });
     overview
+}
+
+#[test]
+fn remarks_and_the_rows_that_fit_worst_are_in_the_page() {
+    let row = |line: u64, p: Option<f64>| RowResidual {
+        file: "a</script>.csv".to_owned(),
+        line,
+        receiver: Some(String::new()),
+        kind: Measurand::Bearing,
+        residual: 1.234_56,
+        unit: "deg",
+        p,
+        left_out: line == 7,
+    };
+    let mut overview = overview();
+    assert!(data_in(&page(&overview, None).expect("plain data"))["searches"][0]["rows"].is_null());
+    let search = &mut overview.searches[0];
+    search.rows = vec![row(2, Some(0.123_456)), row(3, None), row(7, Some(1.26e-7))];
+    search.remarks = vec![Remark::new("outlier", "the bearing of a.csv, line 7")];
+    overview.remarks = vec![Remark::new("rows-left-out", "two rows")];
+    let data = data_in(&page(&overview, None).expect("plain data"));
+    let search = &data["searches"][0];
+    let lines: Vec<_> = (0..3).map(|index| search["rows"][index]["line"].clone()).collect();
+    assert_eq!(lines, [7, 2, 3]);
+    assert_eq!(search["rows"][0]["p"], 1.3e-7);
+    assert_eq!(search["rows"][0]["left_out"], true);
+    assert_eq!(search["rows"][1]["p"], 0.12);
+    assert_eq!(search["rows"][1]["residual"], 1.23);
+    assert_eq!(search["rows"][1]["kind"], "bearing");
+    assert_eq!(search["remarks"], serde_json::json!([["outlier", "the bearing of a.csv, line 7"]]));
+    assert_eq!(data["remarks"], serde_json::json!([["rows-left-out", "two rows"]]));
 }
 
 #[test]

@@ -7,6 +7,7 @@ mod calibrate;
 mod error;
 mod listeners;
 mod receptions;
+mod residual;
 mod selection;
 mod station;
 mod truth;
@@ -20,6 +21,7 @@ pub use listeners::listeners;
 pub use receptions::{
     GNSS_SIGMA_M, ReceptionConfig, RecordedReception, receptions, recorded_receptions,
 };
+pub use residual::{RowResidual, row_name};
 pub use selection::{Selection, only_beacon};
 pub use station::{
     CrossValidation, StationCalibration, StationConfig, fit_boresights, station_boresights,

@@ -1,7 +1,7 @@
 use std::{
     borrow::Cow,
     cell::Cell,
-    collections::{BTreeMap, BTreeSet, HashMap, hash_map::Entry},
+    collections::{BTreeMap, BTreeSet, HashMap, HashSet, hash_map::Entry},
     fs,
     hash::{DefaultHasher, Hash, Hasher},
     io,
@@ -438,6 +438,7 @@ impl File<'_> {
         if !plan.has(Column::RssDb) || is_rssi {
             remarks.extend(positive_levels(name, &records));
         }
+        remarks.extend(receivers_at_one_place(name, &records));
         let has_level = plan.has(Column::RssDbm) || plan.has(Column::RssDb);
         let attenuation = plan.ignored.iter().find(|name| plain::is_attenuation(name));
         if let Some(column) = attenuation.filter(|_| has_level) {
@@ -626,6 +627,34 @@ fn positive_levels(file: &str, records: &[Record]) -> Option<Remark> {
         -most, -least
     );
     Some(Remark::new("positive-levels", text))
+}
+
+/// Receivers nearer to each other than this, in metres, are at one place.
+const ONE_PLACE_M: f64 = 1.0;
+
+/// Returns a remark if several receivers are all at one place. The antennas of a station, which have
+/// boresights, and several of one vehicle, which moves, may be.
+fn receivers_at_one_place(file: &str, records: &[Record]) -> Option<Remark> {
+    if records.iter().any(|record| record.boresight.is_some()) {
+        return None;
+    }
+    let mut placed = records.iter().filter_map(|record| Some((&record.drone, record.receiver?)));
+    let (name, first) = placed.next()?;
+    let mut names = HashSet::from([name]);
+    for (name, receiver) in placed {
+        if (receiver.position - first.position).norm() >= ONE_PLACE_M {
+            return None;
+        }
+        names.insert(name);
+    }
+    let count = names.len();
+    (count > 1).then(|| {
+        let text = format!(
+            "{file}: all {count} receivers are at one place: check the columns of their places; \
+             from one place there is no range"
+        );
+        Remark::new("receivers-at-one-place", text)
+    })
 }
 
 fn no_path(file: &str, rows: usize) -> Remark {

@@ -9,7 +9,7 @@ use foxhunt_archive::{
 };
 use foxhunt_core::{
     BeaconId, Bearing, Belief, Decision, Estimate, EstimatorError, Level, Outcome, OwnedSweep,
-    Pose, RandomWalk, Reception, Sample, Stage, Station, planner_fn,
+    Pose, RandomWalk, Reception, Sample, Stage, Station, angle, planner_fn,
 };
 use foxhunt_filters::Ckf;
 use foxhunt_hunt::{
@@ -270,6 +270,32 @@ fn logs_of_the_program_before_version_6_lead_to_the_same_fixes() {
         let ratio = fix.estimate.covariance.trace() / logged.covariance.trace();
         assert!((ratio - 1.0).abs() < within_sigma, "{name}: {ratio}");
     }
+}
+
+#[test]
+fn replays_and_overviews_have_the_remarks_of_the_examination() {
+    let registry = Registry::builtin();
+    let file = "tests/data/logs/version-5-default.jsonl";
+    let mut log = Log::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).expect("a log");
+    let codes = |log: &Log| -> Vec<String> {
+        let (overview, replayed) =
+            Overview::of_log(log, &registry, None, &Struck::default(), Vec::new(), None)
+                .expect("its own settings");
+        let [search] = &overview.searches[..] else { panic!("{:?}", overview.searches) };
+        let [fix] = &replayed.fixes[..] else { panic!("{replayed:?}") };
+        assert_eq!(search.remarks, fix.remarks);
+        fix.remarks.iter().map(|remark| remark.code.to_string()).collect()
+    };
+    assert_eq!(codes(&log), [""; 0]);
+    // An antenna that looked the other way.
+    for event in &mut log.events {
+        if let Event::Received { reception, .. } = event
+            && let Some(bearing) = &mut reception.bearing
+        {
+            bearing.angle = angle::wrap(bearing.angle + std::f64::consts::PI);
+        }
+    }
+    assert!(codes(&log).contains(&"bearings-do-not-meet".to_owned()), "{:?}", codes(&log));
 }
 
 #[test]

@@ -1,6 +1,9 @@
 //! The table of fixes that `hunt` and `replay` end with.
 
-use foxhunt::{core::Ellipse, hunt::PlaceEstimate};
+use foxhunt::{
+    core::{Ellipse, Remark},
+    hunt::PlaceEstimate,
+};
 
 use crate::table::{Table, number, table};
 
@@ -44,6 +47,12 @@ pub(super) fn fixes<'a>(rows: impl IntoIterator<Item = Row<'a>>) -> Table {
         ]);
     }
     fixes
+}
+
+/// Returns a list of the doubts about a place, each on a line of its own; empty without any.
+pub(super) fn doubts<'a>(remarks: impl IntoIterator<Item = &'a Remark>, whose: &str) -> String {
+    let lines: String = remarks.into_iter().map(|remark| format!("\n- {remark}")).collect();
+    if lines.is_empty() { lines } else { format!("\n\nThe place{whose} is in doubt:{lines}") }
 }
 
 /// Meaning of the columns of [`fixes`].

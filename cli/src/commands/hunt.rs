@@ -5,6 +5,7 @@ use std::{
 };
 
 use foxhunt::{
+    core::Remark,
     hunt::Event,
     log::{Log, LogHeader, LogWriter},
     overview::{KeptTurn, Overview},
@@ -15,6 +16,7 @@ use foxhunt::{
     simulation::{Setup, Simulated},
     struck::Struck,
 };
+use serde::Serialize;
 
 use super::{
     choice, fixes,
@@ -106,7 +108,10 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     write_page(&page, &overview, Some(&page_log))?;
 
     let report = HuntReport::new(args.seed, &estimator.name, args.planning.name(), &hunt);
-    output.result(&report, text)?;
+    let remarks = (overview.searches.iter())
+        .map(|search| Doubted { beacon: search.name.clone(), remarks: search.remarks.clone() })
+        .collect();
+    output.result(&Examined { report, remarks }, text)?;
     let log = log.display();
     let picture = picture.display();
     let page = page.display();
@@ -154,6 +159,22 @@ fn fly(
     Ok((hunt, events, turns.take()))
 }
 
+/// A hunt with the doubts about its places.
+#[derive(Debug, Serialize)]
+struct Examined {
+    #[serde(flatten)]
+    report: HuntReport,
+    /// Doubts about the place of each search.
+    remarks: Vec<Doubted>,
+}
+
+/// Doubts about the place of a beacon.
+#[derive(Debug, Serialize)]
+struct Doubted {
+    beacon: String,
+    remarks: Vec<Remark>,
+}
+
 /// An event that could not be written down.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: cannot be written: {source}", path.display())]
@@ -162,9 +183,12 @@ struct NotLogged {
     source: io::Error,
 }
 
-fn text(report: &HuntReport) -> String {
+fn text(Examined { report, remarks }: &Examined) -> String {
+    let doubts: String = (remarks.iter())
+        .map(|of| fixes::doubts(&of.remarks, &format!(" of {}", of.beacon)))
+        .collect();
     format!(
-        "{}, seed {}, {:.0} simulated seconds\n{}\n{}",
+        "{}, seed {}, {:.0} simulated seconds\n{}\n{}{doubts}",
         report.estimator,
         report.seed,
         report.duration_s,

@@ -5,11 +5,13 @@ mod tracked;
 use std::{fs, path::PathBuf};
 
 use foxhunt::{
+    calibration::{ConformalFile, ConformalRegions},
     core::{Ellipse, Remark, nalgebra::Vector2},
     geodesy::Geodetic,
-    locate::{CommonErrors, Explanation, Located, Region, Rival},
+    locate::{CommonErrors, Explanation, Located, Measurand, Region, Rival},
     movebank::{MovebankFix, write_movebank},
     overview::{Overview, SearchOverview},
+    recorded::RowResidual,
     recording::Recording,
     registry::Registry,
     report::Place,
@@ -18,7 +20,8 @@ use serde::Serialize;
 
 use self::found::{Estimated, Found, likeliest};
 use super::{
-    locating::{Locating, NAMELESS, Prepared, not_located, truth},
+    fixes::doubts,
+    locating::{Locating, NAMELESS, Prepared, not_located, shared_truth, truth},
     recorded::LatLon,
     views::Views,
 };
@@ -69,6 +72,10 @@ pub(crate) struct Args {
     /// (docs/report.md)
     #[arg(long, value_name = "FILE")]
     ignore: Option<PathBuf>,
+    /// List the rows that fit worst, with file, line and residual; 20 of them unless given a number
+    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "20",
+          require_equals = true)]
+    rows: Option<usize>,
     /// Write the places to a table with Movebank's names; needs recordings with times in UTC
     #[arg(long, value_name = "CSV")]
     movebank_to: Option<PathBuf>,
@@ -98,6 +105,9 @@ struct Report {
     explanation: Option<Explanation>,
     /// What the bearings of each place have in common, where some place has several.
     common_errors: Option<CommonErrors>,
+    /// Regions that hold the transmitter with 95 % by the user's recordings, for --conformal.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    conformal_95: Option<ConformalRegions>,
     /// Whether the ellipse is a poor picture of the regions.
     ellipse_is_poor: bool,
     /// The smallest region that holds the transmitter with 95 %, for estimators with a posterior
@@ -107,6 +117,11 @@ struct Report {
     rivals: Vec<RivalPlace>,
     /// Doubts about the recordings and the place, each with what to do about it.
     remarks: Vec<Remark>,
+    /// Residual of each measurement that took part, by file and line.
+    rows: Vec<RowResidual>,
+    /// Number of rows that the table lists; those that do not fit unless given.
+    #[serde(skip)]
+    listed: Option<usize>,
     /// Number of the first remarks, of the recordings, that were warned of on reading.
     #[serde(skip)]
     warned: usize,
@@ -128,6 +143,11 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     args.views.check()?;
     args.movebank_to.iter().try_for_each(|path| writable::file(path))?;
+    let conformal = args.locating.conformal()?;
+    #[cfg(feature = "batch")]
+    if args.track && conformal.is_some() {
+        return Err(CliError::input("--conformal: a track has no region of its own recordings"));
+    }
     let prepared = args.locating.prepare(&args.files, args.ignore.as_deref(), registry)?;
     let recordings = prepared.recordings();
     let on_earth = recordings.iter().any(|recording| recording.frame().is_some());
@@ -137,8 +157,14 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         return Err(CliError::input(NOT_FOR_MOVEBANK));
     }
     if args.every_beacon {
-        let (reports, found): (Vec<_>, Vec<_>) =
-            every(args, registry, &prepared, output)?.into_iter().unzip();
+        let (mut reports, found): (Vec<_>, Vec<_>) =
+            every(args, registry, &prepared, conformal.as_ref(), output)?.into_iter().unzip();
+        if let Some(remark) = shared_truth(args.truth, reports.len()) {
+            for report in &mut reports {
+                report.remarks.insert(report.warned, remark.clone());
+                report.warned += 1;
+            }
+        }
         to_movebank(args, &prepared, &reports)?;
         output.result(&reports, |reports| places(reports))?;
         return show(args, registry, &prepared, found, output);
@@ -151,7 +177,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         output.result(&report, tracked::text)?;
         return show(args, registry, &prepared, vec![found], output);
     }
-    let (report, found) = one(args, registry, &prepared, beacon)?;
+    let (report, found) = one(args, registry, &prepared, conformal.as_ref(), beacon)?;
     to_movebank(args, &prepared, std::slice::from_ref(&report))?;
     output.result(&report, |report| places(std::slice::from_ref(report)))?;
     show(args, registry, &prepared, vec![found], output)
@@ -182,6 +208,7 @@ fn show(
         beacons.push(beacon);
         tracks = tracks.or(again);
     }
+    overview.mark_left_out();
     // A place from all receptions is known when the last of them has come.
     let [_, end] = overview.span();
     for search in &mut overview.searches {
@@ -208,8 +235,8 @@ fn to_movebank(args: &Args, prepared: &Prepared, reports: &[Report]) -> Result<(
     let frame = frame.ok_or_else(|| CliError::input(NOT_FOR_MOVEBANK))?;
     let mut fixes = Vec::new();
     for report in reports {
-        let received = prepared.receptions(report.beacon.as_deref())?;
-        let times = received.iter().map(|reception| reception.time);
+        let received = prepared.received(report.beacon.as_deref())?;
+        let times = received.receptions.iter().map(|reception| reception.time);
         let (first, last) = times
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(first, last), time| {
                 (time.min(first), time.max(last))
@@ -230,18 +257,27 @@ fn one(
     args: &Args,
     registry: &Registry,
     prepared: &Prepared,
+    conformal: Option<&ConformalFile>,
     beacon: Option<String>,
 ) -> Result<(Report, Found), CliError> {
-    let received = prepared.receptions(beacon.as_deref())?;
-    let estimator = args.locating.estimator(registry, &received)?;
+    let received = prepared.received(beacon.as_deref())?;
+    let estimator = args.locating.estimator(registry, &received.receptions)?;
     let truth = truth(args.truth, prepared.recordings(), beacon.as_deref())?;
-    let located = estimator.locate(&received, prepared.config()).map_err(not_located)?;
+    let located = prepared.locate(estimator, &received).map_err(not_located)?;
+    let own = conformal.map(|file| file.of(&estimator.name)).transpose();
+    let own = own.map_err(CliError::input)?.and_then(|factors| factors.regions(&located));
+    let rows = prepared.residuals(estimator, &located, &received);
     let (name, up) = (estimator.name.to_string(), prepared.config().target_up_m);
     let called = beacon.clone().unwrap_or_else(|| "transmitter".to_owned());
-    let search = SearchOverview::located(called, &located, truth, 0.0);
+    // Millions of rows are copied for pages and exports alone.
+    let shown = if args.views.any() { rows.clone() } else { Vec::new() };
+    let search = SearchOverview::located(called, &located, truth, 0.0).with_rows(shown);
     let found = Found { beacon: beacon.clone(), method: name.clone(), search, tracks: None };
     let mut report = Report::new(name, beacon, prepared.recordings(), up, truth, &located);
     report.ignored = prepared.ignored(report.beacon.as_deref());
+    report.rows = rows;
+    report.conformal_95 = own;
+    report.listed = args.rows;
     Ok((report, found))
 }
 
@@ -250,6 +286,7 @@ fn every(
     args: &Args,
     registry: &Registry,
     prepared: &Prepared,
+    conformal: Option<&ConformalFile>,
     output: Output,
 ) -> Result<Vec<(Report, Found)>, CliError> {
     let mut beacons: Vec<Option<&str>> = Vec::new();
@@ -263,7 +300,7 @@ fn every(
     let mut reports = Vec::new();
     let mut failed = None;
     for beacon in beacons {
-        match one(args, registry, prepared, beacon.map(str::to_owned)) {
+        match one(args, registry, prepared, conformal, beacon.map(str::to_owned)) {
             Ok(report) => reports.push(report),
             Err(error) => {
                 let name = beacon.unwrap_or(NAMELESS);
@@ -318,9 +355,12 @@ impl Report {
             border_mass: located.border_mass,
             explanation: located.explanation.clone(),
             common_errors: located.common_errors.clone(),
+            conformal_95: None,
             ellipse_is_poor: located.ellipse_is_poor(),
             regions_95: located.regions_95.clone(),
             rivals,
+            rows: Vec::new(),
+            listed: None,
             warned: of_recordings.len(),
             remarks: of_recordings.into_iter().chain(&located.remarks).cloned().collect(),
         }
@@ -393,15 +433,86 @@ fn details(report: &Report) -> String {
     let rivals = Some(&report.rivals).filter(|rivals| !rivals.is_empty());
     let rivals = rivals.map(|rivals| rivals_of(rivals, &whose));
     let remarks = remarks_of(report.remarks.get(report.warned..).unwrap_or_default(), &whose);
-    [Some(remarks), explanation, common, regions, rivals].into_iter().flatten().collect()
+    let rows = rows_of(&report.rows, report.listed, &whose);
+    let conformal = report.conformal_95.as_ref().map(|own| conformal(own, &whose));
+    [conformal, Some(remarks), Some(rows), explanation, common, regions, rivals]
+        .into_iter()
+        .flatten()
+        .collect()
 }
 
 /// Lists the remarks, but for those that a table of their own follows.
 fn remarks_of(remarks: &[Remark], whose: &str) -> String {
     let untold = |remark: &&Remark| !["ellipse-is-poor", "rivals"].contains(&&*remark.code);
-    let lines: String =
-        remarks.iter().filter(untold).map(|remark| format!("\n- {remark}")).collect();
-    if lines.is_empty() { lines } else { format!("\n\nThe place{whose} is in doubt:{lines}") }
+    doubts(remarks.iter().filter(untold), whose)
+}
+
+/// Returns the regions by the user's recordings in a sentence.
+fn conformal(regions: &ConformalRegions, whose: &str) -> String {
+    let ConformalRegions { fixes, ellipse, circle_m } = regions;
+    format!(
+        "\n95 % by your own recordings (n = {fixes}): an ellipse of {:.1} × {:.1} m along {:.0}° \
+         about the place{whose}, or a circle of {circle_m:.1} m.",
+        ellipse.semi_major,
+        ellipse.semi_minor,
+        ellipse.orientation.to_degrees(),
+    )
+}
+
+/// Probability of a residual somewhere among all rows, below which its row is listed unasked.
+const DOES_NOT_FIT_P: f64 = 0.01;
+
+/// Number of rows that are listed unasked.
+const LISTED: usize = 5;
+
+/// Lists the rows that fit worst: so many, or else the few that do not fit or were left out.
+fn rows_of(rows: &[RowResidual], listed: Option<usize>, whose: &str) -> String {
+    let mut worst: Vec<&RowResidual> = rows.iter().collect();
+    worst.sort_by(|a, b| a.worst_first(b));
+    let total = worst.len();
+    if listed.is_none() {
+        let all = f64::from(u32::try_from(total).unwrap_or(u32::MAX));
+        let is_odd = |row: &&RowResidual| row.p.is_some_and(|p| p * all < DOES_NOT_FIT_P);
+        worst.retain(|row| row.left_out || is_odd(row));
+    }
+    let odd = worst.len();
+    worst.truncate(listed.unwrap_or(LISTED));
+    if worst.is_empty() {
+        return String::new();
+    }
+    let mut table = table(&["row", "receiver", "measured", "residual", "p", "left out"]);
+    for row in &worst {
+        let unit = if row.unit == "deg" { "°" } else { row.unit };
+        table.add_row([
+            format!("{}:{}", row.file, row.line),
+            row.receiver.clone().unwrap_or_default(),
+            kind(row.kind).to_owned(),
+            format!("{:+.1} {unit}", row.residual),
+            text(row.p.map(|p| format!("{p:.1e}"))),
+            if row.left_out { "yes" } else { "no" }.to_owned(),
+        ]);
+    }
+    let which = match listed {
+        Some(_) => format!("The {} of {total} measurements{whose} that fit worst", worst.len()),
+        None => {
+            let shown = worst.len();
+            let of = if odd > shown { format!(", the worst {shown}") } else { String::new() };
+            format!("Measurements{whose} that do not fit or were left out: {odd} of {total}{of}")
+        }
+    };
+    format!("\n\n{which} (see --rows; --json has all):\n{table}")
+}
+
+/// Returns the word for a quantity.
+fn kind(measurand: Measurand) -> &'static str {
+    match measurand {
+        Measurand::Bearing => "bearing",
+        Measurand::Range => "range",
+        Measurand::RangeDifference => "range difference",
+        Measurand::Level => "level",
+        Measurand::Silence => "silence",
+        Measurand::Saturation => "saturation",
+    }
 }
 
 /// What explains the levels best, in a sentence.

@@ -6,13 +6,16 @@ use std::{
 };
 
 use foxhunt::{
-    calibration::CalibrationFile,
+    calibration::{CalibrationFile, ConformalFile},
     config::{BoxedExtractor, ExtractorConfig, PulseLevelConfig},
-    core::{EstimatorError, Reception, nalgebra::Vector2},
-    locate::{LocateConfig, LocateError, Power},
+    core::{EstimatorError, Reception, Remark, nalgebra::Vector2},
+    locate::{LocateConfig, LocateError, Located, Power, Residual},
     overview::{Overview, SearchOverview},
     page::{NotStrikable, PageLog},
-    recorded::{ReceptionConfig, RecordedReception, bearings, recorded_receptions, recorded_truth},
+    recorded::{
+        ReceptionConfig, RecordedReception, RowResidual, bearings, recorded_receptions,
+        recorded_truth, row_name,
+    },
     recording::Recording,
     registry::{EstimatorEntry, Registry, antenna_named},
     relocation::Relocation,
@@ -34,7 +37,7 @@ use super::{
     recorded::{LatLon, Reading, no_degrees},
     views::Antennas,
 };
-use crate::error::CliError;
+use crate::{error::CliError, output::warn_once};
 
 /// What stands for the name of a beacon without one.
 pub(super) const NAMELESS: &str = "(no name)";
@@ -87,6 +90,10 @@ pub(super) struct Locating {
     terrain: OverTerrain,
     #[command(flatten)]
     calibration: Calibration,
+    /// Show a second region, which holds the transmitter with 95 % by your own recordings: the
+    /// factors that `judge --calibrate` wrote
+    #[arg(long, value_name = "FILE")]
+    conformal: Option<PathBuf>,
     #[command(flatten)]
     surroundings: Surroundings,
     #[command(flatten)]
@@ -110,6 +117,14 @@ pub(super) struct Prepared {
     struck: StruckRows,
     /// Whether σ of bearings was learned from how those of all beacons meet.
     learned_sigma: bool,
+}
+
+/// Receptions of a beacon as an estimator takes them.
+#[derive(Debug, Default)]
+pub(super) struct Received {
+    pub(super) receptions: Vec<Reception>,
+    /// Number of the recording, line and receiver of each.
+    rows: Vec<(usize, u64, String)>,
 }
 
 /// What is read with one extractor: the part of a recording, or all of it.
@@ -228,6 +243,12 @@ impl Locating {
     /// The beacon that is meant.
     pub(super) fn beacon(&self, recordings: &[Recording]) -> Result<Option<String>, CliError> {
         self.reading.beacon(recordings)
+    }
+
+    /// Reads the factors by the user's recordings, where a file is named.
+    pub(super) fn conformal(&self) -> Result<Option<ConformalFile>, CliError> {
+        let path = self.conformal.as_deref();
+        path.map(ConformalFile::read).transpose().map_err(CliError::input)
     }
 
     /// The name of the beacon of the command line.
@@ -431,13 +452,15 @@ impl Prepared {
         Ok(received)
     }
 
-    /// The receptions of a beacon in all recordings.
-    pub(super) fn receptions(&self, beacon: Option<&str>) -> Result<Vec<Reception>, CliError> {
-        let mut received = Vec::new();
+    /// Returns what was received of a beacon in all recordings.
+    pub(super) fn received(&self, beacon: Option<&str>) -> Result<Received, CliError> {
+        let mut all = Received::default();
         for number in 0..self.recordings.len() {
-            received.append(&mut self.receptions_of(number, beacon)?);
+            let mut received = self.received_of(number, beacon)?;
+            all.receptions.append(&mut received.receptions);
+            all.rows.append(&mut received.rows);
         }
-        Ok(received)
+        Ok(all)
     }
 
     /// Adds the receptions of a beacon to an overview, with the turns that they were read in.
@@ -536,9 +559,52 @@ impl Prepared {
         number: usize,
         beacon: Option<&str>,
     ) -> Result<Vec<Reception>, CliError> {
-        let mut rows = self.rows_of(number, beacon)?;
-        rows.retain(|row| !self.struck.contains(&self.id(number, row.line, beacon)));
-        Ok(rows.into_iter().map(|row| row.reception).collect())
+        Ok(self.received_of(number, beacon)?.receptions)
+    }
+
+    /// Returns what was received of a beacon in one recording, counted from 0, without what is
+    /// struck out.
+    pub(super) fn received_of(
+        &self,
+        number: usize,
+        beacon: Option<&str>,
+    ) -> Result<Received, CliError> {
+        let mut received = Received::default();
+        for RecordedReception { line, drone, reception } in self.rows_of(number, beacon)? {
+            if !self.struck.contains(&self.id(number, line, beacon)) {
+                received.receptions.push(reception);
+                received.rows.push((number, line, drone));
+            }
+        }
+        Ok(received)
+    }
+
+    /// Locates a beacon; remarks on single rows name file and line.
+    pub(super) fn locate(
+        &self,
+        estimator: &EstimatorEntry,
+        received: &Received,
+    ) -> Result<Located, LocateError> {
+        let name = |index: usize| {
+            let (number, line, _) = received.rows.get(index)?;
+            Some(row_name(&self.id(*number, *line, None)))
+        };
+        estimator.locate_named(&received.receptions, &self.config, &name)
+    }
+
+    /// Returns the residual of each row from the place that an estimator found.
+    pub(super) fn residuals(
+        &self,
+        estimator: &EstimatorEntry,
+        located: &Located,
+        received: &Received,
+    ) -> Vec<RowResidual> {
+        let residual = |of: &Residual| {
+            let (number, line, drone) = received.rows.get(of.reception)?;
+            Some(RowResidual::new(&self.id(*number, *line, None), Some(drone.as_str()), of))
+        };
+        let all = estimator.residuals(located, &received.receptions, &self.config);
+        all.iter().filter_map(residual).collect()
     }
 
     /// The receptions of a beacon in one recording with their rows, also those struck out.
@@ -568,6 +634,21 @@ pub(super) fn not_located(error: LocateError) -> CliError {
         LocateError::Start(_) => CliError::failure(error),
         error => CliError::input(error),
     }
+}
+
+/// Returns a doubt about one truth of the command line for several beacons, and warns of it.
+pub(super) fn shared_truth(given: Option<LatLon>, beacons: usize) -> Option<Remark> {
+    let is_shared = given.is_some() && beacons > 1;
+    let remark = is_shared.then(|| {
+        let text = format!(
+            "--truth is taken for all {beacons} beacons alike: errors, NEES and coverage are of use \
+             only if they were at one place; choose one with --beacon, or give each its own with \
+             the columns truth_lat_deg and truth_lon_deg"
+        );
+        Remark::new("one-truth-for-all", text)
+    });
+    remark.iter().for_each(|remark| warn_once(&format!("warning: {remark}")));
+    remark
 }
 
 /// Where the transmitter truly is, if that is known, by the command line or the recordings.

@@ -1,7 +1,7 @@
 use std::path::PathBuf;
 
 use foxhunt::{
-    core::{Ellipse, Outcome},
+    core::{Ellipse, Outcome, Remark},
     filters::consistency::Verdict,
     hunt::PlaceEstimate,
     log::{Log, LogError},
@@ -88,6 +88,8 @@ struct Replayed {
     whiteness_p: Option<f64>,
     /// Number of times that the innovations became larger than the estimator can explain.
     diverged: u32,
+    /// Doubts about the place, each with what to do about it.
+    remarks: Vec<Remark>,
     outcome: Option<Outcome>,
     logged_estimate: Option<PlaceEstimate>,
     logged_error_m: Option<f64>,
@@ -169,6 +171,7 @@ impl Replayed {
             innovations: fix.nis.verdict(),
             whiteness_p: fix.whiteness.ljung_box().map(|test| test.p_value),
             diverged: fix.diverged,
+            remarks: fix.remarks.clone(),
             outcome: logged.map(|logged| logged.outcome),
             logged_estimate: logged.map(|logged| (&logged.estimate).into()),
             logged_error_m: logged.and_then(|logged| Some((logged.estimate.mean - truth?).norm())),
@@ -189,7 +192,10 @@ fn tables(report: &Report) -> String {
     } else {
         comparison(report)
     };
-    format!("{head}\n{fixes}\n{}\n{LEGEND}\n{verdict}", innovations(report))
+    let doubts: String = (report.beacons.iter())
+        .map(|beacon| fixes::doubts(&beacon.remarks, &format!(" of {}", beacon.name)))
+        .collect();
+    format!("{head}\n{fixes}\n{}\n{LEGEND}\n{verdict}{doubts}", innovations(report))
 }
 
 /// Meaning of the columns of [`innovations`].

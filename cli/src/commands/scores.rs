@@ -2,6 +2,7 @@
 
 use foxhunt::{
     Spread,
+    calibration::{ConformalFactors, Deviation},
     core::{Remark, nalgebra::Vector2},
     filters::consistency::Coverage,
     locate::Located,
@@ -24,6 +25,15 @@ pub(super) struct Answer {
     pub(super) in_region_95: Option<bool>,
     /// -ln of the density at the truth, in 1/m².
     pub(super) log_score: Option<f64>,
+    /// True if the ellipse by the user's recordings holds the truth, for --conformal.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) in_conformal_ellipse_95: Option<bool>,
+    /// True if the circle by the user's recordings holds the truth, for --conformal.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) in_conformal_circle_95: Option<bool>,
+    /// Deviation of the truth in units of the ellipse.
+    #[serde(skip)]
+    pub(super) deviation: Option<Deviation>,
     /// Doubts about the place.
     pub(super) remarks: Vec<Remark>,
     pub(super) failure: Option<String>,
@@ -53,6 +63,22 @@ pub(super) struct Summary {
     pub(super) in_regions_95: [usize; 2],
     /// The interval of `coverage_interval` for the regions.
     pub(super) region_interval: Option<[f64; 2]>,
+    /// Number of answers without a remark whose 95 % region holds the truth, of how many.
+    pub(super) unremarked_95: [usize; 2],
+    /// The interval of `coverage_interval` for the answers without a remark.
+    pub(super) unremarked_interval: Option<[f64; 2]>,
+    /// Number of ellipses by the user's recordings that hold the truth, of how many.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) in_conformal_ellipses_95: Option<[usize; 2]>,
+    /// The interval of `coverage_interval` for these ellipses.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) conformal_ellipse_interval: Option<[f64; 2]>,
+    /// Number of circles by the user's recordings that hold the truth, of how many.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) in_conformal_circles_95: Option<[usize; 2]>,
+    /// The interval of `coverage_interval` for these circles.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) conformal_circle_interval: Option<[f64; 2]>,
     /// In how many fixes the estimator that is judged first is nearer than this one.
     pub(super) first_is_nearer: Option<usize>,
 }
@@ -71,8 +97,21 @@ impl Answer {
             inside_95: truth.and_then(|truth| located.ellipse_95_holds(truth)),
             in_region_95: truth.and_then(|truth| located.region_95_holds(truth)),
             log_score: truth.and_then(|truth| located.log_score(truth)),
+            in_conformal_ellipse_95: None,
+            in_conformal_circle_95: None,
+            deviation: truth.and_then(|truth| Deviation::new(located, truth)),
             remarks: located.remarks.clone(),
             failure: None,
+        }
+    }
+
+    /// Judges the regions by the user's recordings too.
+    pub(super) fn with_conformal(self, factors: Option<&ConformalFactors>) -> Self {
+        let held = factors.zip(self.deviation).map(|(factors, of)| factors.hold(&of));
+        Self {
+            in_conformal_ellipse_95: held.map(|[ellipse, _]| ellipse),
+            in_conformal_circle_95: held.map(|[_, circle]| circle),
+            ..self
         }
     }
 
@@ -85,6 +124,9 @@ impl Answer {
             inside_95: None,
             in_region_95: None,
             log_score: None,
+            in_conformal_ellipse_95: None,
+            in_conformal_circle_95: None,
+            deviation: None,
             remarks: Vec::new(),
             failure: Some(reason),
         }
@@ -122,6 +164,9 @@ impl Summary {
         let coverage = || Coverage::new(0.95, 0.95).map_err(CliError::failure);
         let mut ellipses = coverage()?;
         let mut regions = coverage()?;
+        let mut unremarked = Held::new()?;
+        let mut own_ellipses = Held::new()?;
+        let mut own_circles = Held::new()?;
         let mut errors = Vec::new();
         let mut nees = Vec::new();
         let mut scores = Vec::new();
@@ -139,7 +184,12 @@ impl Summary {
             if let Some(held) = answer.in_region_95 {
                 regions.add(held);
                 in_regions += usize::from(held);
+                if answer.remarks.is_empty() {
+                    unremarked.add(held);
+                }
             }
+            answer.in_conformal_ellipse_95.into_iter().for_each(|held| own_ellipses.add(held));
+            answer.in_conformal_circle_95.into_iter().for_each(|held| own_circles.add(held));
             is_first |= first.is_some_and(|first| first.estimator == name);
             let first_m = first.and_then(|first| first.error_m);
             nearer += usize::from(matches!((first_m, answer.error_m), (Some(a), Some(b)) if a < b));
@@ -160,8 +210,42 @@ impl Summary {
             coverage_interval: ellipses.interval(),
             in_regions_95: [in_regions, regions.count()],
             region_interval: regions.interval(),
+            unremarked_95: unremarked.of(),
+            unremarked_interval: unremarked.coverage.interval(),
+            in_conformal_ellipses_95: own_ellipses.of_any(),
+            conformal_ellipse_interval: own_ellipses.coverage.interval(),
+            in_conformal_circles_95: own_circles.of_any(),
+            conformal_circle_interval: own_circles.coverage.interval(),
             first_is_nearer: (!is_first).then_some(nearer),
         })
+    }
+}
+
+/// Number of regions that hold the truth.
+struct Held {
+    inside: usize,
+    coverage: Coverage,
+}
+
+impl Held {
+    fn new() -> Result<Self, CliError> {
+        let coverage = Coverage::new(0.95, 0.95).map_err(CliError::failure)?;
+        Ok(Self { inside: 0, coverage })
+    }
+
+    fn add(&mut self, held: bool) {
+        self.coverage.add(held);
+        self.inside += usize::from(held);
+    }
+
+    /// Returns how many hold the truth, and of how many.
+    fn of(&self) -> [usize; 2] {
+        [self.inside, self.coverage.count()]
+    }
+
+    /// Returns how many hold the truth, and of how many; `None` of none.
+    fn of_any(&self) -> Option<[usize; 2]> {
+        Some(self.of()).filter(|[_, count]| *count > 0)
     }
 }
 

@@ -293,6 +293,58 @@ fn real_flights_when_they_are_there() {
     assert!((186.0..=206.0).contains(&bearing), "{bearing}");
 }
 
+/// Bearings of σ 3° from a circle about a transmitter at (300, 200), that of line 5 off by 71°.
+fn bearings_with_one_wrong() -> String {
+    let mut text = "drone,east_m,north_m,up_m,bearing_deg_compass,bearing_sigma_deg,truth_east_m,\
+                    truth_north_m\n"
+        .to_owned();
+    for number in 0..8 {
+        let turn = std::f64::consts::TAU * f64::from(number) / 8.0;
+        let (sin, cos) = turn.sin_cos();
+        let (east, north) = (300.0 + 600.0 * cos, 200.0 + 600.0 * sin);
+        let towards = f64::atan2(-cos, -sin).to_degrees();
+        let error = 2.0 * (1.7 * f64::from(number)).sin() + if number == 3 { 71.0 } else { 0.0 };
+        let bearing = (towards + error).rem_euclid(360.0);
+        writeln!(text, "uav1,{east},{north},0,{bearing},3,300,200").expect("a text takes it all");
+    }
+    text
+}
+
+#[test]
+fn rows_that_do_not_fit_are_named_by_file_and_line() {
+    let folder = folder("rows-that-do-not-fit");
+    let file = write(&folder, "one-wrong.csv", &bearings_with_one_wrong());
+    let report = foxhunt(["locate", "--json", &file]).json();
+    let rows = report["rows"].as_array().expect("a list");
+    assert_eq!(rows.len(), 8, "{report}");
+    for row in rows {
+        has(row, &["file", "line", "receiver", "kind", "residual", "unit", "p", "left_out"]);
+        assert_eq!((&row["file"], &row["receiver"]), (&"one-wrong.csv".into(), &"uav1".into()));
+        assert_eq!((&row["kind"], &row["unit"]), (&"bearing".into(), &"deg".into()));
+        let is_wrong = row["line"] == 5;
+        assert_eq!(row["left_out"], is_wrong, "{row}");
+        let [residual, p] = ["residual", "p"].map(|key| row[key].as_f64().expect("a number"));
+        if is_wrong {
+            assert!((residual - 71.0).abs() < 4.0 && p < 1e-6, "{row}");
+        } else {
+            assert!(residual.abs() < 5.0 && p > 0.05, "{row}");
+        }
+    }
+    let table = foxhunt(["locate", &file]).stdout;
+    assert!(table.contains("the bearing of one-wrong.csv, line 5 ("), "{table}");
+    assert!(table.contains("that do not fit or were left out: 1 of 8 ("), "{table}");
+    assert!(table.contains("one-wrong.csv:5") && !table.contains("one-wrong.csv:6"), "{table}");
+    let three = foxhunt(["locate", &file, "--rows=3"]).stdout;
+    assert!(three.contains("The 3 of 8 measurements that fit worst"), "{three}");
+    assert_eq!(three.matches("one-wrong.csv:").count(), 3, "{three}");
+
+    let page = folder.join("page.html");
+    let name = page.to_str().expect("UTF-8");
+    assert_eq!(foxhunt(["locate", &file, "--report", name]).code, 0);
+    let page = fs::read_to_string(&page).expect("it was written");
+    assert!(page.contains(r#""remarks":[["outlier","the bearing of one-wrong.csv, line 5"#));
+}
+
 #[test]
 fn fixes_are_judged_beside_baselines() {
     let folder = folder("judge");
@@ -343,6 +395,150 @@ fn fixes_are_judged_beside_baselines() {
     let untrue = write(&folder, "untrue.csv", "east_m,north_m,up_m,rss_dbm\n0,0,9,-50\n");
     foxhunt(["judge", &untrue]).failed(2, &["untrue.csv", "no truth", "--truth"]);
     foxhunt(["judge", &file, "--against", "strongst"]).failed(2, &["strongst"]);
+}
+
+/// Four bearings each of animals, off by up to 12° where the table states 1.5°, and a truth beside
+/// them.
+fn animals(first: u32, count: u32) -> String {
+    let mut text = "beacon,east_m,north_m,up_m,bearing_deg_compass,bearing_sigma_deg,\
+                    truth_east_m,truth_north_m\n"
+        .to_owned();
+    for animal in first..first + count {
+        let [x, y] = [1.1, 2.3].map(|pace: f64| 200.0 * (pace * f64::from(animal)).sin());
+        for number in 0..4 {
+            let turn = 0.3 * f64::from(animal) + 1.6 * f64::from(number);
+            let (sin, cos) = turn.sin_cos();
+            let (east, north) = (x + 500.0 * cos, y + 500.0 * sin);
+            let error = 12.0 * (1.7 * f64::from(animal) + 2.9 * f64::from(number)).sin();
+            let bearing = (f64::atan2(-cos, -sin).to_degrees() + error).rem_euclid(360.0);
+            writeln!(text, "a{animal},{east},{north},0,{bearing},1.5,{x},{y}")
+                .expect("a text takes it all");
+        }
+    }
+    text
+}
+
+#[test]
+fn own_recordings_give_a_second_region() {
+    let folder = folder("conformal");
+    let own = write(&folder, "own.csv", &animals(0, 20));
+    let new = write(&folder, "new.csv", &animals(20, 12));
+    let few = write(&folder, "few.csv", &animals(40, 18));
+    let factors = folder.join("factors.toml");
+    let factors = factors.to_str().expect("UTF-8");
+    let by = ["--estimator", "pseudolinear"];
+    foxhunt([&["judge", &few, "--calibrate", factors], &by[..]].concat())
+        .failed(2, &["pseudolinear has 18 fixes", "at least 19"]);
+    let ran = foxhunt([&["judge", &own, "--calibrate", factors], &by[..]].concat());
+    assert_eq!(ran.code, 0, "{ran:?}");
+    let text = fs::read_to_string(factors).expect("it was written");
+    assert!(text.contains("foxhunt_conformal = 1") && text.contains("fixes = 20"), "{text}");
+
+    let judged =
+        foxhunt([&["judge", "--json", &new, "--conformal", factors], &by[..]].concat()).json();
+    let ours = &judged["estimators"][0];
+    assert_eq!(ours["in_conformal_ellipses_95"][1], 12, "{ours}");
+    let held = |key: &str| ours[key][0].as_u64().expect("a number");
+    assert!(held("in_conformal_ellipses_95") >= 10, "{ours}");
+    assert!(held("in_conformal_ellipses_95") >= ours["inside_95"].as_u64().expect("a number"));
+    let located = ["locate", "--beacon", "a25", &new, "--conformal", factors];
+    let report = foxhunt([&located, &["--json"][..], &by[..]].concat()).json();
+    assert_eq!(report["conformal_95"]["fixes"], 20, "{report}");
+    let axis = |of: &str| report[of]["semi_major"].as_f64();
+    let scaled = report["conformal_95"]["ellipse"]["semi_major"].as_f64().expect("a number");
+    assert!(scaled > axis("ellipse_95").expect("a number"), "{report}");
+    let table = foxhunt([&located, &by[..]].concat()).stdout;
+    assert!(table.contains("95 % by your own recordings (n = 20): an ellipse of"), "{table}");
+    // Other estimators have other errors.
+    foxhunt(located).failed(2, &["the answer is of bearing-grid", "--estimator"]);
+    foxhunt(["judge", &new, "--conformal", &own]).failed(2, &["own.csv", "judge --calibrate"]);
+}
+
+/// Every other animal-day calibrates, and the others are judged: the ellipses of `pseudolinear`,
+/// which are too small, hold fewer than the regions that the first half scales.
+#[test]
+fn half_of_the_otters_calibrates_the_other_half() {
+    let data = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/otter_telemetr");
+    let (Ok(bearings), Ok(truth)) = (
+        fs::read_to_string(format!("{data}/bearings.csv")),
+        fs::read_to_string(format!("{data}/truth.csv")),
+    ) else {
+        println!("skipped: no recordings at {data}");
+        return;
+    };
+    let mut lines = bearings.lines();
+    let head = lines.next().expect("a header");
+    // Animal and day stand behind place and bearing.
+    let key = |line: &str| line.splitn(4, ',').nth(3).expect("five columns").to_owned();
+    let mut keys: Vec<String> = Vec::new();
+    let mut halves = [head.to_owned(), head.to_owned()];
+    for line in lines {
+        let key = key(line);
+        let number = keys.iter().position(|known| *known == key).unwrap_or_else(|| {
+            keys.push(key);
+            keys.len() - 1
+        });
+        write!(halves[number % 2], "\n{line}").expect("a text takes it all");
+    }
+    let folder = folder("otters");
+    let [own, others] = [0, 1].map(|half| {
+        let folder = folder.join(half.to_string());
+        fs::create_dir(&folder).expect("a folder can be made");
+        write(&folder, "truth.csv", &truth);
+        write(&folder, "bearings.csv", &halves[half])
+    });
+    let factors = folder.join("factors.toml");
+    let factors = factors.to_str().expect("UTF-8");
+    assert_eq!(foxhunt(["judge", &own, "--calibrate", factors]).code, 0);
+    let report = foxhunt(["judge", "--json", &others, "--conformal", factors]).json();
+    for of in report["estimators"].as_array().expect("a list") {
+        let [held, fixes] = [0, 1].map(|at| of["in_conformal_ellipses_95"][at].as_u64());
+        let (held, fixes) = (held.expect("a number"), fixes.expect("a number"));
+        // Fewer than 29 of 39 have a probability of 0.2 % (beta-binomial, of 39 to calibrate).
+        assert!(fixes >= 38 && held >= 29, "{of}");
+        if of["estimator"] == "pseudolinear" {
+            assert!(of["inside_95"].as_u64().expect("a number") < held, "{of}");
+        }
+    }
+}
+
+#[test]
+fn judged_answers_and_files_have_their_remarks() {
+    let folder = folder("judged-remarks");
+    let clean = write(&folder, "clean.csv", &animals(0, 3));
+    let wrong = write(&folder, "wrong.csv", &bearings_with_one_wrong());
+    let args = ["judge", &clean, &wrong, "--estimator", "bearing-grid"];
+    let report = foxhunt([&args[..], &["--json"]].concat()).json();
+    let files = report["files"].as_array().expect("a list");
+    assert_eq!(files.len(), 2, "{report}");
+    assert!(files.iter().all(|file| file["remarks"].is_array()), "{report}");
+    let of = |index: usize| report["fixes"][index]["answers"][0]["remarks"].clone();
+    assert_eq!(of(3)[0]["code"], "outlier", "{report}");
+    let ours = &report["estimators"][0];
+    let unremarked = (0..4).filter(|index| of(*index).as_array().is_some_and(Vec::is_empty));
+    assert_eq!(ours["unremarked_95"][1], unremarked.count(), "{ours}");
+    let table = foxhunt(args).stdout;
+    assert!(table.contains("outlier") && table.contains("without remarks"), "{table}");
+}
+
+#[test]
+fn one_truth_for_all_beacons_is_doubted() {
+    let folder = folder("one-truth");
+    let mut text = "beacon,lat_deg,lon_deg,bearing_deg_compass,bearing_sigma_deg\n".to_owned();
+    for beacon in ["a", "b"] {
+        for (lat, lon, bearing) in [(50.0, 14.0, 45.0), (50.01, 14.0, 135.0), (50.0, 14.01, 0.0)] {
+            writeln!(text, "{beacon},{lat},{lon},{bearing},5").expect("a text takes it all");
+        }
+    }
+    let file = write(&folder, "two.csv", &text);
+    let truth = ["--truth", "50.004,14.01"];
+    let all = foxhunt([&["locate", "--json", &file, "--every-beacon"], &truth[..]].concat());
+    assert!(all.stderr.contains("taken for all 2 beacons alike"), "{}", all.stderr);
+    assert_eq!(all.json()[1]["remarks"][0]["code"], "one-truth-for-all");
+    let judged = foxhunt([&["judge", "--json", &file], &truth[..]].concat()).json();
+    assert_eq!(judged["files"][0]["remarks"][0]["code"], "one-truth-for-all", "{judged}");
+    let one = foxhunt([&["judge", "--json", &file, "--beacon", "a"], &truth[..]].concat()).json();
+    assert_eq!(one["files"][0]["remarks"], serde_json::json!([]), "{one}");
 }
 
 #[test]

@@ -23,11 +23,16 @@ impl Locator for Lenth {
             .with_weights(self.0)
             .and_then(|lenth| lenth.locate(&lines))
             .map_err(LocateError::Bearings)?;
-        let rejected = fix.weights.iter().filter(|weight| **weight <= 0.0).count();
+        let bearings = receptions.iter().enumerate().filter(|(_, r)| weighted_line(r).is_some());
+        let weighted = bearings.zip(&fix.weights);
+        let left_out: Vec<usize> =
+            weighted.filter(|(_, weight)| **weight <= 0.0).map(|((index, _), _)| index).collect();
+        let rejected = left_out.len();
         Ok(Located {
             own_ellipse_95: fix.ellipse(0.95),
             observations: lines.len() - rejected,
             rejected,
+            left_out,
             ..Located::at(fix.position)
         })
     }

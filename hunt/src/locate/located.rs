@@ -34,6 +34,11 @@ pub struct Located {
     pub observations: usize,
     /// How many a gate, or a weight of nothing, kept out.
     pub rejected: usize,
+    /// Indices of the receptions that a gate or a weight of zero kept out.
+    pub left_out: Vec<usize>,
+    /// Indices of the receptions whose bearing, range or difference was left out as an outlier;
+    /// their levels count.
+    pub outliers: Vec<usize>,
     /// The probability on the border of the area that was searched, where the estimator searches an
     /// area: where it is large, the transmitter may lie outside.
     pub border_mass: Option<f64>,
@@ -135,6 +140,8 @@ impl Located {
             own_ellipse_95: None,
             observations: 0,
             rejected: 0,
+            left_out: Vec::new(),
+            outliers: Vec::new(),
             border_mass: None,
             explanation: None,
             common_errors: None,
@@ -167,12 +174,19 @@ impl Located {
     /// Whether the [`ellipse_95`](Self::ellipse_95) holds a place; `None` without one.
     #[must_use]
     pub fn ellipse_95_holds(&self, place: &Vector2<f64>) -> Option<bool> {
+        self.ellipses_away(place).map(|away| away <= 1.0)
+    }
+
+    /// Returns the factor by which the [`ellipse_95`](Self::ellipse_95) has to be scaled so that its
+    /// border meets a place; `None` without one.
+    #[must_use]
+    pub fn ellipses_away(&self, place: &Vector2<f64>) -> Option<f64> {
         let ellipse = self.ellipse_95()?;
         let (sin, cos) = ellipse.orientation.sin_cos();
         let away = place - self.estimate.mean;
         let along = (cos * away.x + sin * away.y) / ellipse.semi_major;
         let across = (cos * away.y - sin * away.x) / ellipse.semi_minor;
-        Some(along.hypot(across) <= 1.0)
+        Some(along.hypot(across))
     }
 
     /// Returns true if the region that a user is shown holds a place: the

@@ -31,7 +31,8 @@ pub(crate) use bearings::{ClosedForm, Lenth, Posterior, RepeatedMedian};
 pub use bearings::{LearnedSigma, learn_bearing_sigma};
 pub use config::{Listener, LocateConfig, Power};
 pub use error::LocateError;
-pub(crate) use examination::{Uses, examine};
+pub use examination::{Measurand, Residual};
+pub(crate) use examination::{Uses, examine, residuals};
 #[cfg(feature = "maps")]
 pub(crate) use field_map::HighestOnMap;
 #[cfg(feature = "batch")]

@@ -1,16 +1,17 @@
 use foxhunt_core::{
-    BeaconId, BearingModes, Correction, MeasuredList, Pose, Quantity, Reception, Remark,
+    BeaconId, BearingModes, Correction, Estimate, MeasuredList, Pose, Quantity, Reception, Remark,
 };
 use foxhunt_filters::ShadowingGridConfig;
 use foxhunt_sensors::{AntennaError, LogDistance, OverTerrain, RssBearing};
+use nalgebra::Vector3;
 
 use super::{EstimatorEntry, Need, Registry, RegistryError, TrackRequest};
 use crate::{
-    config::{EstimatorConfig, PulseModel, ReceiverModel},
+    config::{EstimatorConfig, ModelConfig, PulseModel, ReceiverModel},
     hunt::{Components, Search, TrackStep},
     locate::{
-        Area, FREE_POWER_SIGMA_DB, LocateConfig, LocateError, Located, Power, Uses, examine,
-        extent_m, receiver_sigma_m, reference_power,
+        Area, FREE_POWER_SIGMA_DB, LocateConfig, LocateError, Located, Power, Residual, Uses,
+        examine, extent_m, receiver_sigma_m, reference_power, residuals,
     },
 };
 
@@ -28,6 +29,21 @@ impl EstimatorEntry {
         receptions: &[Reception],
         config: &LocateConfig,
     ) -> Result<Located, LocateError> {
+        self.locate_named(receptions, config, &|_| None)
+    }
+
+    /// Locates a transmitter as [`locate`](Self::locate) does; remarks on single receptions call
+    /// them as `name` says of their index, such as by file and line.
+    ///
+    /// # Errors
+    ///
+    /// [`LocateError`] when there is too little to go by, or the estimator cannot use it.
+    pub fn locate_named(
+        &self,
+        receptions: &[Reception],
+        config: &LocateConfig,
+        name: &dyn Fn(usize) -> Option<String>,
+    ) -> Result<Located, LocateError> {
         let holds = |r: &Reception| r.level.is_some() || r.has_bearing() || !r.measured.is_empty();
         if !receptions.iter().any(holds) {
             return Err(LocateError::Nothing { receptions: receptions.len() });
@@ -40,7 +56,7 @@ impl EstimatorEntry {
         }
         let mut located = self.unexamined(receptions, config)?;
         let uses = self.uses();
-        let outliers = examine(&mut located, receptions, config, uses);
+        let outliers = examine(&mut located, receptions, config, uses, name);
         if outliers.is_empty() {
             return Ok(located);
         }
@@ -54,7 +70,7 @@ impl EstimatorEntry {
         match without {
             Ok(mut without) if self.leaves_out_outliers() => {
                 without.rejected += outliers.len();
-                let _ = examine(&mut without, &kept, config, uses);
+                let _ = examine(&mut without, &kept, config, uses, name);
                 // What the outliers themselves cast doubt on is settled without them.
                 let told = located.remarks.into_iter().filter(|remark| remark.code == "outlier");
                 let told = told.map(|remark| Remark {
@@ -62,6 +78,7 @@ impl EstimatorEntry {
                     ..remark
                 });
                 without.remarks.splice(..0, told);
+                without.outliers = outliers;
                 Ok(without)
             }
             Ok(without) => {
@@ -77,6 +94,49 @@ impl EstimatorEntry {
             }
             Err(_) => Ok(located),
         }
+    }
+
+    /// Returns the doubts about a place that the estimator found in flight, from receptions one
+    /// after the other, by the law that it took for that of propagation.
+    #[must_use]
+    pub fn remarks_in_flight(
+        &self,
+        estimate: &Estimate<2>,
+        receptions: &[Reception],
+        model: &ModelConfig,
+    ) -> Vec<Remark> {
+        let knows_power = self.settings().is_none_or(|s| s.power_sigma_db.is_none());
+        let ModelConfig { reference_dbm, exponent, .. } = *model;
+        let config = LocateConfig {
+            power: match knows_power {
+                true => Power::Known { reference_dbm, exponent },
+                false => Power::FreeReference { exponent },
+            },
+            target_up_m: model.target_up_m,
+            reference_m: model.reference_m.map(Vector3::from),
+            ..LocateConfig::default()
+        };
+        let uses = self.uses();
+        // The log-distance law alone is examined; antennas and terrain bend it.
+        let follows_law =
+            model.antenna.is_none() && model.terrain.is_none() && !self.takes_samples();
+        let levels = uses.levels && follows_law;
+        let uses = Uses { levels, searches_area: false, ..uses };
+        let mut located = Located::at(*estimate);
+        let _ = examine(&mut located, receptions, &config, uses, &|_| None);
+        located.remarks
+    }
+
+    /// Returns the residual of each measurement from the place that [`locate`](Self::locate) found
+    /// by the same receptions, in their order.
+    #[must_use]
+    pub fn residuals(
+        &self,
+        located: &Located,
+        receptions: &[Reception],
+        config: &LocateConfig,
+    ) -> Vec<Residual> {
+        residuals(located, receptions, config, self.uses())
     }
 
     /// Locates a transmitter without a look at how well the receptions fit.
@@ -241,14 +301,16 @@ fn in_time(
     };
     let mut track = estimator.track(&request, false).map_err(LocateError::Start)?;
     let mut used = 0;
-    let mut rejected = 0;
+    let mut left_out = Vec::new();
     let mut in_time: Vec<(usize, &Reception)> = receptions.iter().enumerate().collect();
     in_time.sort_by(|(_, a), (_, b)| a.time.total_cmp(&b.time));
     for (index, reception) in in_time {
         // A recording has no formation positions.
         match track.update(reception, false) {
             Ok(TrackStep::Updated { correction: Correction::Fused { .. }, .. }) => used += 1,
-            Ok(TrackStep::Updated { correction: Correction::Rejected { .. }, .. }) => rejected += 1,
+            Ok(TrackStep::Updated { correction: Correction::Rejected { .. }, .. }) => {
+                left_out.push(index);
+            }
             Ok(TrackStep::Updated { .. } | TrackStep::Skipped) => {}
             Err(source) => {
                 return Err(LocateError::Reception { index, time: reception.time, source });
@@ -262,5 +324,10 @@ fn in_time(
             quantities: track.quantities(),
         });
     }
-    Ok(Located { observations: used, rejected, ..Located::of_belief(track.belief()) })
+    Ok(Located {
+        observations: used,
+        rejected: left_out.len(),
+        left_out,
+        ..Located::of_belief(track.belief())
+    })
 }

@@ -111,6 +111,32 @@ fn encodings_and_quotes_change_nothing() {
 }
 
 #[test]
+fn receivers_that_are_all_at_one_place_are_doubted() {
+    let table = |places: [(f64, f64); 3]| {
+        let row = |(number, (east, north)): (usize, (f64, f64))| {
+            format!(
+                "node{number},{east},{north},-6{number}
+"
+            )
+        };
+        let rows: String = places.into_iter().enumerate().map(row).collect();
+        plain(format!(
+            "drone,east_m,north_m,rss_dbm
+{rows}"
+        ))
+    };
+    let same = table([(10.0, 20.0), (10.0, 20.0), (10.2, 20.0)]);
+    assert_eq!(codes(&same), ["receivers-at-one-place"]);
+    assert!(same.remarks()[0].text.contains("walk.csv: all 3 receivers"), "{:?}", same.remarks());
+    assert_eq!(codes(&table([(10.0, 20.0), (10.0, 20.0), (40.0, 20.0)])), [""; 0]);
+    let one = "drone,east_m,north_m,rss_dbm
+node,0,0,-60
+node,0,0,-61
+";
+    assert_eq!(codes(&plain(one)), [""; 0]);
+}
+
+#[test]
 fn levels_without_their_sign_are_doubted_and_mended() {
     const POSITIVE: &str = include_str!("../../data/tables/positive-rssi.csv");
     let recording = plain(POSITIVE);

@@ -52,8 +52,13 @@ impl Datum {
         self.sigma.hypot(own)
     }
 
+    /// Returns σ with the part of the receiver's own place, for a transmitter at a place.
+    pub(crate) fn sigma_towards(&self, place: &Vector2<f64>, up: f64) -> f64 {
+        self.sigma_at(&(place.push(up) - self.receiver))
+    }
+
     /// Returns the gradient of the expected value over σ.
-    fn slope(&self, place: &Vector2<f64>, up: f64) -> Vector2<f64> {
+    pub(crate) fn slope(&self, place: &Vector2<f64>, up: f64) -> Vector2<f64> {
         let way = place.push(up) - self.receiver;
         let unit = |way: Vector3<f64>| way.xy() / way.norm().max(f64::MIN_POSITIVE);
         let slope = match self.kind {
@@ -148,7 +153,11 @@ fn meeting_from(data: &[Datum], up: f64, starts: &[Vector2<f64>]) -> Option<Meet
 }
 
 /// Σ s sᵀ and Σ s r of slopes and residuals.
-fn normal(data: &[Datum], place: &Vector2<f64>, up: f64) -> (Matrix2<f64>, Vector2<f64>) {
+pub(crate) fn normal(
+    data: &[Datum],
+    place: &Vector2<f64>,
+    up: f64,
+) -> (Matrix2<f64>, Vector2<f64>) {
     let mut information = Matrix2::zeros();
     let mut gradient = Vector2::zeros();
     for datum in data {

@@ -1,9 +1,13 @@
+use std::collections::HashSet;
+
 use foxhunt_core::{Reception, Remark};
 use nalgebra::{Matrix2, Vector2};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::{
     super::{Area, LocateConfig, Located, Power},
+    Name,
+    residuals::{Measurand, Residual, one_sided, two_sided},
     shared::{APART, UNSTATED_SIGMA_M, has_law, spoken},
 };
 
@@ -28,6 +32,7 @@ pub(super) fn examine(
     located: &Located,
     receptions: &[Reception],
     config: &LocateConfig,
+    name: Name<'_>,
 ) -> Vec<Remark> {
     let place = located.estimate.mean;
     let rows = rows(receptions, &place, config, 1);
@@ -50,10 +55,43 @@ pub(super) fn examine(
         )];
     }
     // Residuals from a place that is wrong are no outliers.
-    let of_row = elsewhere.or_else(|| outlier(&rows, &law, located));
+    let of_row = elsewhere.or_else(|| outlier(&rows, &law, located, name));
     let is_placed_by_levels = receptions.iter().all(|r| !r.has_bearing() && r.measured.is_empty());
     let open = range_open(located, receptions, config, rows.len()).filter(|_| is_placed_by_levels);
     of_row.into_iter().chain(open).collect()
+}
+
+/// Returns the residuals of the levels that took part, of silences and of levels at a ceiling, from
+/// the log-distance law that fits them best at the place. Empty for fewer than eight levels, which
+/// show no law.
+pub(super) fn residuals_of_rows(
+    located: &Located,
+    receptions: &[Reception],
+    config: &LocateConfig,
+    left_out: &HashSet<usize>,
+) -> Vec<Residual> {
+    let place = located.estimate.mean;
+    let kept = rows(receptions, &place, config, 1);
+    if kept.len() < LEAST {
+        return Vec::new();
+    }
+    let Some(law) = Law::of(&kept, config) else { return Vec::new() };
+    let row = |(reception, received): (usize, &Reception)| {
+        let level = received.any_level()?.rss_dbm;
+        let row = Row::new(reception, received, level, &place, config);
+        let apart = law.residual(&row);
+        let sigma = law.sigma_with_place(&row, located);
+        let (kind, residual, p) = if received.level.is_some() {
+            (Measurand::Level, apart, two_sided(apart / sigma))
+        } else if received.silence.is_some() {
+            (Measurand::Silence, apart.min(0.0), one_sided(-apart / sigma))
+        } else {
+            (Measurand::Saturation, apart.max(0.0), one_sided(apart / sigma))
+        };
+        let left_out = left_out.contains(&reception);
+        Some(Residual { reception, kind, residual, p, left_out })
+    };
+    receptions.iter().enumerate().filter_map(row).collect()
 }
 
 /// Returns one level in `stride`, as it is for a transmitter at a place.
@@ -63,18 +101,9 @@ fn rows(
     config: &LocateConfig,
     stride: usize,
 ) -> Vec<Row> {
-    let target = place.push(config.target_up_m);
     let row = |(reception, received): (usize, &Reception)| {
-        let way = target - received.receiver.position;
-        let range = way.norm().max(1.0);
-        let sigma = received.receiver_sigma_m;
-        Some(Row {
-            reception,
-            level: received.level?.rss_dbm,
-            loss: -10.0 * range.log10(),
-            slope: way.xy() * (10.0 / (std::f64::consts::LN_10 * range * range)),
-            receiver_sigma_m: sigma.map_or(UNSTATED_SIGMA_M, |sigma| sigma.x.max(sigma.y)),
-        })
+        let level = received.level?.rss_dbm;
+        Some(Row::new(reception, received, level, place, config))
     };
     let levels = receptions.iter().enumerate().filter(|(_, received)| received.level.is_some());
     levels.step_by(stride).filter_map(row).collect()
@@ -219,17 +248,13 @@ fn range_open(
 const FAR: f64 = 6.0;
 
 /// Returns a remark on the level that lies farthest from all others, if no fading does that.
-fn outlier(rows: &[Row], law: &Law, located: &Located) -> Option<Remark> {
+fn outlier(rows: &[Row], law: &Law, located: &Located, name: Name<'_>) -> Option<Remark> {
     let count = f64::from(u32::try_from(rows.len()).unwrap_or(u32::MAX));
     let normal = Normal::new(0.0, 1.0).ok()?;
     let most = -normal.inverse_cdf(OUTLIER_P / count);
     let excess = |row: &Row| {
         let residual = law.residual(row);
-        // Near the transmitter a small error of its place is a large one of the level.
-        let slope = row.slope * law.exponent;
-        let own = row.receiver_sigma_m.powi(2) * slope.norm_squared();
-        let of_place = slope.dot(&(located.estimate.covariance * slope)).max(0.0) + own;
-        let sigma = (law.sigma_db.powi(2) + of_place).sqrt();
+        let sigma = law.sigma_with_place(row, located);
         let limit = if residual > 0.0 {
             (most * sigma).max(LEAST_DB)
         } else {
@@ -243,12 +268,13 @@ fn outlier(rows: &[Row], law: &Law, located: &Located) -> Option<Remark> {
     }
     let residual = law.residual(worst);
     let side = if residual > 0.0 { "above" } else { "below" };
+    let named = name(worst.reception).map(|row| format!("the level of {row}"));
+    let subject = named.unwrap_or_else(|| format!("reception {}", worst.reception + 1));
     Some(Remark::new(
         "outlier",
         format!(
-            "reception {} ({:.1} dBm) lies {:.0} dB {side} what the others make likely, with a σ \
+            "{subject} ({:.1} dBm) lies {:.0} dB {side} what the others make likely, with a σ \
              of {:.1} dB; look at it, and leave it out with --ignore if it is wrong",
-            worst.reception + 1,
             worst.level,
             residual.abs(),
             law.sigma_db
@@ -267,6 +293,27 @@ struct Row {
     receiver_sigma_m: f64,
 }
 
+impl Row {
+    fn new(
+        reception: usize,
+        received: &Reception,
+        level: f64,
+        place: &Vector2<f64>,
+        config: &LocateConfig,
+    ) -> Self {
+        let way = place.push(config.target_up_m) - received.receiver.position;
+        let range = way.norm().max(1.0);
+        let sigma = received.receiver_sigma_m;
+        Self {
+            reception,
+            level,
+            loss: -10.0 * range.log10(),
+            slope: way.xy() * (10.0 / (std::f64::consts::LN_10 * range * range)),
+            receiver_sigma_m: sigma.map_or(UNSTATED_SIGMA_M, |sigma| sigma.x.max(sigma.y)),
+        }
+    }
+}
+
 /// Log-distance law that fits levels, with the spread of the residuals.
 struct Law {
     reference_dbm: f64,
@@ -279,6 +326,15 @@ struct Law {
 impl Law {
     fn residual(&self, row: &Row) -> f64 {
         row.level - self.reference_dbm - self.exponent * row.loss
+    }
+
+    /// Returns σ of a level with the errors of the transmitter's and the receiver's places.
+    fn sigma_with_place(&self, row: &Row, located: &Located) -> f64 {
+        // Near the transmitter a small error of its place is a large one of the level.
+        let slope = row.slope * self.exponent;
+        let own = row.receiver_sigma_m.powi(2) * slope.norm_squared();
+        let of_place = slope.dot(&(located.estimate.covariance * slope)).max(0.0) + own;
+        (self.sigma_db.powi(2) + of_place).sqrt()
     }
 
     /// Least squares of intercept and exponent as far as they are unknown, then again without the

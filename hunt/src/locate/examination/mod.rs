@@ -7,6 +7,7 @@
 mod fit;
 mod levels;
 mod open;
+mod residuals;
 mod shared;
 
 use foxhunt_core::{Bearing, Quantity, Reception, Remark};
@@ -14,6 +15,8 @@ use foxhunt_wire::geodesy::radians_to_compass_deg;
 
 pub(crate) use self::fit::{Datum, Kind, Outliers, Scale, misfit_p, outliers, reversals};
 use self::fit::{Meeting, meeting};
+pub(crate) use self::residuals::residuals;
+pub use self::residuals::{Measurand, Residual};
 use self::shared::{APART, UNSTATED_SIGMA_M, is_assumed, scale, spoken};
 use super::{Area, LocateConfig, Located};
 
@@ -27,6 +30,9 @@ pub(crate) struct Uses {
     /// its border.
     pub(crate) searches_area: bool,
 }
+
+/// Names that remarks give to receptions by their index, where they have any: file and line.
+pub(crate) type Name<'a> = &'a dyn Fn(usize) -> Option<String>;
 
 /// Misfits less probable than this make a remark.
 const MISFIT_P: f64 = 1e-3;
@@ -51,6 +57,7 @@ pub(crate) fn examine(
     receptions: &[Reception],
     config: &LocateConfig,
     uses: Uses,
+    name: Name<'_>,
 ) -> Vec<usize> {
     let mut data = data(receptions, config, uses);
     if let Some(offset) = located.range_offset_m {
@@ -64,10 +71,10 @@ pub(crate) fn examine(
         remarks.push(remark);
     } else {
         if !data.is_empty() {
-            left_out = of_fit(located, &data, config, &mut remarks);
+            left_out = of_fit(located, &data, config, name, &mut remarks);
         }
         if has_levels {
-            remarks.extend(levels::examine(located, receptions, config));
+            remarks.extend(levels::examine(located, receptions, config, name));
         }
         let meets = |remark: &Remark| !remark.code.ends_with("do-not-meet");
         let is_open = |remark: &Remark| remark.code == "range-open";
@@ -193,6 +200,7 @@ fn of_fit(
     located: &Located,
     data: &[Datum],
     config: &LocateConfig,
+    name: Name<'_>,
     remarks: &mut Vec<Remark>,
 ) -> Vec<usize> {
     let up = config.target_up_m;
@@ -208,7 +216,9 @@ fn of_fit(
     if let Some(found) = outliers(data, up, scale).filter(|_| !all_turned) {
         for outlier in &found.outliers {
             let Some(datum) = data.get(outlier.position) else { continue };
-            remarks.push(Remark::new("outlier", outlier_text(data, datum, outlier, &found, up)));
+            let subject = subject(data, outlier.position, name);
+            let text = format!("{subject} {}", outlier_text(datum, outlier, &found, up));
+            remarks.push(Remark::new("outlier", text));
         }
         remarks.extend(does_not_fit(located, &found.rest, &found.meeting, scale, up));
         let reception = |outlier: &fit::Outlier| Some(data.get(outlier.position)?.reception);
@@ -235,7 +245,7 @@ fn of_fit(
             ways => Some(format!(
                 "these bearings do not meet ({}){}; check whether the antenna looked the other way",
                 probability(p),
-                ways.iter().map(|way| reversal_text(data, way)).collect::<String>(),
+                ways.iter().map(|way| reversal_text(data, way, name)).collect::<String>(),
             )),
         };
         match text {
@@ -299,24 +309,25 @@ fn does_not_fit(
     })
 }
 
-/// Returns the sentence on an outlier, without whether it was left out.
-fn outlier_text(
-    data: &[Datum],
-    datum: &Datum,
-    outlier: &fit::Outlier,
-    found: &Outliers,
-    up: f64,
-) -> String {
-    let of = data.len();
-    let number = outlier.position + 1;
+/// Returns the words for a measurement: by file and line, or else by its number.
+fn subject(data: &[Datum], position: usize, name: Name<'_>) -> String {
+    let datum = data.get(position);
+    let noun = datum.map_or("measurement", |datum| noun(datum.kind));
+    match datum.and_then(|datum| name(datum.reception)) {
+        Some(row) => format!("the {noun} of {row}"),
+        None => format!("{noun} {} of {}", position + 1, data.len()),
+    }
+}
+
+/// Returns the predicate of the sentence on an outlier, without whether it was left out.
+fn outlier_text(datum: &Datum, outlier: &fit::Outlier, found: &Outliers, up: f64) -> String {
     let from = spoken(&datum.receiver.xy());
     let there = spoken(&found.meeting.place);
     let p = probability(outlier.p);
     let apart = (outlier.residual * datum.sigma).abs();
     if datum.kind != Kind::Bearing {
-        let noun = noun(datum.kind);
         return format!(
-            "{noun} {number} of {of} ({:.1} m, from {from}) is {apart:.1} m off where the others \
+            "({:.1} m, from {from}) is {apart:.1} m off where the others \
              meet, {there} ({p})",
             datum.value
         );
@@ -324,18 +335,18 @@ fn outlier_text(
     let back = datum.reversed().residual(&found.meeting.place, up).abs();
     let other_way = if back < 3.0 { "; reversed it meets them" } else { "" };
     format!(
-        "bearing {number} of {of} ({:.0}°, from {from}) is {:.0}° off where the others meet, \
+        "({:.0}°, from {from}) is {:.0}° off where the others meet, \
          {there} ({p}{other_way})",
         radians_to_compass_deg(datum.value),
         apart.to_degrees(),
     )
 }
 
-fn reversal_text(data: &[Datum], way: &fit::Reversal) -> String {
+fn reversal_text(data: &[Datum], way: &fit::Reversal, name: Name<'_>) -> String {
     let there = spoken(&way.meeting.place);
     match way.positions.as_slice() {
         [only] if data.len() > 1 => {
-            format!("; with bearing {} reversed they meet at {there}", only + 1)
+            format!("; with {} reversed they meet at {there}", subject(data, *only, name))
         }
         _ => format!("; reversed they meet at {there}"),
     }
