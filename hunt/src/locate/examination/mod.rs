@@ -59,11 +59,7 @@ pub(crate) fn examine(
     uses: Uses,
     name: Name<'_>,
 ) -> Vec<usize> {
-    let mut data = data(receptions, config, uses);
-    if let Some(offset) = located.range_offset_m {
-        let ranges = data.iter_mut().filter(|datum| datum.kind == Kind::Range);
-        ranges.for_each(|datum| datum.value -= offset.mean);
-    }
+    let data = data(receptions, config, uses, range_offset_m(located));
     let mut remarks = Vec::new();
     let mut left_out = Vec::new();
     let has_levels = uses.levels && receptions.iter().any(|r| r.level.is_some());
@@ -94,7 +90,7 @@ pub(crate) fn examine(
 #[cfg(feature = "batch")]
 pub(super) fn without_outliers(receptions: &[Reception], config: &LocateConfig) -> Vec<Reception> {
     let uses = Uses { levels: false, bearings: true, differences: false, searches_area: false };
-    let mut data = data(receptions, config, uses);
+    let mut data = data(receptions, config, uses, 0.0);
     data.retain(|datum| datum.kind == Kind::Bearing);
     let up = config.target_up_m;
     let mut kept = receptions.to_vec();
@@ -154,8 +150,19 @@ fn of_answer(
     remarks
 }
 
-/// Returns the measurements with a geometry that an estimator uses.
-fn data(receptions: &[Reception], config: &LocateConfig, uses: Uses) -> Vec<Datum> {
+/// Metres by which all ranges are too long, by the answer.
+fn range_offset_m(located: &Located) -> f64 {
+    located.range_offset_m.map_or(0.0, |offset| offset.mean)
+}
+
+/// Returns the measurements with a geometry that an estimator uses; `range_offset_m` is taken off
+/// the ranges.
+fn data(
+    receptions: &[Reception],
+    config: &LocateConfig,
+    uses: Uses,
+    range_offset_m: f64,
+) -> Vec<Datum> {
     let mut data = Vec::new();
     for (reception, received) in receptions.iter().enumerate() {
         let receiver = received.receiver.position;
@@ -173,7 +180,7 @@ fn data(receptions: &[Reception], config: &LocateConfig, uses: Uses) -> Vec<Datu
             data.push(datum(Kind::Bearing, angle, sigma));
         }
         if let Some(range) = received.measured.get(Quantity::RANGE) {
-            data.push(datum(Kind::Range, range.value, range.sigma));
+            data.push(datum(Kind::Range, range.value - range_offset_m, range.sigma));
         }
         if let Some(difference) = received.measured.get(Quantity::RANGE_DIFFERENCE)
             && let Some(reference) = config.reference_m
