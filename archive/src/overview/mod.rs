@@ -17,7 +17,10 @@ use std::collections::HashSet;
 use foxhunt_core::{Bearing, BearingModes, Ellipse, Estimate, HeightAboveGround, Level, Remark};
 #[cfg(feature = "batch")]
 use foxhunt_hunt::locate::Tracked;
-use foxhunt_hunt::locate::{Located, Measurand, Region, Rival};
+use foxhunt_hunt::{
+    calibration::ConformalFactors,
+    locate::{Located, Measurand, Region, Rival},
+};
 use foxhunt_wire::geodesy::LocalFrame;
 use nalgebra::{Vector2, Vector3};
 
@@ -141,6 +144,9 @@ pub struct SearchOverview {
     pub remarks: Vec<Remark>,
     /// Residuals of the rows of recordings from the place in the end.
     pub rows: Vec<RowResidual>,
+    /// Factors by which the ellipse holds it with 95 % by the user's recordings, where there are
+    /// any.
+    pub conformal: Option<ConformalFactors>,
     /// Outcome of the search, if it ended.
     pub outcome: Option<String>,
 }

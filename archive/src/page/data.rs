@@ -178,6 +178,10 @@ struct Search<'a> {
     regions: Vec<Vec<Vec<[f64; 2]>>>,
     /// East, North, density over that at the estimate.
     rivals: Vec<[f64; 3]>,
+    /// Number of the user's fixes with a known truth, and by what factor the ellipse holds the
+    /// transmitter with 95 % by these.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    conformal: Option<(usize, f64)>,
     /// Doubts about the place: code and sentence.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     remarks: Vec<Doubt<'a>>,
@@ -455,6 +459,7 @@ impl<'a> Search<'a> {
                     [east, north, round(rival.relative_density, 3)]
                 })
                 .collect(),
+            conformal: (search.conformal.as_ref()).map(|own| (own.fixes, round(own.ellipse, 4))),
             remarks: search.remarks.iter().map(doubt).collect(),
             of_rows: (rows.len() > MOST).then_some(rows.len()),
             rows: rows.into_iter().take(MOST).map(PageRow::of).collect(),

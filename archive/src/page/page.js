@@ -403,6 +403,11 @@ function drawSearch(search, index) {
     context.beginPath(); context.ellipse(px, py, a * view.scale, b * view.scale, -along, 0, TAU);
     context.lineWidth = 3 * look.width; context.strokeStyle = colour; context.stroke();
   }
+  if (state.layers.conformal && search.conformal && belief.ellipse) {
+    const [a, b, along] = belief.ellipse, scale = view.scale * search.conformal[1];
+    context.beginPath(); context.ellipse(px, py, a * scale, b * scale, -along, 0, TAU);
+    context.lineWidth = 2 * look.width; context.strokeStyle = colour; context.setLineDash([8, 5]); context.stroke(); context.setLineDash([]);
+  }
   if (state.layers.estimates) {
     if (isLast) {
       for (const [e, n, density] of search.rivals) {
@@ -533,6 +538,8 @@ const LAYERS = [
   ["rivals", "rival directions", `<path d="M0 8h30" stroke="#0072b2" stroke-width="2" stroke-dasharray="2 4"/>`, () => received.some((one) => one.modes)],
   ["estimates", "estimates", `<path d="M15 1v14M8 8h14" stroke="#d55e00" stroke-width="3"/>`, () => data.searches.length],
   ["ellipse", "95 % ellipse", `<ellipse cx="15" cy="8" rx="13" ry="6" fill="none" stroke="#d55e00" stroke-width="2.5"/>`, () => data.searches.length],
+  ["conformal", "95 % by your own recordings", `<ellipse cx="15" cy="8" rx="13" ry="6" fill="none" stroke="#d55e00" stroke-width="2" stroke-dasharray="5 3"/>`,
+    () => data.searches.some((s) => s.conformal)],
   ["regions", "95 % region", `<path d="M2 12Q8-6 15 6T28 4L26 14z" fill="#d55e00" opacity=".35"/>`, () => data.searches.some((s) => s.regions.length)],
   ["cloud", "belief", `<g fill="#d55e00" opacity=".6"><rect x="6" y="4" width="3" height="3"/><rect x="12" y="9" width="3" height="3"/><rect x="17" y="5" width="3" height="3"/><rect x="22" y="10" width="3" height="3"/></g>`,
     () => data.searches.some((s) => s.beliefs.some((b) => b.cloud))],
@@ -596,7 +603,9 @@ function showFixes() {
     const isLast = belief === search.beliefs[search.beliefs.length - 1];
     const ended = isLast ? search.outcome || (data.live ? "searching" : "") : "searching";
     // Below the name, where a column of its own would be cut off.
-    const outcome = element("span", { class: "outcome" }, belief ? [ended, `${belief.steps} used`].filter(Boolean).join(", ") : search.failure || "not yet");
+    const own = search.conformal && belief && belief.ellipse;
+    const scaled = own ? `95 % by your own recordings (n = ${search.conformal[0]}): ${own.slice(0, 2).map((axis) => fixed(axis * search.conformal[1], 2)).join(" × ")} m` : "";
+    const outcome = element("span", { class: "outcome" }, belief ? [ended, `${belief.steps} used`, scaled].filter(Boolean).join(", ") : search.failure || "not yet");
     const name = element("span", {}, swatch, search.name, " ", outcome);
     if (!belief) return row([name, data.origin ? "" : null, "", "", "", known ? "" : null], "td");
     return row([

@@ -1,7 +1,7 @@
 use foxhunt_core::{
     Bearing, BearingModes, Estimate, HeightAboveGround, HeightSource, Level, Remark,
 };
-use foxhunt_hunt::locate::Measurand;
+use foxhunt_hunt::{calibration::ConformalFactors, locate::Measurand};
 use nalgebra::{Vector2, Vector3};
 use serde_json::Value;
 
@@ -85,11 +85,18 @@ fn remarks_and_the_rows_that_fit_worst_are_in_the_page() {
     let search = &mut overview.searches[0];
     search.rows = vec![row(2, Some(0.123_456)), row(3, None), row(7, Some(1.26e-7))];
     search.remarks = vec![Remark::new("outlier", "the bearing of a.csv, line 7")];
+    search.conformal = Some(ConformalFactors {
+        estimator: "a".to_owned(),
+        fixes: 20,
+        ellipse: 1.234_56,
+        circle: 1.0,
+    });
     overview.remarks = vec![Remark::new("rows-left-out", "two rows")];
     let data = data_in(&page(&overview, None).expect("plain data"));
     let search = &data["searches"][0];
     let lines: Vec<_> = (0..3).map(|index| search["rows"][index]["line"].clone()).collect();
     assert_eq!(lines, [7, 2, 3]);
+    assert_eq!(search["conformal"], serde_json::json!([20, 1.2346]));
     assert_eq!(search["rows"][0]["p"], 1.3e-7);
     assert_eq!(search["rows"][0]["left_out"], true);
     assert_eq!(search["rows"][1]["p"], 0.12);

@@ -264,14 +264,18 @@ fn one(
     let estimator = args.locating.estimator(registry, &received.receptions)?;
     let truth = truth(args.truth, prepared.recordings(), beacon.as_deref())?;
     let located = prepared.locate(estimator, &received).map_err(not_located)?;
-    let own = conformal.map(|file| file.of(&estimator.name)).transpose();
-    let own = own.map_err(CliError::input)?.and_then(|factors| factors.regions(&located));
+    let factors = conformal.map(|file| file.of(&estimator.name)).transpose();
+    let factors = factors.map_err(CliError::input)?;
+    let own = factors.and_then(|factors| factors.regions(&located));
     let rows = prepared.residuals(estimator, &located, &received);
     let (name, up) = (estimator.name.to_string(), prepared.config().target_up_m);
     let called = beacon.clone().unwrap_or_else(|| "transmitter".to_owned());
     // Millions of rows are copied for pages and exports alone.
     let shown = if args.views.any() { rows.clone() } else { Vec::new() };
-    let search = SearchOverview::located(called, &located, truth, 0.0).with_rows(shown);
+    let search = SearchOverview {
+        conformal: factors.cloned(),
+        ..SearchOverview::located(called, &located, truth, 0.0).with_rows(shown)
+    };
     let found = Found { beacon: beacon.clone(), method: name.clone(), search, tracks: None };
     let mut report = Report::new(name, beacon, prepared.recordings(), up, truth, &located);
     report.ignored = prepared.ignored(report.beacon.as_deref());

@@ -449,6 +449,11 @@ fn own_recordings_give_a_second_region() {
     assert!(scaled > axis("ellipse_95").expect("a number"), "{report}");
     let table = foxhunt([&located, &by[..]].concat()).stdout;
     assert!(table.contains("95 % by your own recordings (n = 20): an ellipse of"), "{table}");
+    let page = folder.join("page.html");
+    let page_name = page.to_str().expect("UTF-8");
+    assert_eq!(foxhunt([&located, &["--report", page_name][..], &by[..]].concat()).code, 0);
+    let page = fs::read_to_string(&page).expect("it was written");
+    assert!(page.contains(r#""conformal":[20,"#));
     // Other estimators have other errors.
     foxhunt(located).failed(2, &["the answer is of bearing-grid", "--estimator"]);
     foxhunt(["judge", &new, "--conformal", &own]).failed(2, &["own.csv", "judge --calibrate"]);

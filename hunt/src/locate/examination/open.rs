@@ -42,6 +42,9 @@ pub(super) fn one_place(
     let first = *places.first()?;
     let where_from = if places.iter().all(|place| (place - first).norm() < ONE_PLACE_M) {
         "in one place".to_owned()
+    } else if has_bearings {
+        // Bearings tell by how they cross, as of drones that hover in a formation.
+        return None;
     } else {
         let spread_m = standing_still(&places, receiver_sigma_m(receptions))?;
         format!(
