@@ -363,6 +363,25 @@ pub(super) fn is_plain(header: &[String], options: &ReadOptions) -> bool {
         && (found.is_measured() || found.doubtful.is_some())
 }
 
+/// Half of a table from which something can be located.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Half {
+    /// Times and places.
+    Path,
+    /// Times and measurements.
+    Measurements,
+}
+
+/// The half that a header names; `None` if it names both or neither.
+pub(super) fn half(header: &[String]) -> Option<Half> {
+    let found = Recognised::of(header);
+    match (found.is_timed(), found.is_placed(), found.is_measured()) {
+        (true, true, false) => Some(Half::Path),
+        (true, false, true) => Some(Half::Measurements),
+        _ => None,
+    }
+}
+
 /// Makes a mapping for a table whose columns have common names; `None` if it has no places or
 /// nothing that was measured. `first` returns a cell of the first row.
 ///
@@ -379,7 +398,8 @@ pub(super) fn mapping(
     let format = options.time_format;
     let has_track = options.rover.is_some();
     let mut found = Recognised::of(table.header());
-    if !found.is_placed() && !(has_track && found.is_timed()) {
+    let has_places = found.is_placed() || (has_track && found.is_timed());
+    if !has_places {
         return Ok(None);
     }
     if !found.is_measured() && !has_stated_level(options) {
