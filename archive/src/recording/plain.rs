@@ -442,8 +442,8 @@ pub(super) fn mapping(
                     columns.insert(Column::TimeUtc, source);
                     continue;
                 }
-                // A day alone is no time.
-                if is_day(cell) {
+                // A day alone is no time, nor is whatever else a column of days holds.
+                if is_day(cell) || (is_one(&DAYS, name) && !is_instant(cell)) {
                     continue;
                 }
                 let (column, scale) = time(cell, name, found.in_milliseconds, format)
@@ -511,6 +511,13 @@ fn time(
         _ if is_one(&SECONDS, name) || parts(name).1 == "s" => Some((Column::TimeS, 1.0)),
         _ => None,
     }
+}
+
+/// Returns true for a date and time, a spreadsheet's, or one in seconds since 1970.
+fn is_instant(cell: &str) -> bool {
+    let is_unix = |number: f64| (1e9..1e10).contains(&number) || (1e12..1e13).contains(&number);
+    let number = cell.replace(',', ".").parse::<f64>();
+    is_date(cell) || number.is_ok_and(|number| is_serial(number) || is_unix(number))
 }
 
 /// The error that a time may be a spreadsheet's day or a number of seconds.
@@ -658,6 +665,8 @@ mod tests {
                 "time_s=Heure lat_deg=Latitude lon_deg=Longitude bearing_deg_compass=Azimut mag.",
             ),
             ("Date,lat,lon,rssi", "2026-06-21,50,14,-60", "lat_deg=lat lon_deg=lon rss_db=rssi"),
+            ("Date,x,y,rssi", "21 June,50,14,-60", "east_m=x north_m=y rss_db=rssi"),
+            ("Date,x,y,rssi", "172,50,14,-60", "east_m=x north_m=y rss_db=rssi"),
             ("t,lat,lon,rssi", "46194.5,50,14,-6", "time_s=t lat_deg=lat lon_deg=lon rss_db=rssi"),
         ] {
             assert_eq!(read(header, row).join(" "), sorted(columns), "{header}");
