@@ -133,7 +133,18 @@ pub(super) fn recognise(
             formats: SHIPPED.iter().filter(has).map(|m| m.name.clone()).collect(),
         });
     }
-    if let Some(half) = plain::half(columns) {
+    let nearest = with_header().min_by_key(|mapping| {
+        let lacks = mapping.lacks(columns);
+        // In thousandths of what it needs, so that short headers are not always the nearest.
+        lacks.len() * 1000 / mapping.header.len().max(1)
+    });
+    let lacks: Box<[String]> = nearest.map(|m| m.lacks(columns)).unwrap_or_default().into();
+    let meant = lacks.iter().flat_map(|entry| entry.split('|')).find_map(|name| {
+        let found = near_miss(name, columns.iter().map(String::as_str))?;
+        Some(Box::new([found.to_owned(), name.to_owned()]))
+    });
+    // A slip in a name of ours is the likelier reason.
+    if let Some(half) = plain::half(columns).filter(|_| meant.is_none()) {
         let is_path = half == Half::Path;
         return Err(RecordingError::Half {
             file: file.to_owned(),
@@ -155,16 +166,6 @@ pub(super) fn recognise(
             },
         });
     }
-    let nearest = with_header().min_by_key(|mapping| {
-        let lacks = mapping.lacks(columns);
-        // In thousandths of what it needs, so that short headers are not always the nearest.
-        lacks.len() * 1000 / mapping.header.len().max(1)
-    });
-    let lacks: Box<[String]> = nearest.map(|m| m.lacks(columns)).unwrap_or_default().into();
-    let meant = lacks.iter().flat_map(|entry| entry.split('|')).find_map(|name| {
-        let found = near_miss(name, columns.iter().map(String::as_str))?;
-        Some(Box::new([found.to_owned(), name.to_owned()]))
-    });
     Err(RecordingError::UnknownFormat {
         file: file.to_owned(),
         line,
