@@ -196,7 +196,7 @@ impl Written {
         let mut written = Self::default();
         let mut is_afternoon = None;
         let is_space = |c: char| c.is_whitespace() || c == ',' || c == '\u{202f}';
-        for word in text.split(is_space).flat_map(|word| split_t(word)) {
+        for word in text.split(is_space).flat_map(split_t) {
             if word.is_empty() {
                 continue;
             }
@@ -309,13 +309,17 @@ fn part_of(part: &str) -> Option<Part> {
         return Some(Part::Number(part.parse().ok()?, part.len()));
     }
     let lower = part.to_lowercase();
-    let is = |names: &&[&str]| names.iter().any(|name| lower.starts_with(name));
-    let month = MONTHS.iter().position(|names| is(&names))?;
+    let is = |names: &[&str]| names.iter().any(|name| lower.starts_with(name));
+    let month = MONTHS.iter().position(|names| is(names))?;
     Some(Part::Month(u32::try_from(month).ok()? + 1))
 }
 
 /// True for PM, false for AM.
 fn meridiem(word: &str) -> Option<bool> {
+    // Most words are numbers.
+    if word.len() > 4 || !word.starts_with(['a', 'A', 'p', 'P']) {
+        return None;
+    }
     let letters: String = word.chars().filter(|c| *c != '.').collect();
     match letters.to_ascii_lowercase().as_str() {
         "am" => Some(false),

@@ -97,6 +97,22 @@ pub enum RecordingError {
         /// The known formats.
         known: Box<[String]>,
     },
+    /// A table has times and levels without places, or times and places without levels.
+    #[error("{file}, line {line}: the columns {header} hold {held}, but no {missing}; {advice}")]
+    Half {
+        /// The file.
+        file: String,
+        /// The header's line, from 1.
+        line: u64,
+        /// The file's columns.
+        header: String,
+        /// The part that is there.
+        held: &'static str,
+        /// The part that is not.
+        missing: &'static str,
+        /// The command that would work.
+        advice: String,
+    },
     /// The table has no header: its first line holds values.
     #[error(
         "{file}, line {line}: the table has no header; its first row is {row}. {}{}",
@@ -513,7 +529,7 @@ pub enum FieldProblem {
 }
 
 /// A file as an argument of a command.
-fn argument(file: &str) -> &str {
+pub(super) fn argument(file: &str) -> &str {
     if file == "standard input" { "-" } else { file }
 }
 

@@ -1,9 +1,11 @@
 use std::{borrow::Cow, fs, path::Path, sync::LazyLock};
 
 use super::{
-    Mapping, ReadOptions, RecordingError, guess,
+    Mapping, ReadOptions, RecordingError,
+    error::argument,
+    guess,
     near_miss::near_miss,
-    plain,
+    plain::{self, Half},
     table::{Table, shown},
 };
 
@@ -141,6 +143,29 @@ pub(super) fn recognise(
         let found = near_miss(name, columns.iter().map(String::as_str))?;
         Some(Box::new([found.to_owned(), name.to_owned()]))
     });
+    // A slip in a name of ours is the likelier reason.
+    if let Some(half) = plain::half(columns).filter(|_| meant.is_none()) {
+        let is_path = half == Half::Path;
+        return Err(RecordingError::Half {
+            file: file.to_owned(),
+            line,
+            header: shown(&columns.join(", ")),
+            held: if is_path { "times and places" } else { "times and levels or bearings" },
+            missing: if is_path { "levels and no bearings" } else { "places" },
+            advice: if is_path {
+                format!(
+                    "call the column of levels rssi, or give the file as the path of others: \
+                     foxhunt locate LEVELS.csv --rover {file}"
+                )
+            } else {
+                format!(
+                    "give the receiver's path beside it, as GPX or a log of ArduPilot, PX4 or \
+                     MAVLink: foxhunt locate {} PATH",
+                    argument(file)
+                )
+            },
+        });
+    }
     Err(RecordingError::UnknownFormat {
         file: file.to_owned(),
         line,

@@ -379,6 +379,25 @@ pub(super) fn is_plain(header: &[String], options: &ReadOptions) -> bool {
         && (found.is_measured() || found.doubtful.is_some())
 }
 
+/// Half of a table from which something can be located.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Half {
+    /// Times and places.
+    Path,
+    /// Times and measurements.
+    Measurements,
+}
+
+/// The half that a header names; `None` if it names both or neither.
+pub(super) fn half(header: &[String]) -> Option<Half> {
+    let found = Recognised::of(header);
+    match (found.is_timed(), found.is_placed(), found.is_measured()) {
+        (true, true, false) => Some(Half::Path),
+        (true, false, true) => Some(Half::Measurements),
+        _ => None,
+    }
+}
+
 /// Makes a mapping for a table whose columns have common names; `None` if it has no places or
 /// nothing that was measured. `first` returns a cell of the first row.
 ///
@@ -395,7 +414,8 @@ pub(super) fn mapping(
     let format = options.time_format;
     let has_track = options.rover.is_some();
     let mut found = Recognised::of(table.header());
-    if !found.is_placed() && !(has_track && found.is_timed()) {
+    let has_places = found.is_placed() || (has_track && found.is_timed());
+    if !has_places {
         return Ok(None);
     }
     if !found.is_measured() && !has_stated_level(options) {
@@ -438,8 +458,8 @@ pub(super) fn mapping(
                     columns.insert(Column::TimeUtc, source);
                     continue;
                 }
-                // A day alone is no time.
-                if is_day(cell) {
+                // A day alone is no time, nor is whatever else a column of days holds.
+                if is_day(cell) || (is_one(&DAYS, name) && !is_instant(cell)) {
                     continue;
                 }
                 let (column, scale) = time(cell, name, found.in_milliseconds, format)
@@ -515,6 +535,13 @@ fn time(
         _ if is_one(&SECONDS, name) || parts(name).1 == "s" => Some((Column::TimeS, 1.0)),
         _ => None,
     }
+}
+
+/// Returns true for a date and time, a spreadsheet's, or one in seconds since 1970.
+fn is_instant(cell: &str) -> bool {
+    let is_unix = |number: f64| (1e9..1e10).contains(&number) || (1e12..1e13).contains(&number);
+    let number = cell.replace(',', ".").parse::<f64>();
+    is_date(cell) || number.is_ok_and(|number| is_serial(number) || is_unix(number))
 }
 
 /// The error that a time may be a spreadsheet's day or a number of seconds.
@@ -662,6 +689,8 @@ mod tests {
                 "time_s=Heure lat_deg=Latitude lon_deg=Longitude bearing_deg_compass=Azimut mag.",
             ),
             ("Date,lat,lon,rssi", "2026-06-21,50,14,-60", "lat_deg=lat lon_deg=lon rss_db=rssi"),
+            ("Date,x,y,rssi", "21 June,50,14,-60", "east_m=x north_m=y rss_db=rssi"),
+            ("Date,x,y,rssi", "172,50,14,-60", "east_m=x north_m=y rss_db=rssi"),
             ("t,lat,lon,rssi", "46194.5,50,14,-6", "time_s=t lat_deg=lat lon_deg=lon rss_db=rssi"),
         ] {
             assert_eq!(read(header, row).join(" "), sorted(columns), "{header}");

@@ -481,7 +481,7 @@ pub(super) fn spaces_as_tabs(bytes: &[u8], columns: usize) -> Option<Vec<u8>> {
     let is_word = |word: &&[u8]| !word.is_empty();
     let words = row.split(|byte| *byte == b' ').filter(is_word).count();
     // A comma within a row of the right number of words is a decimal one.
-    if has_separator || columns < 2 || words != columns || row.iter().any(|b| *b == b'"') {
+    if has_separator || columns < 2 || words != columns || row.contains(&b'"') {
         return None;
     }
     if row.split(|byte| *byte == b' ').any(|word| word.ends_with(b",")) {

@@ -23,6 +23,9 @@ const WEEK_S: f64 = 604_800.0;
 /// First GPS weeks, each with the seconds by which GPS time is then ahead of UTC (IERS Bulletin C).
 const LEAP_SECONDS: [(f64, f64); 4] = [(1930.0, 18.0), (1851.0, 17.0), (1695.0, 16.0), (0.0, 15.0)];
 
+/// Messages that are read: the estimated place, and the GNSS receiver's.
+const READ: [&str; 2] = ["POS", "GPS"];
+
 /// The least status of a fix in three dimensions.
 const FIX_3D: f64 = 3.0;
 
@@ -64,7 +67,9 @@ pub(super) fn binary(bytes: &[u8]) -> Result<Vec<Fix>, String> {
             if let Some((of, format)) = described(message) {
                 formats.insert(of, format);
             }
-        } else if let Some(format) = formats.get(&kind) {
+        } else if let Some(format) =
+            formats.get(&kind).filter(|of| READ.contains(&of.name.as_str()))
+        {
             let value = |name: &str| {
                 let (offset, letter) = format.fields.get(name)?;
                 value(message, *offset, *letter)
@@ -92,7 +97,7 @@ pub(super) fn text(bytes: &[u8]) -> Result<Vec<Fix>, String> {
             }
             continue;
         }
-        let Some(names) = labels.get(name) else { continue };
+        let Some(names) = labels.get(name).filter(|_| READ.contains(&name)) else { continue };
         let cells: Vec<&str> = cells.collect();
         read.take(name, |label| {
             let index = names.iter().position(|name| name == label)?;

@@ -93,14 +93,22 @@ fn a_table_of_places_is_a_path() {
     });
     let header = "time(millisecond),datetime(utc),latitude,longitude,battery_percent\n";
     let table = format!("{header}{}", rows.collect::<String>());
-    let path = Rover::parse(table.as_bytes(), "airdata.csv").expect("a path");
-    let place = path.place(BEGIN + 32.5).expect("on the path");
+    let track = Rover::parse(table.as_bytes(), "airdata.csv").expect("a path");
+    let place = track.place(BEGIN + 32.5).expect("on the path");
     let expected = rover("flight.bin").place(BEGIN + 32.5).expect("on the path");
     let off = (place.lat_deg - expected.lat_deg).abs() + (place.lon_deg - expected.lon_deg).abs();
     assert!(off < 1e-5, "{place:?} {expected:?}");
     // The level of a recording that has places of its own is no part of it.
     let own = Recording::from_reader(table.as_bytes(), "airdata.csv", &ReadOptions::default());
-    assert!(matches!(own, Err(RecordingError::UnknownFormat { .. })), "{own:?}");
+    let error = own.expect_err("no levels").to_string();
+    for part in ["airdata.csv, line 1", "times and places", "--rover airdata.csv"] {
+        assert!(error.contains(part), "{error}");
+    }
+    let levels = Recording::read(path("levels.csv"), &ReadOptions::default());
+    let error = levels.expect_err("no places").to_string();
+    for part in ["line 1: the columns time, rssi", "but no places", "levels.csv PATH"] {
+        assert!(error.contains(part), "{error}");
+    }
     for (text, part) in [
         ("seconds,lat,lon\n0,48.2,16.37\n1,48.2,16.37\n", "not in UTC"),
         ("time_utc,x,y\n2026-06-21 14:03:00,0,0\n2026-06-21 14:03:01,1,0\n", "not in degrees"),

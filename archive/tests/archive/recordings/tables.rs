@@ -495,3 +495,9 @@ fn utm_with_a_zone_is_degrees() {
         assert!(error.contains(part), "{error}");
     }
 }
+
+#[test]
+fn a_slip_in_a_name_is_asked_for_before_what_lacks() {
+    let error = problem("time_s,lat_deg,lon_deg,rss_dmb\n0,50,14,-60\n");
+    assert!(error.contains("is \"rss_dmb\" meant to be \"rss_dbm\"?"), "{error}");
+}
