@@ -84,11 +84,11 @@ impl DirectionalGridConfig {
 /// (1 − ε) (l + (1 − l) Φ((f − h) / σ)): ε the share of signals of something else, l that of lost
 /// ones, f the floor.
 ///
-/// What a site does to a pattern it does to all levels there: h has an offset and a turn in common,
-/// both Gaussian, and so has the power of the transmitter over all sites. All three are integrated
-/// out over nodes (Rao-Blackwell without the Gaussian approximation), so that a hundred pulses of
-/// one hover do not pass for a hundred witnesses. The place is a grid over what the belief covers.
-/// When that has become narrower, the grid is rebuilt from all observations, which are kept.
+/// A site distorts a pattern alike for all levels there: they share an offset of h and a turn, and
+/// all sites share the power of the transmitter. All three are Gaussian, and are integrated out
+/// over nodes (Rao-Blackwell without the Gaussian approximation), so that a hundred pulses of one
+/// hover do not pass for a hundred witnesses. The place is a grid over what the belief covers. When
+/// the belief has become narrower, the grid is rebuilt from all observations, which are kept.
 ///
 /// The belief is about a target that stays, within four σ of the prior. Its receiver's own place
 /// is taken for known.

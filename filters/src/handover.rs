@@ -2,9 +2,9 @@ use foxhunt_core::{Correction, Estimate, Estimator, EstimatorError, Observation,
 
 /// Begins as one estimator and goes on as another, which starts from the moments of the first.
 ///
-/// What a Kalman filter loses to linearisation it loses at its first updates, where the prior is
-/// wide: a first bearing is a cone, a first level a ring. Taken in by a
-/// [`GridFilter`](crate::GridFilter) these become a prior that is nearly Gaussian.
+/// A Kalman filter loses most to linearisation at its first updates, where the prior is wide: a
+/// first bearing is a cone, a first level a ring. Taken in by a [`GridFilter`](crate::GridFilter)
+/// these become a prior that is nearly Gaussian.
 ///
 /// The second one begins after a number of observations were fused; where it cannot be made from
 /// the moments of the first, that one goes on until the next.

@@ -17,9 +17,9 @@ use crate::smoother::rauch_tung_striebel;
 /// draws them in the order of time too.
 ///
 /// Holds a copy of the estimator for each observation of the last `lag` seconds, so a particle
-/// filter's cloud as many times. What is older than the newest observation by more than the lag is
-/// settled; an observation of that time is refused with [`EstimatorError::TooLate`], which leaves
-/// the belief as it was.
+/// filter's cloud as many times. A time that is older than the newest observation by more than the
+/// lag is settled; an observation of that time is refused with [`EstimatorError::TooLate`], which
+/// leaves the belief as it was.
 ///
 /// As an [`Estimator`] it keeps the time: `predict` lets it pass, and an observation that is newer
 /// than that makes it pass. The belief is that at the latest known time.

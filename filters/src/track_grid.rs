@@ -94,8 +94,8 @@ const NEGLIGIBLE: f64 = 1e-3;
 /// A model that is less probable is not looked at again.
 const UNLIKELY: f64 = 1e-4;
 
-/// Cells over those of the search for the area. On cells as large as the receivers are apart, a
-/// target among them looks no more probable than one far away.
+/// Factor by which the search for the area has fewer cells. On cells as large as the receivers are
+/// apart, a target among them looks no more probable than one far away.
 const SEARCHED: u32 = 4;
 
 /// The least scale of the prior of the first place.

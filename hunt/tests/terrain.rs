@@ -175,9 +175,9 @@ fn gaussian_sums_are_honest_over_hills() {
     is_honest_with_terrain_alone("gaussian-sum");
 }
 
-/// From seed 0 on, as many as there is time for, with the band of 99.9 % for so many. Over 40 it is
-/// 2.03 for `default`, and 1.82 for `particle-rao-blackwellised`; without terrain 3.08, with twice
-/// the median error, as `default` takes hills for noise, and 7.21.
+/// From seed 0 on, as many runs as there is time for, with the 99.9 % band for their number. Over
+/// 40 the ANEES is 2.03 for `default`, and 1.82 for `particle-rao-blackwellised`; without terrain
+/// 3.08, with twice the median error, as `default` takes hills for noise, and 7.21.
 #[test]
 fn an_unknown_power_stays_honest_over_hills() {
     for (estimator, seeds, without) in

@@ -170,7 +170,7 @@ impl<'a> OverviewReader<'a> {
     ///
     /// # Errors
     ///
-    /// Those of [`Replayer::event`].
+    /// As [`Replayer::event`].
     pub fn event(&mut self, event: &Event) -> Result<(), ReplayError> {
         self.overview.notices.extend(notice(event));
         let moment = self.replayer.event(event)?.map(|moment| Step::of(&moment, self.places));

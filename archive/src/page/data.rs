@@ -12,13 +12,13 @@ use crate::{
     struck::ReceptionKey,
 };
 
-/// How many bearings, places of a path or notices a page holds; beyond that every so manieth.
+/// Maximum number of bearings, path points or notices per page; longer series are decimated.
 const MOST: usize = 5000;
 
-/// How many turns a page holds with their samples; beyond that the first.
+/// Maximum number of turns per page that keep their samples: the first ones.
 const MOST_TURNS: usize = 600;
 
-/// What the page's script reads. Lengths are metres, angles radians counter-clockwise from East,
+/// Data for the page's script. Lengths are metres, angles radians counter-clockwise from East,
 /// times seconds since `epoch`.
 #[derive(Debug, Serialize)]
 pub(super) struct Data<'a> {
@@ -37,22 +37,22 @@ pub(super) struct Data<'a> {
     /// Doubts about the recordings: code and sentence.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     remarks: Vec<Doubt<'a>>,
-    /// Where a consistent estimator's NIS lies with 95 %, for 1, 2, … degrees of freedom.
+    /// Interval of a consistent estimator's NIS with 95 %, for 1, 2, … degrees of freedom.
     nis_95: Vec<[f64; 2]>,
-    /// What was thinned out: every so manieth is shown.
+    /// Step by which receptions are decimated; 1 shows all.
     every: usize,
-    /// What the page of a hunt that goes on can do.
+    /// Abilities of the page of a hunt that goes on.
     #[serde(skip_serializing_if = "Option::is_none")]
     live: Option<Live>,
-    /// Why no bearing can be struck out, where that is so and there is something to remark.
+    /// Reason why no bearing can be struck out, where that is so and there is something to remark.
     #[serde(skip_serializing_if = "Option::is_none")]
     not_strikable: Option<String>,
 }
 
-/// What the page of a hunt that goes on can do besides showing it.
+/// Abilities of the page of a hunt that goes on besides showing it.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Live {
-    /// Whether it can order that the flight is broken off.
+    /// True if it can order that the flight is broken off.
     pub orders: bool,
     /// The map that it gets at `tiles/ZOOM/COLUMN/ROW`, in Web Mercator, counted from the
     /// North-West.
@@ -60,31 +60,31 @@ pub struct Live {
     pub tiles: Option<LiveTiles>,
 }
 
-/// What a page has to know of a map.
+/// Zoom levels and attribution of a map, for a page.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct LiveTiles {
     /// The least and the greatest zoom level.
     pub zooms: [u8; 2],
-    /// Whose map it is, as text or HTML.
+    /// Attribution of the map, as text or HTML.
     pub attribution: Option<String>,
 }
 
-/// What is new in an overview.
+/// Additions to an overview since a [`Mark`].
 #[derive(Debug, Serialize)]
 pub(super) struct News<'a> {
     span: [f64; 2],
-    /// All receivers, each with what is new of its path.
+    /// All receivers, each with the new part of its path and health.
     receivers: Vec<Receiver<'a>>,
     received: Vec<Reception<'a>>,
-    /// All searches, each with what is new of its beliefs and of the truth.
+    /// All searches, each with its new beliefs and the new part of the truth.
     searches: Vec<Search<'a>>,
     notices: Vec<(f64, &'a str, u8)>,
 }
 
-/// How much of an overview is known already.
+/// Part of an overview that is known already, as counts.
 #[derive(Clone, Debug, Default)]
 pub struct Mark {
-    /// Knots of each receiver's path, and what is known of its health.
+    /// Knots of each receiver's path, and entries of its health.
     paths: Vec<(usize, usize)>,
     received: usize,
     turns: usize,
@@ -93,16 +93,17 @@ pub struct Mark {
     notices: usize,
 }
 
-/// What estimates become without receptions that were struck out.
+/// Estimates without the receptions that were struck out.
 #[derive(Debug, Serialize)]
 pub(super) struct Restruck<'a> {
-    /// What became of each reception of a log; of recordings all that are left are used.
+    /// Outcome of each reception of a log; empty for recordings, whose receptions are used unless
+    /// struck out.
     received: Vec<Restep<'a>>,
     searches: Vec<Search<'a>>,
     fixes: Vec<RestruckFix<'a>>,
 }
 
-/// What became of a reception.
+/// Outcome of a reception.
 #[derive(Debug, Serialize)]
 struct Restep<'a> {
     id: Option<&'a ReceptionKey>,
@@ -224,7 +225,7 @@ struct Belief {
     cloud: Option<Points>,
 }
 
-/// Rounded to so many decimals; JSON has no other numbers than finite ones.
+/// Rounds to a number of decimals; JSON has finite numbers only.
 fn round(value: f64, decimals: i32) -> f64 {
     let scale = 10_f64.powi(decimals);
     // Beyond 2^53 there are no decimals to round.
@@ -293,7 +294,7 @@ impl<'a> Data<'a> {
 }
 
 impl<'a> News<'a> {
-    /// What came to an overview since the mark, which is moved to its end.
+    /// Returns the additions to an overview since the mark, and moves the mark to its end.
     pub(super) fn since(overview: &'a Overview, mark: &mut Mark) -> Self {
         mark.paths.resize(overview.receivers.len(), (0, 0));
         mark.searches.resize(overview.searches.len(), (0, 0));
@@ -322,7 +323,7 @@ impl<'a> News<'a> {
         }
     }
 
-    /// Whether there is nothing new.
+    /// Returns true if there is nothing new.
     pub(super) fn is_empty(&self) -> bool {
         self.received.is_empty()
             && self.notices.is_empty()
@@ -365,7 +366,7 @@ impl<'a> Restruck<'a> {
     }
 }
 
-/// What is not known yet; then it is.
+/// Returns the elements that are not known yet, and counts them as known.
 fn rest<'a, T>(all: &'a [T], known: &mut usize) -> &'a [T] {
     let begin = std::mem::replace(known, all.len());
     all.get(begin..).unwrap_or_default()
@@ -375,7 +376,7 @@ fn notice(Notice { time, text, important }: &Notice) -> (f64, &str, u8) {
     (seconds(*time), text, u8::from(*important))
 }
 
-/// Every so manieth, and the last.
+/// Decimates elements to at most [`MOST`] and the last.
 fn thinned<T>(all: &[T]) -> impl Iterator<Item = &T> {
     let every = all.len().div_ceil(MOST).max(1);
     let last = all.len().saturating_sub(1);
@@ -393,7 +394,7 @@ fn knot(knot: &Knot) -> [f64; 4] {
     [seconds(knot.time), east, north, up]
 }
 
-/// Between which values χ² lies with 95 %.
+/// Returns the interval that holds χ² with 95 %.
 fn nis_95(degrees: u8) -> Option<[f64; 2]> {
     let chi_squared = ChiSquared::new(f64::from(degrees)).ok()?;
     Some([0.025, 0.975].map(|p| round(chi_squared.inverse_cdf(p), 4)))

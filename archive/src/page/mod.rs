@@ -61,8 +61,8 @@ pub fn live_page(
     join(overview, Some(log), Some(live))
 }
 
-/// What is new in an overview since a mark, which is moved to its end, as JSON; `None` where there
-/// is nothing.
+/// Returns the additions to an overview since a mark as JSON, and moves the mark to its end; `None`
+/// where nothing is new.
 ///
 /// # Errors
 ///
@@ -72,7 +72,8 @@ pub fn news(overview: &Overview, mark: &mut Mark) -> Result<Option<String>, serd
     if news.is_empty() { Ok(None) } else { document::to_json(&news).map(Some) }
 }
 
-/// What a page shows in place of its own estimates when receptions were struck out, as JSON.
+/// Returns the estimates that a page shows instead of its own when receptions were struck out, as
+/// JSON.
 ///
 /// # Errors
 ///
@@ -81,7 +82,7 @@ pub fn restruck(overview: &Overview, replay: &Replay) -> Result<String, serde_js
     document::to_json(&data::Restruck::of(overview, replay))
 }
 
-/// The same of a page of recordings, which locates again.
+/// Returns the counterpart of [`restruck`] for a page of recordings, which locates again.
 ///
 /// # Errors
 ///

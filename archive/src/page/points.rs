@@ -12,7 +12,7 @@ const MOST: u16 = 4095;
 pub(super) struct Points {
     /// The least of both numbers.
     from: [f64; 2],
-    /// How far they reach beyond.
+    /// Extent of both numbers beyond the least.
     size: [f64; 2],
     /// The points, four characters each, the more significant first.
     points: String,
@@ -22,7 +22,8 @@ impl Points {
     /// Packs points; those that are not finite are left out.
     pub(super) fn new(points: impl Iterator<Item = [f64; 2]> + Clone) -> Self {
         let finite = points.filter(|point| point.iter().all(|v| v.is_finite()));
-        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        let mut low = [f64::INFINITY; 2];
+        let mut high = [f64::NEG_INFINITY; 2];
         for [x, y] in finite.clone() {
             low = [low[0].min(x), low[1].min(y)];
             high = [high[0].max(x), high[1].max(y)];

@@ -14,17 +14,19 @@ const MOST_S: f64 = 60.0;
 /// Estimators of the library that would make a page much larger.
 const NOT_BROUGHT: [&str; 1] = ["field-map"];
 
-/// How long a browser takes for a model at one time, on the most cells; measured as [`seconds`].
+/// Seconds that a browser takes for a model at one time, on the most cells; measured as
+/// [`seconds`].
 #[cfg(feature = "batch")]
 const OF_A_TRACKING_STEP_S: f64 = 6e-3;
 
-/// Receptions of a hunt that goes on, of which nobody knows how long it will.
+/// Assumed number of receptions of a hunt that goes on, whose length is unknown.
 const OF_A_LIVE_HUNT: usize = 500;
 
 /// Receptions of recordings that a page brings along at most, of about 200 bytes each.
 const MOST_ROWS: usize = 10_000;
 
-/// What a page needs of a log, or of recordings, to run its receptions through the estimator again.
+/// Lines of a log, or of recordings, with which a page runs the receptions through the estimator
+/// again.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PageLog {
     header: String,
@@ -149,7 +151,8 @@ fn check_weight(name: &str, seconds: f64) -> Result<(), NotStrikable> {
     Ok(())
 }
 
-/// About how long a browser replays, in seconds: measured in Chromium on a laptop's core.
+/// Estimates the time in which a browser replays, in seconds: measured in Chromium on a laptop's
+/// core.
 fn seconds(settings: &EstimatorConfig, received: usize) -> f64 {
     let received = count(received);
     let each = match settings.filter {
@@ -167,7 +170,7 @@ fn count(of: usize) -> f64 {
     u32::try_from(of).map_or(f64::INFINITY, f64::from)
 }
 
-/// Why no bearing can be struck out in a page.
+/// Reason why no bearing can be struck out in a page.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum NotStrikable {
@@ -182,19 +185,19 @@ pub enum NotStrikable {
     TooHeavy {
         /// The estimator.
         estimator: String,
-        /// How long, about.
+        /// Estimated time in seconds.
         seconds: f64,
     },
     /// They would make the page too large.
     #[error("{receptions} receptions are more than a page brings along, {MOST_ROWS}")]
     TooMany {
-        /// How many there are.
+        /// Number of receptions.
         receptions: usize,
     },
     /// The page does not have the tiles of the terrain.
     #[error("the tiles of the terrain are not in the page")]
     Terrain,
-    /// The σ of bearings was learned from those of all beacons.
+    /// The σ of bearings was learned from the bearings of all beacons.
     #[error("σ of the bearings is learned from how those of all beacons meet")]
     LearnedSigma,
     /// Bearings alone, from which nothing is estimated.

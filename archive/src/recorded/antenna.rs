@@ -5,18 +5,18 @@ use nalgebra::Vector2;
 use super::RecordedError;
 use crate::recording::Recording;
 
-/// How the direction of a transmitter is known, turn by turn.
+/// Source of a transmitter's true direction, turn by turn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum KnownDirection {
     /// From the place that the recording has.
     Recorded,
-    /// From where it was, East and North in metres.
+    /// From its place, East and North in metres.
     Place(Vector2<f64>),
     /// It was the same for all turns: radians counter-clockwise from East.
     Bearing(f64),
 }
 
-/// Learns an antenna's pattern from all recorded turns of one beacon, of so many positions each.
+/// Learns an antenna's pattern from all recorded turns of one beacon, with `positions` to a turn.
 ///
 /// # Errors
 ///

@@ -14,19 +14,19 @@ pub const LOW_CONFIDENCE: f64 = 0.6;
 pub struct BearingReading {
     /// The turn.
     pub sweep: RecordedSweep,
-    /// Its level, and its bearing or why there is none.
+    /// Its level, and its bearing or why that is missing.
     pub reading: Reading,
 }
 
 impl BearingReading {
-    /// Whether the turn has a bearing that is not to be relied on.
+    /// Returns true if the turn has a bearing that is not to be relied on.
     #[must_use]
     pub fn is_low(&self) -> bool {
         self.reading.bearing.is_ok_and(|bearing| bearing.confidence < LOW_CONFIDENCE)
     }
 }
 
-/// The level and bearing of every turn of a recording, of so many positions each.
+/// Extracts the level and bearing of every turn of a recording, of `positions` positions each.
 ///
 /// # Errors
 ///

@@ -14,24 +14,24 @@ use crate::recording::Recording;
 /// A bearing out of a recording whose transmitter's place is known.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct JudgedBearing {
-    /// What was measured, what is true, and where the nose pointed.
+    /// Measured and true bearing, and heading of the nose.
     known: KnownBearing,
-    /// The σ that the bearing had, in radians; none where the recording has none.
+    /// The σ that the bearing had, in radians; `None` where the recording has none.
     sigma: Option<f64>,
 }
 
-/// How the bearings of recordings err.
+/// Errors of the bearings of recordings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BearingsFit {
-    /// How many bearings there were.
+    /// Number of bearings.
     pub bearings: usize,
-    /// How many turns gave none.
+    /// Number of turns without a bearing.
     pub refused: usize,
-    /// Their constant offset, or why there is none.
+    /// Constant offset of the bearings, or why it cannot be fitted.
     pub constant: Result<BearingOffsetFit, CalibrationError>,
-    /// Their offset with its first harmonic over the heading, or why there is none.
+    /// Offset with its first harmonic over the heading, or why it cannot be fitted.
     pub heading: Result<BearingOffsetFit, CalibrationError>,
-    /// Their σ against what is left of their errors, or why that is not known.
+    /// Their σ against their errors without the offset, or why it cannot be fitted.
     pub sigma: Result<SigmaFit, CalibrationError>,
 }
 
@@ -46,7 +46,7 @@ impl BearingsFit {
         offset(&self.constant, &self.heading)
     }
 
-    /// What a calibration holds of it; `None` where neither offset nor σ could be fitted.
+    /// Returns the section of a calibration; `None` where neither offset nor σ could be fitted.
     #[must_use]
     pub fn section(&self, extractor: &str) -> Option<BearingSection> {
         let offset = self.offset();
@@ -136,7 +136,7 @@ pub fn bearing_errors(
     Ok(points.iter().map(error).collect())
 }
 
-/// Adds a recording's bearings; how many turns had none.
+/// Adds a recording's bearings, and returns the number of turns without one.
 fn known_bearings(
     recording: &Recording,
     beacon: Option<&str>,

@@ -7,16 +7,16 @@ use nalgebra::Vector2;
 use super::{RecordedError, bearings};
 use crate::recording::Recording;
 
-/// How a path loss is fitted.
+/// Settings for fitting a path loss.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CalibrateConfig {
-    /// Where the transmitter is, East and North in metres; the recording's own where absent.
+    /// Place of the transmitter, East and North in metres; the recording's own where absent.
     pub truth: Option<Vector2<f64>>,
-    /// How high the transmitter is above the ground of the local frame, in metres.
+    /// Height of the transmitter above the ground of the local frame, in metres.
     pub target_up_m: f64,
     /// The exponent is at most this, if there is a bound.
     pub max_exponent: Option<f64>,
-    /// How many positions a turn of the antenna has.
+    /// Number of positions in a turn of the antenna.
     pub positions: u16,
 }
 

@@ -14,7 +14,7 @@ fn list(names: &[String]) -> String {
     }
 }
 
-/// Why nothing could be made of a recording. Each names the file, and the line where there is one.
+/// Error in using a recording. Each names the file, and the line where there is one.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecordedError {
@@ -39,7 +39,7 @@ pub enum RecordedError {
         file: String,
         /// The line.
         line: u64,
-        /// Why not.
+        /// Cause of the error.
         source: ObservationError,
     },
     /// A turn cannot be read at all.
@@ -49,7 +49,7 @@ pub enum RecordedError {
         file: String,
         /// The line.
         line: u64,
-        /// Why not.
+        /// Cause of the error.
         source: NoReading,
     },
     /// The recording has no turns of a directional antenna.
@@ -88,7 +88,7 @@ pub enum RecordedError {
         /// The names there are.
         beacons: Vec<String>,
     },
-    /// Where the transmitter is must be known for this.
+    /// The place of the transmitter must be known for this.
     #[error(
         "{file}, line {line}: the distance is not known; give the transmitter's place with --truth"
     )]
@@ -105,7 +105,7 @@ pub enum RecordedError {
         file: String,
         /// The line.
         line: u64,
-        /// Why not.
+        /// Cause of the error.
         source: CalibrationError,
     },
     /// No pattern can be learned from the turns.
@@ -113,7 +113,7 @@ pub enum RecordedError {
     Antenna {
         /// The files.
         file: String,
-        /// Why not.
+        /// Cause of the error.
         source: LearnPatternError,
     },
     /// The law cannot be fitted.
@@ -121,7 +121,7 @@ pub enum RecordedError {
     Calibration {
         /// The file.
         file: String,
-        /// Why not.
+        /// Cause of the error.
         source: CalibrationError,
     },
 }

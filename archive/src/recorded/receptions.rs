@@ -16,15 +16,15 @@ pub struct ReceptionConfig {
     pub rss_sigma_db: f64,
     /// σ of a ready-made bearing in radians.
     pub bearing_sigma: f64,
-    /// How many positions a turn of the antenna has.
+    /// Number of positions in a turn of the antenna.
     pub positions: u16,
-    /// How ready-made bearings err; an extractor has its own.
+    /// Errors of ready-made bearings; an extractor has its own.
     pub bearings: BearingCalibration,
     /// σ of the receiver's own East, North and Up in metres, for rows that have none
-    /// ([`Record::receiver_sigma_m`](crate::recording::Record)); where absent it is [`GNSS_SIGMA_M`] for places in degrees,
-    /// and places in metres are known.
+    /// ([`Record::receiver_sigma_m`](crate::recording::Record)); where absent it is
+    /// [`GNSS_SIGMA_M`] for places in degrees, and places in metres are known.
     pub receiver_sigma_m: Option<f64>,
-    /// Whether the samples of a turn, and what was missed in it, are receptions of their own
+    /// True if the samples of a turn, and what was missed in it, are receptions of their own
     /// ([`Reception::of_samples`]) instead of one level and bearing.
     pub by_sample: bool,
 }
@@ -56,7 +56,7 @@ pub struct RecordedReception {
     pub line: u64,
     /// The receiver's name.
     pub drone: String,
-    /// What was received.
+    /// The reception.
     pub reception: Reception,
 }
 
@@ -65,8 +65,8 @@ const SAMPLE_SIGMA_DB: f64 = 2.0;
 
 /// The receptions of one beacon: level and bearing of each turn of a directional antenna, the level
 /// of each row of an omnidirectional one (a silence at the receiver's floor and below), ready-made
-/// bearings, ranges and differences. One drone
-/// after the other, each in the order of time, so that neighbours lie along one path.
+/// bearings, ranges and differences. One drone after the other, each in the order of time, so that
+/// neighbours lie along one path.
 ///
 /// # Errors
 ///

@@ -15,7 +15,7 @@ pub enum Selection {
 ///
 /// # Errors
 ///
-/// When there are several and none is named, or the one that is named is not there.
+/// [`RecordedError`] when there are several and none is named, or the named one is missing.
 pub fn only_beacon(
     recordings: &[Recording],
     selection: &Selection,

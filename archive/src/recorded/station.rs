@@ -9,15 +9,15 @@ use nalgebra::Vector2;
 use super::RecordedError;
 use crate::recording::{RecordedSweep, Recording};
 
-/// How the boresights of a station's antennas are fitted.
+/// Settings for fitting the boresights of a station's antennas.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StationConfig {
-    /// How many positions a turn of the station has: at least as many as it has antennas.
+    /// Number of positions in a turn of the station: at least its number of antennas.
     pub positions: u16,
     /// Bursts from nearer than this are not used, in metres: their direction is that of the errors
     /// of two GNSS receivers.
     pub least_range_m: f64,
-    /// Where the transmitter is, East and North in metres; the recordings' own truth where absent.
+    /// Place of the transmitter, East and North in metres; the recordings' own truth where absent.
     pub truth: Option<Vector2<f64>>,
 }
 
@@ -34,7 +34,7 @@ impl Default for StationConfig {
 pub struct StationCalibration {
     /// The fit.
     pub fit: StationFit,
-    /// How many days the bursts are of, or other groups.
+    /// Number of days, or other groups, of the bursts.
     pub groups: usize,
     /// The bearings of each day by the pattern fitted to the others.
     pub cross_validation: CrossValidation,
@@ -43,19 +43,19 @@ pub struct StationCalibration {
 /// Errors of bearings that had no part in the fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CrossValidation {
-    /// How many bearings there were.
+    /// Number of bearings.
     pub bearings: usize,
-    /// How many bursts gave none.
+    /// Number of bursts without a bearing.
     pub refused: usize,
     /// The median of their absolute errors, in radians.
     pub median_error: f64,
     /// The share of errors within 1.96 σ.
     pub coverage_95: f64,
-    /// How the errors compare with σ.
+    /// Comparison of the errors with σ.
     pub sigma: SigmaFit,
 }
 
-/// The most boresights that recordings of a station have: more are those of an antenna that turns.
+/// Maximum number of boresights in recordings of a station: more mean an antenna that turns.
 const MOST_ANTENNAS: usize = 16;
 
 /// The recorded boresights of a station's fixed antennas, in radians; `None` where the antenna

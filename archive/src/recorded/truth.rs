@@ -2,8 +2,8 @@ use nalgebra::Vector2;
 
 use crate::{recording::Recording, surrounding::surrounding};
 
-/// Where a beacon truly was, if the recordings have it and it stayed there: East and North in
-/// metres.
+/// Returns the true place of a beacon, if the recordings have it and it stayed there: East and
+/// North in metres.
 #[must_use]
 pub fn recorded_truth(recordings: &[Recording], beacon: Option<&str>) -> Option<Vector2<f64>> {
     /// A truth that moves by more than this, in metres, is no single place.
@@ -15,8 +15,8 @@ pub fn recorded_truth(recordings: &[Recording], beacon: Option<&str>) -> Option<
     truths.all(|truth| truth.is_some_and(|t| (t - first).norm() < STILL)).then_some(first)
 }
 
-/// Where a beacon truly was at the times of its records, in their order: seconds, and East and
-/// North in metres.
+/// Returns the true places of a beacon at the times of its records, in their order: seconds, and
+/// East and North in metres.
 #[must_use]
 pub fn recorded_way(recordings: &[Recording], beacon: Option<&str>) -> Vec<(f64, Vector2<f64>)> {
     let records = recordings.iter().flat_map(Recording::records);
@@ -26,8 +26,8 @@ pub fn recorded_way(recordings: &[Recording], beacon: Option<&str>) -> Vec<(f64,
     way
 }
 
-/// Where a beacon was at a time, between the two truths about it where they are at most `gap_s`
-/// apart.
+/// Interpolates the true place of a beacon at a time between the two truths about it; `None` where
+/// they are more than `gap_s` apart, or one is missing.
 #[must_use]
 pub fn truth_at(way: &[(f64, Vector2<f64>)], time: f64, gap_s: f64) -> Option<Vector2<f64>> {
     surrounding(way, time, gap_s).map(|(from, to, share)| from.lerp(to, share))

@@ -174,8 +174,8 @@ fn remarks_name_file_and_line_and_each_row_has_its_residual() {
     }
 }
 
-/// p of clean rows is uniform: of so many rows 5 % are below 0.05, within 3.29 σ of a binomial
-/// number, and the quarters hold as many each. True σ of bearings is as uncertain as the
+/// p of clean rows is uniform: 5 % of the rows are below 0.05, within 3.29 σ of a binomial number,
+/// and the quarters hold as many each. True σ of bearings is as uncertain as the
 /// examination takes it to be: worth eight measurements.
 #[test]
 fn p_of_clean_rows_is_uniform() {

@@ -193,7 +193,7 @@ mod tests {
     }
 
     /// Levels from one place are of one direction, and what rounding leaves of another does not
-    /// count: 1e-15 of it made a share of 0. What they have in common they do not show.
+    /// count: 1e-15 of it made a share of 0. Their common error they do not show.
     #[test]
     fn levels_from_one_place_are_one() {
         let places = alloc::vec![Vector2::new(10.0, 20.0); 20];

@@ -16,8 +16,8 @@ pub(super) struct Expansion<const N: usize> {
     bend: [Covariance<N>; N],
 }
 
-/// Largest change of the curvature from the centre's, as a share of itself. What the expansion
-/// leaves out is of the order of its square.
+/// Largest change of the curvature from the centre's, as a share of itself. The expansion's error
+/// is of the order of its square.
 const STRAIGHT: f64 = 0.05;
 
 /// Distance to either side for the curvature's slope, in standard deviations.

@@ -16,7 +16,7 @@ pub enum Loss {
     Gaussian,
     /// ρ = q up to k², then 2k√q − k² (Huber 1964): bounded influence, convex.
     Huber {
-        /// From how many standard deviations on the cost grows linearly; 1.345 keeps 95 %
+        /// Number of standard deviations from which on the cost grows linearly; 1.345 keeps 95 %
         /// efficiency for Gaussian noise.
         k: f64,
     },

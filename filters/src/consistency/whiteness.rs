@@ -10,9 +10,9 @@ use crate::{Innovation, count::number};
 /// autocorrelation).
 ///
 /// ρ(l) = Σₖ ν(k)ᵀ ν(k + l) / Σₖ ν(k)ᵀ ν(k) over normalised innovations ν, whose components are
-/// independent and of zero mean if the filter is consistent. Of T such numbers of which P pairs
-/// are l apart, ρ(l) then has the mean 0 and the variance P / (T (T + 2)), exactly: their
-/// direction is uniform in T dimensions. Missing components make fewer pairs.
+/// independent and of zero mean if the filter is consistent. For T such numbers with P pairs l
+/// apart, ρ(l) then has the mean 0 and the variance P / (T (T + 2)), exactly: their direction is
+/// uniform in T dimensions. Missing components make fewer pairs.
 ///
 /// A bias is a correlation too: no mean is subtracted.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,8 +53,8 @@ impl Whiteness {
         Self { products: vec![0.0; lags], pairs: vec![0; lags], squares: 0.0, values: 0 }
     }
 
-    /// Adds the innovations of one run, in their order. What is not there is `None`: it makes no
-    /// pair, and keeps its place in time.
+    /// Adds the innovations of one run, in their order. A missing component is `None`: it makes
+    /// no pair, and keeps its place in time.
     pub fn add_run<const M: usize>(&mut self, run: &[SVector<Option<f64>, M>]) {
         for (k, now) in run.iter().enumerate() {
             for value in now.iter().flatten() {
@@ -93,7 +93,7 @@ impl Whiteness {
             lags += 1;
         }
         let white = ChiSquared::new(number(lags)).ok()?;
-        // A statistic that is no number comes from innovations that are none.
+        // A NaN statistic means that some innovation was NaN: reject.
         let p_value = if statistic >= 0.0 { white.sf(statistic) } else { 0.0 };
         Some(LjungBox { statistic, lags, p_value })
     }

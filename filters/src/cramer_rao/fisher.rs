@@ -14,7 +14,7 @@ use crate::count::number;
 /// rule over z and central differences over x.
 ///
 /// An angle is integrated over its whole turn, a linear component over `reach` standard
-/// deviations of the observation's noise to each side of what is expected. Of a smooth density
+/// deviations of the observation's noise to each side of what is expected. For a smooth density
 /// that vanishes at its ends, or is periodic, the rule's error falls faster than any power of the
 /// number of points.
 #[derive(Clone, Copy, Debug, PartialEq)]

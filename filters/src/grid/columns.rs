@@ -93,7 +93,7 @@ pub(super) fn add_product(sums: &mut [f64], factor: f64, x: &Column, y: &Column)
 
 /// Belief in each cell of a lattice, one column for each number.
 ///
-/// Of a state of `N` components the first two are the cell's place. The others, n, are Gaussian
+/// The first two of the state's `N` components are the cell's place. The others, n, are Gaussian
 /// given the place: ln p(x, n) = l + ηᵀ n − ½ nᵀ Λ n, so that l, η and Λ are sums over the
 /// observations, as smooth over the lattice as these. n counts from the prior's mean.
 #[derive(Clone, Debug, Default)]

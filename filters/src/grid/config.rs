@@ -18,8 +18,8 @@ pub struct GridConfig {
     /// Doubts about the noise that observations are given with; `None` for no doubt.
     pub noise_scales: Option<NoiseScales>,
     /// True if the expected value jumps from place to place, as a level does at the edge of a
-    /// hill's shadow. What enters the measurement linearly is then not read between cells that
-    /// disagree about it: the nearest one counts.
+    /// hill's shadow. Components that enter the measurement linearly are then not read between
+    /// cells that disagree about them: the nearest one counts.
     pub cliffs: bool,
 }
 

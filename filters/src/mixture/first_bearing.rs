@@ -19,7 +19,7 @@ const BEYOND: f64 = 3.0;
 /// Until the first bearing it is the Kalman filter that it is made of. The first one becomes a
 /// row of Gaussians along its ray ([`RangeParameterised`]), from 1/100 of the largest range to
 /// what the belief then has within three standard deviations; their weights are what that belief
-/// has along the ray. What else that observation holds, such as a level, is fused by each.
+/// has along the ray. The rest of that observation, such as a level, is fused by each.
 #[derive(Clone, Debug)]
 pub struct FirstBearing<T, F, H, const N: usize, const M: usize> {
     filter: Kalman<T, F, H, N, M>,

@@ -24,7 +24,7 @@ use crate::count::number;
 /// All estimators hold the same state; a still target is a state with velocity under a
 /// [`RandomWalk`](foxhunt_core::RandomWalk). A model that fails gets no probability until the chain
 /// comes back to it, which begins it again; only where all fail does this one, and is as it was.
-/// What a model's own gate does is described at [`Bank`](crate::Bank).
+/// The effect of a model's own gate is described at [`Bank`](crate::Bank).
 ///
 /// ```
 /// use foxhunt_core::{ConstantVelocity, Estimate, Estimator, MeasurementModel, MotionModel,

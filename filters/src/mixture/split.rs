@@ -15,8 +15,8 @@ const MOST: usize = 64;
 /// Along an axis on which the position is N(0, 1) after scaling, k parts lie 6.5 / (k + 2.5) apart,
 /// each of half that as standard deviation (two parts share the variance evenly); their weights are
 /// a Gaussian's, with the spread at which the mixture's variance is 1. From five parts on the sum
-/// is within 7 % of the Gaussian's peak. What else is in the state follows by
-/// regression on the position, so a velocity that goes with the range is split with it.
+/// is within 7 % of the Gaussian's peak. The rest of the state follows by regression on the
+/// position, so a velocity that goes with the range is split with it.
 ///
 /// # Errors
 ///

@@ -267,7 +267,7 @@ where
     }
 
     /// Makes the columns of `spare` the next generation of the cloud: resampled if that is due,
-    /// then moved. Whether its weights are new too, and its moments where they are known.
+    /// then moved. Returns true if its weights are new too, and its moments where known.
     pub(super) fn prepare_moved(&mut self, dt: f64, rng: &mut R) -> (bool, Option<Estimate<N>>) {
         let count = self.cloud.len();
         let due = self.effective_sample_size() < self.threshold * number(count);

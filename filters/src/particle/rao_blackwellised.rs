@@ -26,8 +26,8 @@ use crate::{Gaussian, count::number};
 /// The last K components have to enter the measurement linearly once the others are given, such
 /// as a transmitter's reference power and path-loss exponent once its place is: their columns of
 /// the model's Jacobian do not depend on them. The noise has to be Gaussian: `log_likelihood` is
-/// used only for a bearing that several directions compete for. What is sampled may not move
-/// with what is not, nor share its noise; a motion that does is refused.
+/// used only for a bearing that several directions compete for. The sampled components may
+/// not move with the others, nor share their noise; a motion that does is refused.
 ///
 /// Integrating them out leaves fewer dimensions to sample, and nothing of them to freeze: a power
 /// that does not drift stays a Gaussian for ever. Resampling, its kernel and progressive correction

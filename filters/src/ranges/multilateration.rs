@@ -26,8 +26,8 @@ pub struct SlantRange {
 /// by the error of its square (Caffery 2000), and from both sides of the line that the receivers
 /// lie along: receivers on a line see two places alike, and [`BatchFix::rivals`] shows the other.
 ///
-/// Of the ranges in `beyond` nothing is known but that the target is farther away, up to their σ:
-/// each weighs in by the probability of that (Tobin 1958). Errors count them behind the others.
+/// The ranges in `beyond` say only that the target is farther away, up to their σ: each weighs in
+/// by the probability of that (Tobin 1958). Errors count them behind the others.
 ///
 /// # Errors
 ///

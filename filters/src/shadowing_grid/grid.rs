@@ -16,7 +16,7 @@ pub(crate) struct Grid {
 
 impl Grid {
     /// Covers the rectangle from `low` to `high`; cells grow beyond `cell_m` where there would
-    /// be more than `max_cells`. What the cells overhang is the same on either side.
+    /// be more than `max_cells`. The cells overhang both sides alike.
     pub(crate) fn over(low: Vector2<f64>, high: Vector2<f64>, cell_m: f64, max_cells: u32) -> Self {
         let size = high - low;
         let count = |cell_m: f64| size.map(|side| libm::ceil(side / cell_m - 1e-9).max(1.0));

@@ -95,14 +95,17 @@ fn rank(grid: &DirectionalGrid, truth: &Vector2<f64>) -> f64 {
 }
 
 /// Three sites with nine pulses each, 2 dB a pulse, power unknown, errors in common, misses and
-/// false pulses: 24 transmitters drawn from the prior. The sum of NEES has 48 degrees of freedom, its
-/// mean is 1.10 to 3.21 (99 %); ranks have a mean of 0.35 to 0.65. Those of 120 had 2.11 and 0.53.
+/// false pulses: 24 transmitters drawn from the prior. The sum of NEES has 48 degrees of freedom,
+/// its mean is 1.10 to 3.21 (99 %); ranks have a mean of 0.35 to 0.65. 120 transmitters had 2.11
+/// and 0.53.
 #[test]
 fn a_transmitter_is_found_with_an_honest_belief() {
     const RUNS: u32 = 24;
     let config = DirectionalGridConfig::default();
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(71);
-    let (mut nees, mut ranks, mut errors) = (0.0, 0.0, Vec::new());
+    let mut nees = 0.0;
+    let mut ranks = 0.0;
+    let mut errors = Vec::new();
     for _ in 0..RUNS {
         let (truth, observations) = drawn(&mut rng, &config, &SITES, 9);
         let mut grid = grid(config);
@@ -145,7 +148,8 @@ fn a_miss_is_evidence_against_what_is_near_along_the_boresight() {
     let mut grid = DirectionalGrid::new(prior, config, weak).expect("proper");
     let miss = observed(0.0, Pose::at(0.0, 0.0, 10.0), 0.0, f64::NEG_INFINITY);
     fused(&mut grid, &[miss]);
-    let (mut east, mut west) = (0.0, 0.0);
+    let mut east = 0.0;
+    let mut west = 0.0;
     grid.visit_samples(&mut |place, weight| {
         *(if place.x > 0.0 { &mut east } else { &mut west }) += weight;
     });

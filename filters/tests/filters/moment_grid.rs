@@ -87,7 +87,8 @@ fn a_dipole_of_unknown_moment_is_found_with_an_honest_ellipse() {
             places.push([radius * angle.cos(), radius * angle.sin(), 12.0]);
         }
     }
-    let (mut nees, mut errors) = (0.0, Vec::new());
+    let mut nees = 0.0;
+    let mut errors = Vec::new();
     for _ in 0..40 {
         let Drawn { truth, observations } = drawn(&mut rng, &places);
         let mut grid = grid();
@@ -109,7 +110,8 @@ fn signs_and_order_make_no_difference() {
     let places = [[0.0, 0.0, 10.0], [9.0, 0.0, 11.0], [0.0, 9.0, 10.0], [-8.0, -5.0, 12.0]];
     let Drawn { observations, .. } = drawn(&mut rng, &places);
     let turned = observations.iter().rev().map(|observation| {
-        let (time, pose) = (observation.time(), *observation.receiver());
+        let time = observation.time();
+        let pose = *observation.receiver();
         Observation::new(time, pose, -observation.value(), observation.noise()).expect("proper")
     });
     let [mut one, mut other] = [grid(), grid()];

@@ -26,7 +26,8 @@ fn columns<const N: usize>(path: &Path, names: [&str; N]) -> Vec<[f64; N]> {
 
 /// Metres of East and North per radian on the WGS84 ellipsoid, enough for a few hundred metres.
 fn metres_per_radian(latitude: f64) -> Vector2<f64> {
-    let (a, e2) = (6_378_137.0, 6.694_379_990_14e-3);
+    let a = 6_378_137.0;
+    let e2 = 6.694_379_990_14e-3;
     let w = 1.0 - e2 * latitude.sin().powi(2);
     Vector2::new(a / w.sqrt() * latitude.cos(), a * (1.0 - e2) / w.powf(1.5))
 }

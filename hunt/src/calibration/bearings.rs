@@ -2,9 +2,9 @@ use foxhunt_core::BearingExtractor;
 use foxhunt_sensors::{BearingOffset, Calibrated, ParameterError};
 use serde::{Deserialize, Serialize};
 
-/// By how much bearings are off, measured minus true, over the heading h of the nose, in degrees
+/// Error of bearings, measured minus true, over the heading h of the nose, in degrees
 /// counter-clockwise: offset + sin · sin h + cos · cos h with h counter-clockwise from East; and
-/// what makes their σ honest, σ² → (scale · σ)² + floor².
+/// the correction of their σ, σ² → (scale · σ)² + floor².
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BearingCalibration {

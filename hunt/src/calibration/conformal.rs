@@ -322,9 +322,9 @@ mod tests {
         assert!((scaled.ellipses_away(&truth).expect("an ellipse") - 1.0).abs() < 1e-9);
     }
 
-    /// True errors are twice as large as the ellipses say. Of 2,000 pairs of 39 fixes to calibrate
-    /// and one to judge the conformal regions hold 95 %: ⌈40 · 0.95⌉ / 40, within 3.29 σ of a
-    /// binomial number. Of the ellipses 1 - exp(-5.99 / 8) = 53 % do.
+    /// True errors are twice as large as the ellipses say. In 2,000 draws of 39 fixes to calibrate
+    /// and one to judge 95 % of the conformal regions hold: ⌈40 · 0.95⌉ / 40, within 3.29 σ of a
+    /// binomial number. 1 - exp(-5.99 / 8) = 53 % of the ellipses do.
     #[test]
     fn conformal_regions_hold_where_sigma_is_wrong_by_a_factor_of_2() {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(21);

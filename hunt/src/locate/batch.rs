@@ -76,9 +76,11 @@ where
     let share = share_of_levels(observations, &model, &fix);
     if share < 1.0 {
         // Level and bearing of one reception no longer count alike.
-        let (mut parts, mut counts) = (Vec::new(), Vec::new());
+        let mut parts = Vec::new();
+        let mut counts = Vec::new();
         for observation in observations {
-            let (level, bearing) = (observation.without(1), observation.without(0));
+            let level = observation.without(1);
+            let bearing = observation.without(0);
             if !level.is_empty() || level.is_censored() {
                 parts.push(level);
                 counts.push(share);
@@ -99,8 +101,9 @@ where
     })
 }
 
-/// How many independent levels each stands for, by the residuals of a fit with its weights, in
-/// units of their own spread: how large they are the fit's inflation takes care of.
+/// Returns the number of independent levels that each level stands for, by the residuals of a fit
+/// with its weights. The residuals are in units of their own spread; the fit's inflation takes care
+/// of their size.
 fn share_of_levels<H, const N: usize>(
     observations: &[Observation<2>],
     model: &H,
@@ -110,7 +113,9 @@ where
     H: MeasurementModel<N, 2>,
 {
     let state = &fix.estimate.mean;
-    let (mut places, mut residuals, mut slopes) = (Vec::new(), Vec::new(), Vec::new());
+    let mut places = Vec::new();
+    let mut residuals = Vec::new();
+    let mut slopes = Vec::new();
     let mut squares = 0.0;
     for (observation, weight) in observations.iter().zip(&fix.weights).filter(|(o, _)| o.has(0)) {
         let receiver = observation.receiver();

@@ -11,8 +11,8 @@ use super::{
     located::receiver_sigma_m, region::regions,
 };
 
-/// Where the bearings meet, whatever their own σ: it follows from how they scatter
-/// (`filters::Lenth1981`).
+/// Meeting point of the bearings, whose common σ is estimated from their scatter; their own σ are
+/// ignored (`filters::Lenth1981`).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lenth(pub(crate) BearingWeights);
 
@@ -38,8 +38,8 @@ impl Locator for Lenth {
     }
 }
 
-/// The posterior of the place under bearings whose σ is known up to a factor, common to all of
-/// them, where those of one place may share an error (`filters::BearingGrid`).
+/// Posterior of the place under bearings whose σ is known up to a common factor; bearings from one
+/// place may share an error (`filters::BearingGrid`).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Posterior;
 
@@ -102,7 +102,7 @@ pub(super) fn bearing_grid(config: &LocateConfig) -> BearingGrid {
     }
 }
 
-/// σ of bearings, learned from how those of several transmitters meet.
+/// σ of bearings, learned from how well the bearings of each of several transmitters meet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LearnedSigma {
     /// Factor on the σ that the bearings have.
@@ -116,13 +116,13 @@ pub struct LearnedSigma {
 /// Probability of a misfit at which a transmitter is left out of what all teach.
 const ODD_P: f64 = 1e-3;
 
-/// Learns how the bearings of several transmitters err in common from how those of each meet: σ
-/// belongs to receivers and observers, not to a transmitter. Transmitters that cannot be located
+/// Learns a factor on σ, common to several transmitters, from how well the bearings of each meet:
+/// σ belongs to receivers and observers, not to a transmitter. Transmitters that cannot be located
 /// teach nothing.
 ///
 /// Bearings that the others of their transmitter contradict teach nothing, nor do transmitters
 /// whose bearings do not meet, as with a compass read backwards: the factor begins as the median
-/// of those of all transmitters, and is then that of all whose misfit is probable under it, until
+/// of the transmitters' own, and is then fitted to all whose misfit is probable under it, until
 /// these stay the same.
 #[must_use]
 pub fn learn_bearing_sigma<'a>(
@@ -181,7 +181,7 @@ impl Taught {
     }
 }
 
-/// Where the bearings meet by medians (`filters::repeated_median`).
+/// Meeting point of the bearings by medians (`filters::repeated_median`).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RepeatedMedian;
 
@@ -196,7 +196,7 @@ impl Locator for RepeatedMedian {
 /// A closed form over bearings, each with its σ.
 type Solve = fn(&[(BearingLine, f64)]) -> Result<Estimate<2>, BatchError>;
 
-/// Where the bearings meet, each with its own σ, in closed form.
+/// Meeting point of the bearings, each with its own σ, in closed form.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum ClosedForm {
     Pseudolinear,

@@ -10,47 +10,47 @@ use serde::{Deserialize, Serialize};
 use super::area::FREE_EXPONENT;
 use crate::config::{FREQUENCY_MHZ, PulseLevelConfig};
 
-/// How a transmitter is located.
+/// Settings for locating a transmitter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LocateConfig {
-    /// What is known of the transmitter's power.
+    /// Knowledge of the transmitter's power.
     pub power: Power,
-    /// How high above the ground of the local frame the transmitter is taken to be, in metres.
+    /// Assumed height of the transmitter above the ground of the local frame, in metres.
     pub target_up_m: f64,
-    /// How levels follow the elevation of the transmitter, by the antennas on the way; where absent,
-    /// the estimators take the antennas for isotropic, and `shadowing-grid` infers them.
+    /// Gain of the antennas on the way over the elevation of the transmitter; where absent, the
+    /// estimators take the antennas for isotropic, and `shadowing-grid` infers them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pattern: Option<ElevationPattern>,
     /// The receiver's directional antenna, for estimators that take the samples of its turns one by
     /// one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub antenna: Option<AntennaConfig>,
-    /// How single pulses err, for these.
+    /// Errors of single pulses, for estimators that take the samples one by one.
     #[serde(default)]
     pub pulses: PulseLevelConfig,
     /// The terrain whose loss comes off the levels, for estimators of levels one after the other;
     /// every Up is then a height above the ground below. Level ground where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub terrain: Option<ReliefConfig>,
-    /// How far beyond the area of the receivers a transmitter is looked for, in metres; the grids
-    /// begin there, and go farther where they have to.
+    /// Distance beyond the area of the receivers in which a transmitter is looked for, in metres;
+    /// the grids begin there, and go farther where they have to.
     pub margin_m: f64,
-    /// How many bearings the knowledge of their σ is worth, for estimators that take it for known
-    /// up to a factor.
+    /// Number of bearings that the knowledge of their σ is worth, for estimators that take it for
+    /// known up to a factor.
     pub bearing_freedom: f64,
-    /// σ in radians that stands for that of bearings without one of their own; absent where every
-    /// bearing has one, or where it was learned.
+    /// Assumed σ in radians of bearings without one of their own; absent where every bearing has
+    /// one, or where it was learned.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub assumed_bearing_sigma: Option<f64>,
-    /// Where the reference receiver of range and level differences is: East, North and Up in
+    /// Place of the reference receiver of range and level differences: East, North and Up in
     /// metres.
     pub reference_m: Option<Vector3<f64>>,
     /// The seed of estimators that draw random numbers.
     pub seed: u64,
 }
 
-/// What is known of a transmitter's power.
+/// Knowledge of a transmitter's power.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Power {
@@ -84,7 +84,7 @@ impl LocateConfig {
         .with_target_up(self.target_up_m)
     }
 
-    /// What the terrain takes off the levels, if there is one.
+    /// Builds the loss that the terrain takes off the levels; `None` without terrain.
     pub(crate) fn terrain_loss(&self) -> Result<Option<TerrainLoss<SharedTerrain>>, ReliefError> {
         self.terrain.as_ref().map(|terrain| terrain.build(FREQUENCY_MHZ)).transpose()
     }
@@ -101,9 +101,9 @@ impl Power {
 }
 
 impl Default for LocateConfig {
-    /// Free power, a transmitter on level ground, antennas that nobody knows, pulses as in
-    /// [`PulseLevelConfig::default`], 200 m beyond the area of the receivers, two degrees
-    /// of freedom for the bearings' σ, every one with its own, seed 1.
+    /// Free power, a transmitter on level ground, unknown antennas, pulses as in
+    /// [`PulseLevelConfig::default`], 200 m beyond the area of the receivers, two degrees of
+    /// freedom for the bearings' σ, every one with its own, seed 1.
     fn default() -> Self {
         Self {
             power: Power::Free,
@@ -125,7 +125,7 @@ impl Default for LocateConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Listener {
-    /// Where it is.
+    /// Pose of the receiver.
     pub receiver: Pose,
     /// The times between which it listens, in seconds.
     pub from: f64,

@@ -6,34 +6,34 @@ use foxhunt_sim::ReliefError;
 
 use crate::{config::RegistryError, hunt::TrackError};
 
-/// Why a transmitter was not located.
+/// Error in locating a transmitter.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LocateError {
     /// Nothing was received.
     #[error("none of {receptions} receptions holds a level, a bearing or anything else")]
     Nothing {
-        /// How many receptions there were.
+        /// Number of receptions.
         receptions: usize,
     },
     /// The estimator with a name cannot use the receptions.
     #[error("the estimator {estimator}: {source}")]
     Named {
-        /// Which estimator.
+        /// Name of the estimator.
         estimator: String,
-        /// Why not.
+        /// Cause of the error.
         source: Box<LocateError>,
     },
-    /// The estimator works on levels alone, and there are none.
+    /// The estimator works on levels alone, and no reception holds one.
     #[error("it needs received levels, and there are none")]
     NoLevels,
-    /// The estimator works on bearings alone, and there are none.
+    /// The estimator works on bearings alone, and no reception holds one.
     #[error("it needs bearings, and there are none")]
     NoBearings,
     /// The estimator works on a quantity that no reception holds.
     #[error("it needs {quantity}, and no reception holds it")]
     NoQuantity {
-        /// Which one.
+        /// The missing quantity.
         quantity: Quantity,
     },
     /// All receptions were made in one place, which leaves the transmitter's place open.
@@ -42,23 +42,23 @@ pub enum LocateError {
          transmitter is"
     )]
     OnePlace {
-        /// What was received.
+        /// Name of what was received, in the plural.
         what: &'static str,
         /// The place's East in metres.
         east: f64,
         /// Its North in metres.
         north: f64,
     },
-    /// The estimator needs to know the power.
+    /// The estimator needs a known power.
     #[error("it needs the transmitter's power and the exponent (--p0-dbm, --exponent)")]
     NoPower,
-    /// The estimator needs to know where the reference receiver is.
+    /// The estimator needs the place of the reference receiver.
     #[error("it needs the place of the reference receiver (--reference-m)")]
     NoReference,
     /// The receiver's antenna cannot be built.
     #[error("the receiver's antenna: {reason}")]
     Antenna {
-        /// Why not.
+        /// Text of the antenna's error.
         reason: String,
     },
     /// The terrain cannot be had.
@@ -70,7 +70,7 @@ pub enum LocateError {
          particle, gaussian-sum, grid and others of levels in the order of time know one"
     )]
     NoUseOfTerrain {
-        /// Which estimator.
+        /// Name of the estimator.
         estimator: String,
     },
     /// The estimator does not follow the antennas that are named.
@@ -79,7 +79,7 @@ pub enum LocateError {
          --transmitter-antenna)"
     )]
     NoUseOfAntennas {
-        /// Which estimator.
+        /// Name of the estimator.
         estimator: String,
     },
     /// The bearings are too few, or do not meet.
@@ -115,21 +115,21 @@ pub enum LocateError {
         quantities.iter().map(|quantity| quantity.name()).collect::<Vec<_>>().join(", ")
     )]
     NotUsed {
-        /// Which estimator.
+        /// Name of the estimator.
         estimator: String,
-        /// How many receptions there were.
+        /// Number of receptions.
         receptions: usize,
-        /// What it measures.
+        /// Quantities that the estimator measures.
         quantities: Vec<Quantity>,
     },
     /// The estimator cannot use a reception.
     #[error("reception {index} (at {time} s) cannot be used: {source}")]
     Reception {
-        /// Which reception, from 0.
+        /// Index of the reception, from 0.
         index: usize,
-        /// When it was made, in seconds.
+        /// Time of the reception, in seconds.
         time: f64,
-        /// Why not.
+        /// Cause of the error.
         source: TrackError,
     },
 }

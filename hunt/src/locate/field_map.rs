@@ -4,7 +4,7 @@ use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 
 use super::{LocateConfig, LocateError, Located, Locator, located::levels};
 
-/// Where the level is highest on a map without any law of propagation (`filters::FieldMap`): a
+/// Place of the highest level on a map without any law of propagation (`filters::FieldMap`): a
 /// baseline, that cannot know of a transmitter outside of the receivers' area.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct HighestOnMap;

@@ -52,7 +52,8 @@ impl Fit<'_> {
     /// The least cost from a start on, by steps along the axes that halve where none helps
     /// (Hooke & Jeeves 1961).
     fn descend(&self, start: Vector3<f64>, step_m: f64) -> (Vector3<f64>, f64) {
-        let (mut at, mut step) = (start, Vector3::new(step_m, step_m, 0.4));
+        let mut at = start;
+        let mut step = Vector3::new(step_m, step_m, 0.4);
         let mut cost = self.cost(&at);
         // Levels that are nearly alike fit ever better from ever farther away.
         for _ in 0..MOST_ROUNDS {
@@ -190,11 +191,11 @@ impl Locator for LeastAbsolute {
     }
 }
 
-/// How many starts there are along each side of the area.
+/// Number of starts along each side of the area.
 const STARTS: u8 = 15;
 
-/// How often a descent tries a step along each axis.
+/// Maximum number of rounds of a descent, each of which tries a step along every axis.
 const MOST_ROUNDS: u16 = 400;
 
-/// From how many of them, the best, a descent begins.
+/// Number of starts, the best, from which a descent begins.
 const DESCENTS: usize = 6;

@@ -25,14 +25,14 @@ const LEAST_RELATIVE_DENSITY: f64 = 0.01;
 /// A transmitter's place.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Located {
-    /// Where it is.
+    /// Mean and covariance of the place.
     pub estimate: Estimate<2>,
-    /// The ellipse that holds it with 95 %, where that is not the one of the covariance: that of
-    /// few bearings whose σ was itself estimated follows an F distribution.
+    /// The ellipse that holds the transmitter with 95 %, where the covariance does not give it: for
+    /// few bearings whose σ was itself estimated it follows an F distribution.
     pub own_ellipse_95: Option<Ellipse>,
-    /// How many receptions were used.
+    /// Number of receptions used.
     pub observations: usize,
-    /// How many a gate, or a weight of nothing, kept out.
+    /// Number of receptions that a gate or a weight of zero kept out.
     pub rejected: usize,
     /// Indices of the receptions that a gate or a weight of zero kept out.
     pub left_out: Vec<usize>,
@@ -42,10 +42,10 @@ pub struct Located {
     /// The probability on the border of the area that was searched, where the estimator searches an
     /// area: where it is large, the transmitter may lie outside.
     pub border_mass: Option<f64>,
-    /// What explains the receptions, where the estimator weighs explanations.
+    /// Law that explains the receptions, where the estimator weighs explanations.
     pub explanation: Option<Explanation>,
-    /// What the bearings of each place have in common, where the estimator weighs that and there
-    /// are places with several.
+    /// Errors that the bearings of each place share, where the estimator weighs them and there are
+    /// places with several bearings.
     pub common_errors: Option<CommonErrors>,
     /// Metres by which all measured ranges are too long, where the estimator found that they share
     /// such an offset.
@@ -65,21 +65,20 @@ pub struct Located {
 /// Another place where the posterior density has a maximum.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rival {
-    /// Where, East and North in metres.
+    /// Its East and North in metres.
     pub place: Vector2<f64>,
     /// The density there over that at the estimate, from 0.01 to 1.
     pub relative_density: f64,
 }
 
-/// What a law of propagation has to be for the receptions: means and deviations, or values with
-/// their probabilities, over all places and all else that is not known.
+/// Law of propagation that explains the receptions: means and deviations, or values with their
+/// probabilities, over all places and all else that is not known.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Explanation {
     /// The path-loss exponent γ.
     pub exponent: Marginal,
-    /// How many vertical dipoles are on the way: 0 where no antenna's gain falls with the
-    /// elevation, 2 where the receiver's and the transmitter's do. None where the antennas are
-    /// known.
+    /// Number of vertical dipoles on the way: 0 where no antenna's gain falls with the elevation, 2
+    /// where the receiver's and the transmitter's do. `None` where the antennas are known.
     pub dipoles: Option<Marginal>,
     /// σ of shadowing and noise together, in dB.
     pub sigma_db: Marginal,
@@ -101,9 +100,9 @@ pub struct CommonErrors {
 /// The error that all bearings of a place share.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct StationError {
-    /// Where the first of them was taken, East and North in metres.
+    /// Place of the first bearing, East and North in metres.
     pub place: Vector2<f64>,
-    /// How many there are.
+    /// Number of bearings.
     pub bearings: usize,
     /// The error, measured minus true, in degrees counter-clockwise.
     pub error_deg_ccw: Marginal,
@@ -152,8 +151,8 @@ impl Located {
         }
     }
 
-    /// The place where those of the receivers are off by an unknown amount that they share, N(0,
-    /// `sigma_m`²) on each axis.
+    /// Widens the place by an unknown error that the receivers' places share, N(0, `sigma_m`²) on
+    /// each axis.
     pub(crate) fn shifted(mut self, sigma_m: f64) -> Self {
         self.estimate.covariance += Matrix2::identity() * (sigma_m * sigma_m);
         if let Some(ellipse) = &mut self.own_ellipse_95 {
@@ -171,14 +170,14 @@ impl Located {
         self.own_ellipse_95.or_else(|| self.estimate.ellipse(0.95))
     }
 
-    /// Whether the [`ellipse_95`](Self::ellipse_95) holds a place; `None` without one.
+    /// Returns true if the [`ellipse_95`](Self::ellipse_95) holds a place; `None` without one.
     #[must_use]
     pub fn ellipse_95_holds(&self, place: &Vector2<f64>) -> Option<bool> {
         self.ellipses_away(place).map(|away| away <= 1.0)
     }
 
-    /// Returns the factor by which the [`ellipse_95`](Self::ellipse_95) has to be scaled so that its
-    /// border meets a place; `None` without one.
+    /// Returns the factor by which the [`ellipse_95`](Self::ellipse_95) has to be scaled so that
+    /// its border meets a place; `None` without one.
     #[must_use]
     pub fn ellipses_away(&self, place: &Vector2<f64>) -> Option<f64> {
         let ellipse = self.ellipse_95()?;
@@ -222,9 +221,9 @@ impl Located {
         Some(log_norm + weights.ln() - most - sum.ln())
     }
 
-    /// Whether the ellipse is a poor picture of where the transmitter may be: the region that holds
-    /// it is in parts, fills less than half of the ellipse, or reaches the border of the area that
-    /// was searched.
+    /// Returns true if the ellipse is a poor picture of where the transmitter may be: the region
+    /// that holds it is in parts, fills less than half of the ellipse, or reaches the border of the
+    /// area that was searched.
     #[must_use]
     pub fn ellipse_is_poor(&self) -> bool {
         let ellipse_m2 = self.ellipse_95().map_or(f64::INFINITY, |ellipse| {
@@ -236,8 +235,8 @@ impl Located {
         parts > 1 || has_regions && region_m2 < 0.5 * ellipse_m2 || self.is_at_border()
     }
 
-    /// Whether so much probability lies on the border of the area that was searched that the
-    /// transmitter may lie outside.
+    /// Returns true if so much probability lies on the border of the area that was searched that
+    /// the transmitter may lie outside.
     #[must_use]
     pub fn is_at_border(&self) -> bool {
         self.border_mass.is_some_and(|mass| mass > MUCH_ON_BORDER)
@@ -279,14 +278,14 @@ pub trait Locator: Send + Sync {
         config: &LocateConfig,
     ) -> Result<Located, LocateError>;
 
-    /// Whether [`LocateConfig::pattern`] is in its model of levels; where not, known antennas are
-    /// refused.
+    /// Returns true if [`LocateConfig::pattern`] is in its model of levels; where not, known
+    /// antennas are refused.
     fn uses_antennas(&self) -> bool {
         false
     }
 
-    /// Whether [`Reception::receiver_sigma_m`] is in its answers; where not, it is added to them,
-    /// as the errors of one receiver's places are much alike.
+    /// Returns true if [`Reception::receiver_sigma_m`] is in its answers; where not, it is added to
+    /// them, as the errors of one receiver's places are much alike.
     fn uses_receiver_sigma(&self) -> bool {
         false
     }

@@ -1,4 +1,4 @@
-//! Where a transmitter is, or was, from all that was received of it at once.
+//! Place or track of a transmitter from all its receptions at once.
 
 mod area;
 #[cfg(feature = "batch")]

@@ -10,11 +10,11 @@ use serde::{Deserialize, Serialize};
 
 use super::{Listener, LocateConfig, LocateError, Located, Power, area::extent_m, region::regions};
 
-/// How a moving transmitter is tracked.
+/// Settings for tracking a moving transmitter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrackingConfig {
-    /// How long a time window is, in seconds: what is received within it is of one place.
+    /// Length of a time window in seconds: what is received within it is of one place.
     pub window_s: f64,
     /// Seconds within which the receptions of one receiver count as one reading: shadowing and
     /// reflections change only as the transmitter goes some hundred metres. Errors that fall to 1/e
@@ -31,7 +31,7 @@ impl Default for TrackingConfig {
     }
 }
 
-/// Where a moving transmitter was, and why.
+/// Track of a moving transmitter, with the probabilities of its speeds and exponents.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tracked {
     /// The time of each window in which something was received, in seconds, and the place then,
@@ -134,8 +134,8 @@ pub fn track_watched(
     })
 }
 
-/// What [`track`] is given of a reception that it shall not use: that something was received, or
-/// might have been. Without it the receiver would count as silent.
+/// Returns what [`track`] needs of a reception that it shall not use: that something was received,
+/// or might have been. Without it the receiver would count as silent.
 #[must_use]
 pub fn left_out(reception: &Reception) -> Reception {
     let Reception { beacon, time, receiver, .. } = *reception;
@@ -149,20 +149,20 @@ const APART_M: f64 = 25.0;
 /// table 7.4.1-1: 4 to 8 dB).
 const LEVEL_SCALE_DB: f64 = 5.0;
 
-/// How much a known power is off for all of a track, in dB: how the transmitter is worn and held,
-/// and where it goes.
+/// σ of a known power's error over a whole track, in dB: how the transmitter is worn and held, and
+/// where it goes.
 const COMMON_SIGMA_DB: f64 = 8.0;
 
-/// How many bursts a listener within reach loses.
+/// Share of bursts that a listener within reach loses.
 const LOST: f64 = 0.1;
 
-/// How many bearings point anywhere, reflections that the extractor did not find among them.
+/// Share of bearings that point anywhere, reflections that the extractor did not find among them.
 const OUTLIERS: f64 = 0.05;
 
-/// How long the transmitter keeps its velocity, in seconds.
+/// Time in which the correlation of the transmitter's velocity falls to 1/e, in seconds.
 const PERSISTENCE_S: f64 = 60.0;
 
-/// What was received in a time window.
+/// Receptions and silences of a time window.
 #[derive(Debug)]
 struct Window {
     /// The mean time of its receptions.
@@ -179,7 +179,7 @@ struct Silent {
     share: f64,
 }
 
-/// What a receiver received in one place.
+/// Receptions of a receiver in one place.
 #[derive(Debug)]
 struct Received {
     receiver: Pose,
@@ -235,7 +235,7 @@ fn share_of_repeated_levels(receptions: &[Reception], correlation_s: f64) -> f64
     (1.0 - correlation) / (1.0 + correlation)
 }
 
-/// Differences of levels below this number tell nothing of how they correlate.
+/// Least number of level differences from which their correlation is estimated.
 const LEAST_DIFFERENCES: usize = 20;
 
 /// Median of the absolute value of a standard normal.
@@ -319,7 +319,9 @@ impl Window {
         let mut received = Vec::<Received>::new();
         let mut silent = Vec::<Silent>::new();
         let mut heard: Vec<Pose> = Vec::new();
-        let (mut sum_s, mut count, mut first) = (0.0, 0.0, f64::INFINITY);
+        let mut sum_s = 0.0;
+        let mut count = 0.0;
+        let mut first = f64::INFINITY;
         for &(index, reception) in receptions {
             let bearing = ByQuantity([Quantity::BEARING]).observation(reception);
             let bearing = bearing.map_err(|source| LocateError::Reception {
@@ -327,7 +329,8 @@ impl Window {
                 time: reception.time,
                 source: source.into(),
             })?;
-            let (here, time) = (reception.receiver, reception.time);
+            let here = reception.receiver;
+            let time = reception.time;
             if let Some(floor) = reception.silence {
                 let floor_dbm = floor.rss_dbm;
                 let listener = Listener { receiver: here, from: time, until: time, floor_dbm };
@@ -399,7 +402,8 @@ fn add_bearing(
     places: &Places<'_>,
     out: &mut [f64],
 ) {
-    let (from, variance) = (bearing.receiver().position, bearing.noise()[(0, 0)]);
+    let from = bearing.receiver().position;
+    let variance = bearing.noise()[(0, 0)];
     // Places whose σ is alike, up to where it is that of any direction.
     let class = |(east, north): (&f64, &f64)| {
         let square = (east - from.x).powi(2) + (north - from.y).powi(2);
@@ -423,14 +427,14 @@ fn add_bearing(
 /// Variances of bearings that differ by less than half of an octave over this count as alike.
 const CLASSES_AN_OCTAVE: f64 = 4.0;
 
-/// How a level falls with the distance.
+/// Log-distance law of the levels.
 #[derive(Clone, Copy, Debug)]
 struct Law {
     reference_dbm: f64,
     exponent: f64,
 }
 
-/// The laws that may hold, each with its prior weight; none without levels.
+/// The laws that may hold, each with its prior weight; one `None` without levels.
 fn laws(windows: &[Window], power: Power, extent_m: f64) -> Vec<(f64, Option<Law>)> {
     let received = || windows.iter().flat_map(|window| &window.received);
     let mut levels: Vec<f64> = received().filter_map(Received::level_dbm).collect();
@@ -500,7 +504,8 @@ impl TrackModel for Walk<'_> {
         // The residual over its scale, and the square of that over the level's own; what is less
         // than a hundredth is left out, which most cells are.
         let residual = |from: &Pose, level: f64, east: f64, north: f64| {
-            let (x, y) = (east - from.position.x, north - from.position.y);
+            let x = east - from.position.x;
+            let y = north - from.position.y;
             let square = x * x + y * y + (self.up - from.position.z).powi(2);
             let square = square.max(nearest);
             let expected = law.reference_dbm - slope * elementary::ln(square);
@@ -566,13 +571,15 @@ mod tests {
         kept * error + (1.0 - kept * kept).sqrt() * new
     }
 
-    /// What stations receive of a burst each 20 s from a transmitter that walks at 1 m/s, and where
-    /// it is: levels of P₀ −25 dBm and exponent 2.6 with σ 6 dB, bearings with σ 15°.
+    /// Receptions of a burst each 20 s from a transmitter that walks at 1 m/s, and its places:
+    /// levels of P₀ −25 dBm and exponent 2.6 with σ 6 dB, bearings with σ 15°.
     fn walk(seed: u64, memory_s: f64) -> (Vec<Reception>, Vec<(f64, Vector2<f64>)>) {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
-        let (mut place, mut velocity) = (Vector2::new(400.0, 300.0), [0.7, 0.1]);
+        let mut place = Vector2::new(400.0, 300.0);
+        let mut velocity = [0.7, 0.1];
         let mut errors = [[0.0; 2]; 3];
-        let (mut received, mut way) = (Vec::new(), Vec::new());
+        let mut received = Vec::new();
+        let mut way = Vec::new();
         let sigma = 15.0_f64.to_radians();
         for burst in 0..40 {
             let time = 20.0 * f64::from(burst);
@@ -612,7 +619,10 @@ mod tests {
 
     /// Errors, NEES and whether the ellipse holds the truth, over all places of some tracks.
     fn judged(tracks: u64, memory_s: f64, config: &TrackingConfig) -> (f64, f64, f64) {
-        let (mut error, mut nees, mut held, mut count) = (0.0, 0.0, 0.0, 0.0);
+        let mut error = 0.0;
+        let mut nees = 0.0;
+        let mut held = 0.0;
+        let mut count = 0.0;
         for seed in 0..tracks {
             let (received, way) = walk(700 + seed, memory_s);
             let tracked = track(&received, &listeners(), &LocateConfig::default(), config);
@@ -715,7 +725,8 @@ mod tests {
             places.iter().map(|(_, located)| located.estimate.mean.sum()).sum::<f64>() / 6.0_f64
         };
         let mean = |listeners: &[Listener]| mean_of(&received, listeners);
-        let (without, with) = (mean(&[]), mean(&listeners()));
+        let without = mean(&[]);
+        let with = mean(&listeners());
         assert!(without.abs() < 40.0, "{without}: no direction is preferred");
         assert!(with < -80.0, "{with}: away from the silent stations in the north-east");
         // What they received is struck out: they were not silent for that.
@@ -725,7 +736,8 @@ mod tests {
         });
         let struck: Vec<Reception> = theirs.map(|one| left_out(&one)).collect();
         let received = [received.clone(), struck].concat();
-        let (without, with) = (mean_of(&received, &[]), mean_of(&received, &listeners()));
+        let without = mean_of(&received, &[]);
+        let with = mean_of(&received, &listeners());
         assert!((with - without).abs() < 1e-6, "{with} for {without}: as without them");
     }
 
@@ -744,7 +756,8 @@ mod tests {
                 let time = times.next().copied().unwrap_or_default();
                 Reception { time, receiver, bearing, ..Reception::default() }
             });
-            let (locate, config) = (LocateConfig::default(), TrackingConfig::default());
+            let locate = LocateConfig::default();
+            let config = TrackingConfig::default();
             let tracked = track(&received, &[], &locate, &config).expect("a track");
             let (_, first) = &tracked.places[0];
             assert!(first.ellipse_95_holds(&truth) == Some(true), "{first:?}");

@@ -75,8 +75,8 @@ pub(crate) fn parts(belief: &dyn Belief) -> Vec<Part> {
     if parts.len() < 2 { whole } else { parts }
 }
 
-/// Returns the south-western corner and the side of the squares; none where all samples are in one
-/// place.
+/// Returns the south-western corner and the side of the squares; `None` where all samples are in
+/// one place.
 fn squares(samples: &[(Vector2<f64>, f64)]) -> Option<(Vector2<f64>, f64)> {
     let low = samples.iter().fold(Vector2::repeat(f64::INFINITY), |low, (at, _)| low.inf(at));
     let high = samples.iter().fold(Vector2::repeat(-f64::INFINITY), |high, (at, _)| high.sup(at));

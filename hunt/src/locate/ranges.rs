@@ -57,8 +57,8 @@ impl Locator for Multilateration {
     }
 }
 
-/// One range for each place of a receiver, the mean of its own: what a wall or a detour does to one
-/// of them it does to all.
+/// Returns one range for each place of a receiver, the mean of its own, as a wall or a detour
+/// changes all of them alike.
 fn by_place(ranges: &[SlantRange]) -> Vec<SlantRange> {
     let mut sorted: Vec<&SlantRange> = ranges.iter().collect();
     let key = |r: &SlantRange| (r.receiver.x, r.receiver.y, r.receiver.z);

@@ -11,11 +11,11 @@ use serde::Serialize;
 pub struct Region {
     /// The probability that the transmitter is in this part.
     pub probability: f64,
-    /// How large it is, in square metres.
+    /// Area in square metres.
     pub area_m2: f64,
     /// The border, East and North in metres, counter-clockwise; the last place is the first.
     pub outline: Vec<Vector2<f64>>,
-    /// The borders of what is left out within it.
+    /// Borders of the holes in the part, as of [`outline`](Self::outline).
     pub holes: Vec<Vec<Vector2<f64>>>,
 }
 

@@ -1,7 +1,7 @@
 //! The registry: everything that has a name, open to a user's own entries.
 //!
 //! A name means one thing wherever it is used: hunts, replays, `locate`, trials, campaigns and
-//! lists read the same entry. What a caller cannot honour is an error, never dropped.
+//! lists read the same entry. A setting that a caller cannot honour is an error, never dropped.
 
 mod combined;
 mod entries;

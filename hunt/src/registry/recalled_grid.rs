@@ -14,8 +14,8 @@ use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 /// after each: nothing of it was read from other cells, so that the ridge of a first difference may
 /// be far narrower than the cells of a wide prior. Cells are laid about each maximum, along the
 /// principal axes of what is about it. The estimate is the most probable place, with the mean
-/// squared deviations from it: of a skewed belief, or one in two places, the mean is a poor place.
-/// The prior's area is searched as a whole whenever there are twice as many observations.
+/// squared deviations from it: the mean of a skewed belief, or of one in two places, is a poor
+/// place. The prior's area is searched as a whole whenever there are twice as many observations.
 #[derive(Clone)]
 pub(super) struct RecalledGrid<const M: usize> {
     model: AnyModel<2, M>,
@@ -259,8 +259,8 @@ impl Window {
         inverse.is_some_and(|inverse| (inverse * (place - self.middle)).amax() <= 1.0)
     }
 
-    /// The window about the moments of its own cells, no more than so much smaller or larger; it
-    /// grows where there is something at its border.
+    /// Returns the window about the moments of its own cells, from [`SHRINK`] to [`GROW`] times as
+    /// large; it grows where there is something at its border.
     fn about(&self, own: &Estimate<2>, cells: &[(Vector2<f64>, f64)], most: f64) -> Self {
         let spacing = self.half_sides * (2.0 / count(ENCLOSED));
         let covariance = own.covariance + spacing * spacing.transpose() / 12.0;

@@ -167,19 +167,19 @@ impl EstimatorEntry {
         }
     }
 
-    /// Whether it takes one reception after the other, levels among them.
+    /// Returns true if it takes one reception after the other, levels among them.
     fn streams_levels(&self) -> bool {
         let uses =
             |settings: &EstimatorConfig| settings.track.components != Components::BearingOnly;
         self.settings().is_some_and(uses)
     }
 
-    /// Whether terrain is in its model of levels.
+    /// Returns true if terrain is in its model of levels.
     fn uses_terrain(&self) -> bool {
         self.locator().is_none() && (self.streams_levels() || self.takes_samples())
     }
 
-    /// Whether the antennas' pattern is in its model of levels.
+    /// Returns true if the antennas' pattern is in its model of levels.
     fn uses_antennas(&self) -> bool {
         match self.locator() {
             Some(locator) => locator.uses_antennas(),
@@ -254,7 +254,8 @@ fn in_time(
             (LogDistance::new(reference_dbm, exponent)?, false)
         }
         Power::Free | Power::FreeReference { .. } => {
-            let (exponent, up) = (config.power.exponent(), config.target_up_m);
+            let exponent = config.power.exponent();
+            let up = config.target_up_m;
             let power = reference_power(receptions, &prior.mean, up, exponent)?;
             (LogDistance::new(power, exponent)?, true)
         }

@@ -32,7 +32,7 @@ impl CalibrationFile {
     }
 
     /// Sets what is known of a scenario's hunt: the path loss of its model, the errors of its
-    /// bearings. What is true in it stays.
+    /// bearings. The true values in it stay.
     pub fn apply_to(&self, scenario: &mut Scenario) {
         if let Some(path_loss) = &self.path_loss {
             scenario.model.reference_dbm = path_loss.p0_dbm;

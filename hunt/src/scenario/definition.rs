@@ -261,8 +261,8 @@ impl Scenario {
         })
     }
 
-    /// The names of the beacons that are there from the beginning, in their order. Those that
-    /// appear later come after them, and are taken in when they do.
+    /// The names of the beacons that are there from the beginning, in their order.
+    /// Beacons that appear later come after them, and are taken in when they do.
     #[must_use]
     pub fn beacon_names(&self) -> Vec<String> {
         let present = self.world.beacons.iter().filter(|b| b.appears_after_s.is_none());

@@ -16,7 +16,8 @@ const RECEIVERS: [Vector2<f64>; 4] = [
 /// The prior's density, written out again.
 fn prior(place: &Vector2<f64>) -> f64 {
     let beyond = |x: f64, low: f64, high: f64| (x - high).max(low - x).max(0.0);
-    let (x, y) = (beyond(place.x, 200.0, 800.0), beyond(place.y, 0.0, 800.0));
+    let x = beyond(place.x, 200.0, 800.0);
+    let y = beyond(place.y, 0.0, 800.0);
     (1.0 + (x * x + y * y) / (500.0 * 500.0)).powf(-2.5)
 }
 
@@ -81,7 +82,8 @@ fn the_posterior_is_calibrated() {
     let grid = BearingGrid { freedom, ..BearingGrid::default() };
     let chi_squared = ChiSquared::new(freedom).expect("positive");
     let runs = 600_u16;
-    let (mut sum, mut squares) = (0.0, 0.0);
+    let mut sum = 0.0;
+    let mut squares = 0.0;
     for _ in 0..runs {
         let place = draw(&mut rng);
         let scale = (freedom / chi_squared.sample(&mut rng)).sqrt();
@@ -111,7 +113,8 @@ fn bearings_that_do_not_meet_make_a_wide_region() {
         let fix = BearingGrid::default().locate(&bearings(place, sigma, rng)).expect("a posterior");
         fix.map.estimate().covariance.determinant().sqrt()
     };
-    let (meeting, apart) = (area(0.001, &mut rng), area(0.3, &mut rng));
+    let meeting = area(0.001, &mut rng);
+    let apart = area(0.3, &mut rng);
     assert!(apart > 4.0 * meeting, "{apart} and {meeting}");
 }
 
@@ -147,7 +150,8 @@ fn spins(
     common: f64,
     rng: &mut Xoshiro256PlusPlus,
 ) -> (Vec<(BearingLine, f64)>, Vec<f64>) {
-    let (mut taken, mut errors) = (Vec::new(), Vec::new());
+    let mut taken = Vec::new();
+    let mut errors = Vec::new();
     for receiver in &RECEIVERS[..stations] {
         let shared: f64 = common * rng.sample::<f64, _>(StandardNormal);
         errors.push(shared);
@@ -173,7 +177,8 @@ fn holds(map: &PosteriorMap, place: &Vector2<f64>) -> bool {
 /// middle of the receivers.
 fn judged(grid: &BearingGrid, stations: usize, common_deg: f64, runs: u16, seed: u64) -> [f64; 2] {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
-    let (mut held, mut nees) = (0.0, 0.0);
+    let mut held = 0.0;
+    let mut nees = 0.0;
     for _ in 0..runs {
         let place = Vector2::new(rng.random_range(200.0..800.0), rng.random_range(0.0..800.0));
         let (taken, _) = spins(place, stations, common_deg.to_radians(), &mut rng);
@@ -216,7 +221,10 @@ fn common_errors_are_in_the_region() {
 #[test]
 fn a_stations_error_is_found_where_others_overlap() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(97);
-    let (mut within, mut count, mut square, mut prior) = (0.0, 0.0, 0.0, 0.0);
+    let mut within = 0.0;
+    let mut count = 0.0;
+    let mut square = 0.0;
+    let mut prior = 0.0;
     for _ in 0..30 {
         let place = Vector2::new(rng.random_range(300.0..700.0), rng.random_range(200.0..600.0));
         let (taken, errors) = spins(place, 4, 10.0_f64.to_radians(), &mut rng);
@@ -261,7 +269,8 @@ fn two_receivers_make_a_fix() {
     let grid = BearingGrid { freedom, ..BearingGrid::default() };
     let chi_squared = ChiSquared::new(freedom).expect("positive");
     let [a, _, _, b] = RECEIVERS;
-    let (low, high) = (a.inf(&b), a.sup(&b));
+    let low = a.inf(&b);
+    let high = a.sup(&b);
     let radius = 0.5 * (high - low).norm();
     let runs = 400;
     let mut held = 0.0;

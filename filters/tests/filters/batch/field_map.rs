@@ -61,7 +61,9 @@ fn scene(rng: &mut Xoshiro256PlusPlus) -> (Vec<Vector2<f64>>, Vec<Vector2<f64>>)
 fn levels_and_maxima_are_calibrated() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(41);
     let runs = 150_u16;
-    let (mut squares, mut rank, mut sigmas) = (0.0, 0.0, 0.0);
+    let mut squares = 0.0;
+    let mut rank = 0.0;
+    let mut sigmas = 0.0;
     for _ in 0..runs {
         let (cells, read) = scene(&mut rng);
         let all: Vec<_> = cells.iter().chain(&read).copied().collect();

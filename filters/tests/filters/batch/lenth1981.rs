@@ -99,7 +99,8 @@ fn simulate(rng: &mut Xoshiro256PlusPlus, place: Vector2<f64>, sigma: f64) -> Ve
 #[test]
 fn the_covariance_with_known_kappa_is_consistent() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(81);
-    let (runs, sigma) = (2000_u16, 0.05);
+    let runs = 2000_u16;
+    let sigma = 0.05;
     let estimator = Lenth1981::maximum_likelihood().with_kappa(1.0 / (sigma * sigma));
     let estimator = estimator.expect("positive");
     let mut sum = 0.0;
@@ -157,7 +158,8 @@ fn it_settles_in_coordinates_of_any_origin_and_scale() {
 fn holds(ellipse: &Ellipse, centre: &Vector2<f64>, place: &Vector2<f64>) -> bool {
     let (sin, cos) = ellipse.orientation.sin_cos();
     let away = place - centre;
-    let (along, across) = (away.x * cos + away.y * sin, away.y * cos - away.x * sin);
+    let along = away.x * cos + away.y * sin;
+    let across = away.y * cos - away.x * sin;
     (along / ellipse.semi_major).hypot(across / ellipse.semi_minor) <= 1.0
 }
 
@@ -168,7 +170,8 @@ fn the_ellipse_of_few_bearings_holds_what_it_promises() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(85);
     let runs = 4000_u16;
     for count in [4_usize, 6, 10] {
-        let (mut held, mut held_by_chi_squared) = (0_u16, 0_u16);
+        let mut held = 0_u16;
+        let mut held_by_chi_squared = 0_u16;
         for _ in 0..runs {
             let place = Vector2::new(50.0 + 20.0 * rng.random::<f64>(), 40.0 * rng.random::<f64>());
             let all = simulate(&mut rng, place, 0.02);

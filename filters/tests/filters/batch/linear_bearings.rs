@@ -38,7 +38,8 @@ type ClosedForm = fn(&[(BearingLine, f64)]) -> Result<Estimate<2>, BatchError>;
 fn statistics(estimator: ClosedForm, seed: u64) -> (f64, f64, f64) {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
     let runs = 4000_u16;
-    let (mut sum, mut square) = (Vector2::zeros(), 0.0);
+    let mut sum = Vector2::zeros();
+    let mut square = 0.0;
     for _ in 0..runs {
         let error = estimator(&simulate(&mut rng, SIGMA)).expect("a fix").mean - PLACE;
         sum += error;

@@ -21,14 +21,16 @@ impl<const N: usize> MeasurementModel<N, 2> for LevelBearing {
     }
 
     fn expected(&self, state: &State<N>, receiver: &Pose) -> Vector2<f64> {
-        let (east, north) = (state[0] - receiver.position.x, state[1] - receiver.position.y);
+        let east = state[0] - receiver.position.x;
+        let north = state[1] - receiver.position.y;
         let range = east.hypot(north).hypot(receiver.position.z).max(1e-3);
         let power = if N > 2 { state[N - 1] } else { POWER_DBM };
         Vector2::new(power - 10.0 * self.exponent * range.log10(), north.atan2(east))
     }
 
     fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, 2, N> {
-        let (east, north) = (state[0] - receiver.position.x, state[1] - receiver.position.y);
+        let east = state[0] - receiver.position.x;
+        let north = state[1] - receiver.position.y;
         let flat = (east * east + north * north).max(1e-6);
         let slope = -10.0 * self.exponent / std::f64::consts::LN_10;
         let slope = slope / (flat + receiver.position.z.powi(2));

@@ -37,7 +37,8 @@ fn bound(truth: &State<2>, slopes: impl Iterator<Item = (Vector2<f64>, f64)>) ->
 #[test]
 fn ranges_reach_the_bound() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(31);
-    let (mut error, mut limit) = (0.0, 0.0);
+    let mut error = 0.0;
+    let mut limit = 0.0;
     for _ in 0..400 {
         let truth = place(&mut rng);
         let ranges: Vec<_> = round(12)
@@ -142,7 +143,9 @@ fn observation(d: &SlantRangeDifference) -> Observation<1> {
 fn range_differences_reach_the_bound() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(32);
     let model = Difference { reference: Vector3::new(90.0, 50.0, 10.0) };
-    let (mut error, mut limit, mut astray) = (0.0, 0.0, 0);
+    let mut error = 0.0;
+    let mut limit = 0.0;
+    let mut astray = 0;
     for _ in 0..400 {
         let truth = place(&mut rng);
         let observed = differences(&mut rng, model, &truth, 3.0);
@@ -216,7 +219,8 @@ fn differences_weigh_by_their_inverse_variance() {
         })
         .collect();
     // Rows and right-hand sides in units of their σ; the normal equations by hand.
-    let (mut square, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    let mut square = Matrix3::zeros();
+    let mut right = Vector3::zeros();
     for d in &differences {
         let p = d.receiver - reference;
         let above = UP - d.receiver.z;

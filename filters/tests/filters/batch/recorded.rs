@@ -53,7 +53,8 @@ fn recorded_levels_are_fitted() {
             let solver = solver.with_prior(prior).expect("proper").with_inflation();
             solver.solve(&observed, &starts(&prior)).expect("an optimum")
         };
-        let (even, robust) = (solve(Loss::Gaussian), solve(Loss::StudentT { degrees: 4.0 }));
+        let even = solve(Loss::Gaussian);
+        let robust = solve(Loss::StudentT { degrees: 4.0 });
         let error_m = |name: &str, fix: &Estimate<3>| {
             let error_m = (fix.mean.xy() - flight.truth).norm();
             let nees = fix.position().nees(&flight.truth).expect("definite");

@@ -24,7 +24,8 @@ proptest! {
         sigma_rss in 0.5..20.0, sigma_bearing in 0.02..1.0, drift in 0.0..1.0,
     ) {
         // Not through the receiver, where a bearing has no optimum.
-        let (receiver, sigma) = (Pose::at(12.0, -5.0, up), spread * range);
+        let receiver = Pose::at(12.0, -5.0, up);
+        let sigma = spread * range;
         let place = receiver.position.xy() + Vector2::new(at.cos(), at.sin()) * range;
         let covariance = Matrix2::new(1.0, tilt, tilt, 1.0) * (sigma * sigma);
         let prior = Estimate { mean: place, covariance };
@@ -177,9 +178,11 @@ fn it_is_the_solver_all_along_a_flight() {
         let truth = prior.mean + white() * 30.0;
         let sigmas =
             white().map(f64::abs).component_mul(&Vector2::new(4.0, 0.3)) + Vector2::new(1.0, 0.05);
-        let (mut place, mut speed) = (prior.mean + white() * 40.0, white() * 2.0);
+        let mut place = prior.mean + white() * 40.0;
+        let mut speed = white() * 2.0;
         let mut estimator = batch(RandomWalk::uniform(0.0), MODEL, prior);
-        let (mut flown, mut evidence) = (Vec::new(), 0.0);
+        let mut flown = Vec::new();
+        let mut evidence = 0.0;
         for step in 1..=300 {
             speed += white() - (place - prior.mean) * 0.01;
             place += speed;
@@ -202,7 +205,8 @@ fn it_is_the_solver_all_along_a_flight() {
             let solver = BatchSolver::new(MODEL).with_prior(prior).expect("proper");
             let whole = solver.solve(&flown, &[truth, estimator.estimate().mean]);
             let whole = whole.expect("an optimum");
-            let (own, truly) = (estimator.estimate(), whole.estimate);
+            let own = estimator.estimate();
+            let truly = whole.estimate;
             let off = own.mean - truly.mean;
             let information = truly.covariance.try_inverse().expect("definite");
             let apart = off.dot(&(information * off)).sqrt();

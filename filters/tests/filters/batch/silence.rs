@@ -38,10 +38,12 @@ fn observation(z: f64) -> Observation<1> {
 #[test]
 fn silence_moves_the_optimum() {
     let prior = Estimate::isotropic(Vector2::zeros(), 2.0);
-    let (observed, silent) = (observation(0.5), observation(-1.0).below(0));
+    let observed = observation(0.5);
+    let silent = observation(-1.0).below(0);
     let ratio = |x: f64| standard().pdf(-1.0 - x) / standard().cdf(-1.0 - x);
     let slope = |x: f64| x / 4.0 + (x - 0.5) + ratio(x);
-    let (mut low, mut high) = (-5.0, 5.0);
+    let mut low = -5.0;
+    let mut high = 5.0;
     for _ in 0..100 {
         let middle = 0.5 * (low + high);
         if slope(middle) > 0.0 { high = middle } else { low = middle }

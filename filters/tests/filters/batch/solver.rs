@@ -35,9 +35,12 @@ fn flight(
 /// likelihood is a ring, whose optimum does not show where on it the target is.
 #[test]
 fn levels_from_one_place_leave_the_prior_in_doubt() {
-    let (at, sigmas) = (Pose::at(20.0, -10.0, 15.0), Vector2::new(1.0, 1.0));
+    let at = Pose::at(20.0, -10.0, 15.0);
+    let sigmas = Vector2::new(1.0, 1.0);
     let prior = Estimate::isotropic(Vector2::new(50.0, 40.0), 60.0);
-    let (runs, mut sums, mut worst) = (100_u16, [0.0, 0.0], 0.0_f64);
+    let runs = 100_u16;
+    let mut sums = [0.0, 0.0];
+    let mut worst = 0.0_f64;
     for seed in 0..u64::from(runs) {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
         let truth = prior.mean + Vector2::new(gaussian(&mut rng), gaussian(&mut rng)) * 60.0;
@@ -91,7 +94,10 @@ fn information(truth: &State<3>, observations: &[Observation<2>]) -> Covariance<
 fn maximum_likelihood_reaches_the_bound() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(5);
     for bearings in [false, true] {
-        let (runs, mut nees, mut over_bound, mut misfit) = (500_u16, 0.0, 0.0, 0.0);
+        let runs = 500_u16;
+        let mut nees = 0.0;
+        let mut over_bound = 0.0;
+        let mut misfit = 0.0;
         for _ in 0..runs {
             let place = [rng.random::<f64>() * 160.0 + 20.0, rng.random::<f64>() * 80.0 + 20.0];
             let truth = Vector3::new(place[0], place[1], -30.0 + 10.0 * gaussian(&mut rng));
@@ -145,7 +151,8 @@ fn a_linear_model_is_solved_exactly() {
     let fix = fix.expect("an optimum");
     // The same by the information form.
     let inverse = prior.covariance.try_inverse().expect("definite");
-    let (mut information, mut right) = (inverse, inverse * prior.mean);
+    let mut information = inverse;
+    let mut right = inverse * prior.mean;
     for o in &observed {
         let a = o.receiver().position.xy();
         information += a * a.transpose() / o.noise()[0];
@@ -229,7 +236,8 @@ fn the_best_of_two_optima_is_found_from_several_starts() {
     let mut observations = flight(&mut rng, &truth, &leg, false, gaussian);
     let towards = MODEL.expected(&truth, &leg[5]);
     observations.push(observed(leg[5], towards, Vector2::new(3.0, 0.5)));
-    let (north, south) = (Vector3::new(100.0, 30.0, -30.0), Vector3::new(100.0, -30.0, -30.0));
+    let north = Vector3::new(100.0, 30.0, -30.0);
+    let south = Vector3::new(100.0, -30.0, -30.0);
     let solver = BatchSolver::new(MODEL);
     let wrong = solver.solve(&observations, &[south]).expect("an optimum");
     assert!(wrong.estimate.mean.y < -20.0, "{wrong:?}");

@@ -24,7 +24,8 @@ impl TrackModel for Measured {
     }
 
     fn add_log_likelihoods(&self, time: usize, places: &Places<'_>, out: &mut [f64]) {
-        let (z, variance) = (self.places[time], SIGMA * SIGMA + places.variance_m2());
+        let z = self.places[time];
+        let variance = SIGMA * SIGMA + places.variance_m2();
         for ((out, east), north) in out.iter_mut().zip(places.east).zip(places.north) {
             let off = (Vector2::new(*east, *north) - z).norm_squared();
             *out -= off / (2.0 * variance) + variance.ln();
@@ -39,8 +40,11 @@ fn normal(rng: &mut Xoshiro256PlusPlus, sigma: f64) -> Vector2<f64> {
 /// Times, true places and measured ones.
 fn walk(seed: u64) -> (Vec<f64>, Vec<Vector2<f64>>, Vec<Vector2<f64>>) {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
-    let (mut at, mut time) = (Vector2::new(40.0, -30.0), 0.0);
-    let (mut times, mut truths, mut measured) = (Vec::new(), Vec::new(), Vec::new());
+    let mut at = Vector2::new(40.0, -30.0);
+    let mut time = 0.0;
+    let mut times = Vec::new();
+    let mut truths = Vec::new();
+    let mut measured = Vec::new();
     for step in 0..25 {
         let dt = if step % 5 == 4 { 60.0 } else { 10.0 };
         (time, at) = (time + dt, at + normal(&mut rng, WALK * f64::sqrt(dt)));
@@ -101,7 +105,9 @@ fn a_linear_gaussian_track_is_the_smoothers() {
 #[test]
 fn models_are_weighed_by_their_evidence_and_tracks_are_consistent() {
     const TRACKS: u32 = 40;
-    let (mut nees, mut count, mut right) = (0.0, 0.0, 0.0);
+    let mut nees = 0.0;
+    let mut count = 0.0;
+    let mut right = 0.0;
     for seed in 0..TRACKS {
         let (times, truths, places) = walk(100 + u64::from(seed));
         let models =

@@ -8,7 +8,8 @@ use foxhunt_filters::{Bank, Ekf, Gate, GateLimit, ParticleFilter};
 use super::model::{Part, evidence, normal, on_a_line, rng};
 
 fn line(value: f64, variance: f64) -> Observation<1> {
-    let (value, noise) = (Vector1::new(value), Matrix1::new(variance));
+    let value = Vector1::new(value);
+    let noise = Matrix1::new(variance);
     Observation::new(0.0, Pose::default(), value, noise).expect("proper")
 }
 

@@ -19,7 +19,9 @@ fn a_split_has_the_moments_of_the_whole() {
     );
     let whole = Estimate { mean: Vector4::new(1.0, 2.0, 3.0, 4.0), covariance: l * l.transpose() };
     for parts in [[1, 1], [2, 1], [7, 1], [1, 4], [5, 3], [12, 9]] {
-        let (mut total, mut mean, mut second) = (0.0, Vector4::zeros(), Matrix4::zeros());
+        let mut total = 0.0;
+        let mut mean = Vector4::zeros();
+        let mut second = Matrix4::zeros();
         let grid = split(&whole, parts).expect("proper");
         assert_eq!(grid.len(), parts[0] * parts[1]);
         for (weight, part) in &grid {
@@ -40,7 +42,9 @@ fn a_split_has_the_moments_of_the_whole() {
 /// The exact posterior's mean, covariance and evidence on a grid of 1/80 of a standard deviation.
 fn exact(prior: &Estimate<2>, observed: &[Observation<1>]) -> (Estimate<2>, f64) {
     let root = prior.covariance.cholesky().expect("proper").unpack();
-    let (mut mass, mut mean, mut second) = (0.0, Vector2::zeros(), Matrix2::zeros());
+    let mut mass = 0.0;
+    let mut mean = Vector2::zeros();
+    let mut second = Matrix2::zeros();
     for i in -400..=400 {
         for j in -400..=400 {
             let white = Vector2::new(f64::from(i), f64::from(j)) / 80.0;
@@ -83,7 +87,9 @@ fn a_sum_reaches_the_exact_posterior_where_one_gaussian_does_not() {
         .and_then(|sum| sum.with_most_components(60))
         .and_then(|sum| sum.with_resplitting(0.03, 4))
         .expect("proper");
-    let (mut reported, mut reported_few, mut alone) = (0.0, 0.0, one);
+    let mut reported = 0.0;
+    let mut reported_few = 0.0;
+    let mut alone = one;
     for observation in &observed {
         reported += evidence(sum.update(observation).expect("proper"));
         reported_few += evidence(few.update(observation).expect("proper"));
@@ -116,13 +122,18 @@ fn outliers_branch_into_the_exact_mixture() {
     let values = [0.5, 4.0, 0.9, -1.5];
     let mut reported = 0.0;
     for value in values {
-        let (z, noise) = (Vector1::new(value), Matrix1::new(1.0));
+        let z = Vector1::new(value);
+        let noise = Matrix1::new(1.0);
         let observed = Observation::new(0.0, Pose::default(), z, noise).expect("proper");
         reported += evidence(sum.update(&observed).expect("proper"));
     }
-    let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
+    let mut total = 0.0;
+    let mut first = 0.0;
+    let mut second = 0.0;
     for hypothesis in 0..16 {
-        let (mut weight, mut mean, mut variance) = (1.0, 0.0, 4.0);
+        let mut weight = 1.0;
+        let mut mean = 0.0;
+        let mut variance = 4.0;
         for (i, z) in values.iter().enumerate() {
             if hypothesis >> i & 1 == 1 {
                 weight *= 0.3 * 0.05;
@@ -164,7 +175,8 @@ fn a_sum_that_has_become_one_gaussian_is_merged() {
 /// Bearings only from a drone that flies across, the range anywhere between 20 and 1280 m and
 /// log-uniform; 300 runs from seed 0.
 fn ranging(make: impl Fn(&RangeParameterised) -> Box<dyn Estimator<2, 1>>) -> (Vec<f64>, f64) {
-    let (mut normalised, mut squares) = (Vec::new(), 0.0);
+    let mut normalised = Vec::new();
+    let mut squares = 0.0;
     for seed in 0..300 {
         let mut rng = rng(seed);
         let range = 20.0 * 64.0_f64.powf(rng.random());

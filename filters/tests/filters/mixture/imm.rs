@@ -12,7 +12,8 @@ use rand::RngExt;
 use super::model::{Part, evidence, normal, on_a_line, rng, white};
 
 fn line(value: f64, variance: f64) -> Observation<1> {
-    let (value, noise) = (Vector1::new(value), Matrix1::new(variance));
+    let value = Vector1::new(value);
+    let noise = Matrix1::new(variance);
     Observation::new(0.0, Pose::default(), value, noise).expect("proper")
 }
 
@@ -32,7 +33,9 @@ fn one_cycle_is_the_textbooks() {
 
     let reached = [0.4 * 0.9 + 0.6 * 0.3, 0.4 * 0.1 + 0.6 * 0.7];
     let from = [[0.36 / reached[0], 0.18 / reached[0]], [0.04 / reached[1], 0.42 / reached[1]]];
-    let (mut joint, mut posterior, mut innovation) = ([0.0; 2], [(0.0, 0.0); 2], [(0.0, 0.0); 2]);
+    let mut joint = [0.0; 2];
+    let mut posterior = [(0.0, 0.0); 2];
+    let mut innovation = [(0.0, 0.0); 2];
     for j in 0..2 {
         let mean: f64 = from[j][0] + 3.0 * from[j][1];
         let spread =
@@ -99,7 +102,8 @@ impl MotionModel<4> for Still {
 fn the_probabilities_follow_a_target_that_goes_and_stops() {
     // Seeds 0 to 19: stands for 40 s, goes with 3 m/s for 40 s, stands for 40 s.
     let moving = ConstantVelocity { acceleration_density: 0.3 };
-    let (mut right, mut single) = (0, [0.0; 3]);
+    let mut right = 0;
+    let mut single = [0.0; 3];
     for seed in 0..20 {
         let mut rng = rng(seed);
         let prior = Estimate::isotropic(Vector4::zeros(), 3.0);
@@ -142,7 +146,8 @@ fn the_probabilities_follow_a_target_that_goes_and_stops() {
 fn a_still_target_is_found_to_be_still() {
     // Seed 3: against the moving model alone the error of the last half is smaller.
     let moving = ConstantVelocity { acceleration_density: 0.3 };
-    let (mut both, mut one) = (0.0, 0.0);
+    let mut both = 0.0;
+    let mut one = 0.0;
     let mut rng = rng(3);
     for _ in 0..20 {
         let truth = white::<2>(&mut rng) * 3.0;
@@ -173,7 +178,8 @@ fn the_anees_of_a_jumping_target_is_that_of_its_state() {
     // after 25 s. A Gaussian of a mixture: 3.3 standard errors, and a tenth for what mixing
     // approximates.
     let motions = [RandomWalk::<1>::uniform(0.1), RandomWalk::uniform(3.0)];
-    let (mut nees, rows) = (Vec::new(), [[0.95, 0.05], [0.15, 0.85]]);
+    let mut nees = Vec::new();
+    let rows = [[0.95, 0.05], [0.15, 0.85]];
     let chain = Transition::per_step(&[&rows[0], &rows[1]]).expect("stochastic");
     for seed in 0..400 {
         let mut rng = rng(seed);

@@ -7,11 +7,13 @@ use foxhunt_filters::RangeParameterised;
 #[test]
 fn every_component_has_the_same_coefficient_of_variation() {
     let receiver = Pose::at(30.0, -20.0, 5.0);
-    let (bearing, sigma) = (2.3, 0.02);
+    let bearing = 2.3;
+    let sigma = 0.02;
     let row =
         RangeParameterised::new(&receiver, (bearing, sigma), (50.0, 3200.0), 6).expect("proper");
     let along = Vector2::new(bearing.cos(), bearing.sin());
-    let (mut ratios, mut end) = (Vec::new(), 50.0);
+    let mut ratios = Vec::new();
+    let mut end = 50.0;
     for (weight, place) in row.places() {
         let d = place.mean - receiver.position.xy();
         // The intervals adjoin: each is twice as long as the one before.
@@ -61,7 +63,8 @@ fn improper_rows_are_refused() {
     let make = |bearing, interval, parts| {
         RangeParameterised::new(&Pose::default(), bearing, interval, parts).is_ok()
     };
-    let (bearing, interval) = ((0.1, 0.1), (1.0, 9.0));
+    let bearing = (0.1, 0.1);
+    let interval = (1.0, 9.0);
     assert!(make(bearing, interval, 1));
     assert!(!make((f64::NAN, 0.1), interval, 1) && !make((0.1, 0.0), interval, 1));
     for bad in [(0.0, 9.0), (9.0, 9.0), (9.0, 1.0), (1.0, f64::INFINITY), (f64::NAN, 9.0)] {

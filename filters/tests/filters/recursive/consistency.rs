@@ -89,7 +89,8 @@ fn averages(normalised: &[[f64; 2]]) -> [ChiSquaredAverage; 2] {
 /// The averages lie in the interval that a consistent filter leaves once in 1000 times.
 fn assert_consistent(name: &str, normalised: &[[f64; 2]]) {
     for (what, reported) in ["ANEES", "ANIS"].iter().zip(averages(normalised)) {
-        let (mean, interval) = (reported.average(), reported.interval());
+        let mean = reported.average();
+        let interval = reported.interval();
         assert_eq!(
             reported.verdict(),
             Verdict::Consistent,
@@ -143,7 +144,8 @@ fn cells_are_consistent_where_bearings_are_sharper_than_they() {
         GridFilter::new(motion, model, prior, GridConfig::default()).expect("a proper prior")
     };
     let [anees, _] = averages(&normalised(&SHARP, cells));
-    let (mean, error) = (anees.average().expect("runs"), anees.standard_error().expect("runs"));
+    let mean = anees.average().expect("runs");
+    let error = anees.standard_error().expect("runs");
     // As above: not χ².
     assert!((mean - 2.0).abs() < 3.3 * error, "ANEES {mean:.3} ± {error:.3}");
     // With a false peak beside one drone of 400 it is above 10.

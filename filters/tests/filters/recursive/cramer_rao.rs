@@ -104,7 +104,9 @@ impl MeasurementModel<2, 1> for Indoor {
         Vector1::new(libm::atan2(d.y, d.x))
     }
     fn log_likelihood(&self, x: &State<2>, observation: &Observation<1>) -> f64 {
-        let (share, bias, sigma) = (0.19, 0.0929, 0.2468);
+        let share = 0.19;
+        let bias = 0.0929;
+        let sigma = 0.2468;
         let expected = self.expected(x, observation.receiver());
         let e = (observation.value() - expected)[0];
         let e = if self.turn { angle::wrap(e - bias) / sigma } else { f64::INFINITY };
@@ -123,7 +125,8 @@ fn the_mixture_has_the_information_of_the_reference() {
         let information = FisherQuadrature::default()
             .information(&Indoor { turn: true }, &x, &bearing)
             .expect("a density");
-        let (along, across) = (Vector2::new(cos, sin), Vector2::new(-sin, cos));
+        let along = Vector2::new(cos, sin);
+        let across = Vector2::new(-sin, cos);
         let reported = 25.0 * across.dot(&(information * across));
         assert!((reported - 11.451).abs() < 1e-3, "{reported}");
         assert!((information * along).norm() < 1e-7);

@@ -197,7 +197,8 @@ fn the_nis_of_a_cloud_is_that_of_its_moments() {
         .expect("a proper prior");
     let receiver = Pose::at(2.0, 2.0, 4.0);
     for rss_dbm in [-50.0, -60.0] {
-        let (mut mean, mut square) = (0.0, 0.0);
+        let mut mean = 0.0;
+        let mut square = 0.0;
         filter.visit_samples(&mut |x, w| {
             let expected = FIELD.expected(x, &receiver)[0];
             mean += w * expected;

@@ -34,7 +34,8 @@ where
     GridFilter<F, H, 2, M>: Estimator<2, M>,
 {
     let allowed = |key, least: f64| (2.0 * number(&case["grid_error"][key])).max(least);
-    let (mut worst, mut log_evidence) = ([0.0_f64; 3], 0.0);
+    let mut worst = [0.0_f64; 3];
+    let mut log_evidence = 0.0;
     let exact = case["posterior"].as_array().expect("a list");
     for (observation, exact) in observations.iter().zip(exact) {
         grid.predict(1.0).expect("a proper step");
@@ -179,8 +180,10 @@ fn an_unknown_power_is_integrated_out_exactly() {
             - root.diagonal().map(f64::ln).sum();
         (log + observed.iter().map(|o| FreePower.log_likelihood(x, o)).sum::<f64>()).exp()
     };
-    let (step, mut total) = (Vector3::new(0.5, 0.5, 1.0), 0.0);
-    let (mut mean, mut square) = (State::<3>::zeros(), Matrix3::zeros());
+    let step = Vector3::new(0.5, 0.5, 1.0);
+    let mut total = 0.0;
+    let mut mean = State::<3>::zeros();
+    let mut square = Matrix3::zeros();
     for i in -60..=60 {
         for j in -60..=60 {
             for k in -36..=36 {
@@ -236,7 +239,8 @@ fn a_power_that_is_all_but_known_changes_nothing() {
             // The power's own variance is 10⁻⁸ dB².
             assert!((one - other).abs() < 1e-6, "at {at:?}: evidence {one}, not {other}");
             assert!((one_nis - other_nis).abs() < 1e-6 * (1.0 + one_nis));
-            let (one, other) = (known.estimate(), free.estimate());
+            let one = known.estimate();
+            let other = free.estimate();
             assert!((one.mean - other.mean.xy()).norm() < 1e-6, "{} {}", one.mean, other.mean);
             let within: Matrix2<f64> = other.covariance.fixed_view::<2, 2>(0, 0).into_owned();
             assert!((one.covariance - within).norm() < 1e-5, "{}", one.covariance - within);
@@ -392,7 +396,8 @@ fn a_linear_problem_comes_out_as_the_kalman_filter() {
         let [reported, known] =
             [grid.update(&observation), exact.update(&observation)].map(log_evidence);
         assert!((reported - known).abs() < 1e-2, "evidence {reported}, not {known}");
-        let (grid, exact) = (grid.estimate(), exact.estimate());
+        let grid = grid.estimate();
+        let exact = exact.estimate();
         assert!((grid.mean - exact.mean).norm() < 2e-3 * exact.covariance.norm().sqrt());
         let apart = (grid.covariance - exact.covariance).norm();
         assert!(apart < 2e-3 * exact.covariance.norm(), "the covariance is off by {apart}");

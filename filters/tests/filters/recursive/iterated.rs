@@ -50,7 +50,8 @@ fn regressed(
     let centre = image(&about.mean);
     let deviations = points.map(|p| FIELD.residual(&image(&(about.mean + p)), &centre));
     let shift = deviations.iter().sum::<Vector2<f64>>() / 4.0;
-    let (mut phi, mut psi) = (Matrix2::zeros(), Matrix2::zeros());
+    let mut phi = Matrix2::zeros();
+    let mut psi = Matrix2::zeros();
     for (p, d) in points.iter().zip(&deviations) {
         phi += (d - shift) * (d - shift).transpose() / 4.0;
         psi += p * (d - shift).transpose() / 4.0;
@@ -71,7 +72,8 @@ fn cost(prior: &Estimate<2>, observation: &Observation<2>, x: &State<2>) -> f64 
 
 /// The least point of a function, by a grid that closes in on it; knows no derivative.
 fn least(of: impl Fn(&State<2>) -> f64, centre: State<2>, half: f64) -> State<2> {
-    let (mut best, mut half) = (centre, half);
+    let mut best = centre;
+    let mut half = half;
     while half > 1e-9 {
         let about = best;
         for i in -30..=30 {
@@ -191,7 +193,8 @@ fn an_iteration_that_has_settled_ends() {
     }
     let requested = |iterations: Iterations| {
         let (prior, observation) = drawn(3, 4.0, 40.0, Vector2::new(4.0, 0.1));
-        let (count, still) = (std::rc::Rc::default(), RandomWalk::uniform(0.0));
+        let count = std::rc::Rc::default();
+        let still = RandomWalk::uniform(0.0);
         let ckf = Ckf::new(still, Counted(std::rc::Rc::clone(&count)), prior);
         fused(ckf.expect("a proper prior").with_iterations(iterations).update(&observation));
         count.get()
@@ -199,7 +202,8 @@ fn an_iteration_that_has_settled_ends() {
     // Five evaluations for an image; an iteration takes at least two more for its guard, and one
     // of its own.
     assert_eq!(requested(Iterations::once()), 5);
-    let (loose, tight) = (requested(at_most(400, 1e-3)), requested(at_most(400, 1e-12)));
+    let loose = requested(at_most(400, 1e-3));
+    let tight = requested(at_most(400, 1e-12));
     assert!((20..=80).contains(&loose) && loose < tight && tight < 400, "{loose}, {tight}");
 }
 

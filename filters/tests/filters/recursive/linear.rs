@@ -61,7 +61,8 @@ fn follows<T: Transform>(
     observations: &[Observation<2>],
     model: &Linear,
 ) {
-    let (dt, here) = (0.7, State::zeros());
+    let dt = 0.7;
+    let here = State::zeros();
     let l: Matrix4<f64> = MOTION.noise_factor(&here, dt);
     let mut belief = textbook::predict(prior, &MOTION.jacobian(&here, dt), &(l * l.transpose()));
     filter.predict(dt).expect("a proper step");
@@ -164,7 +165,8 @@ fn particles_agree_with_the_kalman_filter_on_a_linear_model() {
     let rng = Xoshiro256PlusPlus::seed_from_u64(4);
     let mut particles =
         ParticleFilter::new(MOTION, model, prior, 40_000, rng).expect("a proper prior");
-    let (mut exact, mut sampled) = (0.0, 0.0);
+    let mut exact = 0.0;
+    let mut sampled = 0.0;
     for z in [Vector2::new(3.0, -1.5), Vector2::new(2.1, 0.2), Vector2::new(1.0, -1.0)] {
         let noise = Matrix2::new(0.6, 0.2, 0.2, 0.5);
         let observation = Observation::new(0.0, Pose::default(), z, noise).expect("proper");
@@ -186,7 +188,8 @@ fn particles_agree_with_the_kalman_filter_on_a_linear_model() {
         sampled += cloud_evidence;
         let least = 5.0 / size.sqrt();
         assert!((cloud_nis / nis - 1.0).abs() < 2.0 * least, "NIS {cloud_nis}, not {nis}");
-        let (belief, cloud) = (kalman.estimate(), particles.estimate());
+        let belief = kalman.estimate();
+        let cloud = particles.estimate();
         let root = belief.covariance.cholesky().expect("positive definite").unpack();
         let white = root.solve_lower_triangular(&(cloud.mean - belief.mean)).expect("proper");
         assert!(white.amax() < 2.0 * least, "mean off by {white}");
@@ -207,7 +210,8 @@ fn evidence_does_not_depend_on_when_the_cloud_is_resampled() {
         let mut filter = ParticleFilter::new(MOTION, model, prior, 20_000, rng)
             .and_then(|filter| filter.with_resampling_threshold(threshold))
             .expect("a proper prior");
-        let (mut total, mut smallest) = (0.0, f64::INFINITY);
+        let mut total = 0.0;
+        let mut smallest = f64::INFINITY;
         for step in 0..8 {
             let z = Vector2::new(0.3 * f64::from(step % 3), -0.4);
             let noise = Matrix2::new(1.0, 0.2, 0.2, 1.0);

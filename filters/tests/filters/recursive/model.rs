@@ -41,7 +41,8 @@ impl MeasurementModel<2, 2> for RssBearing {
 
     fn jacobian(&self, beacon: &State<2>, receiver: &Pose) -> Matrix2<f64> {
         let d = beacon - receiver.position.xy();
-        let (flat, up) = (d.norm_squared(), receiver.position.z);
+        let flat = d.norm_squared();
+        let up = receiver.position.z;
         if flat < LEAST * LEAST {
             return Matrix2::zeros();
         }
@@ -70,7 +71,8 @@ pub(super) fn observations(case: &Value) -> Vec<Observation<2>> {
     };
     (0..steps)
         .map(|i| {
-            let (rss, bearing) = (number(&case["sigma_rss"][i]), number(&case["sigma_theta"][i]));
+            let rss = number(&case["sigma_rss"][i]);
+            let bearing = number(&case["sigma_theta"][i]);
             observed(pose(i), vector(&case["z"][i]), rss, bearing)
         })
         .collect()

@@ -41,7 +41,8 @@ fn walked(drift: f64, sigma: f64) -> (Verdict, f64) {
     let mut truth = white();
     for _ in 0..2000 {
         truth += white();
-        let (z, noise) = (Vector1::new(truth + 2.0 * white()), Matrix1::new(sigma * sigma));
+        let z = Vector1::new(truth + 2.0 * white());
+        let noise = Matrix1::new(sigma * sigma);
         watched.predict(1.0).expect("a proper step");
         let reported = Observation::new(0.0, Pose::default(), z, noise).expect("proper");
         let _ = watched.update(&reported).expect("proper");
@@ -92,7 +93,8 @@ fn monitoring_changes_nothing() {
     let make = || {
         ParticleFilter::new(RandomWalk::uniform(0.1), FIELD, prior, 300, rng(3)).expect("proper")
     };
-    let (mut bare, mut watched) = (make(), Monitored::new(make(), FIELD));
+    let mut bare = make();
+    let mut watched = Monitored::new(make(), FIELD);
     for step in 0..8_u8 {
         let whole =
             observed(Pose::at(f64::from(step), 2.0, 4.0), Vector2::new(-70.0, 0.3), 4.0, 0.2);

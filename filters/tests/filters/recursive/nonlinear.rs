@@ -29,7 +29,8 @@ const SIGMA_RSS_DB: f64 = 4.0;
 const SIGMA: f64 = 8.4;
 
 fn all(prior: Estimate<2>) -> [Box<dyn Estimator<2, 2>>; 5] {
-    let (still, proper) = (RandomWalk::uniform(0.0), "a proper prior");
+    let still = RandomWalk::uniform(0.0);
+    let proper = "a proper prior";
     let ten = Iterations::at_most(10).expect("at least one");
     [
         Box::new(Ekf::new(still, FIELD, prior).expect(proper)),
@@ -42,7 +43,8 @@ fn all(prior: Estimate<2>) -> [Box<dyn Estimator<2, 2>>; 5] {
 
 /// Returns each estimator's rms error over the one of the exact posterior's mean, and its ANEES.
 fn report(problem: &Problem) -> [(f64, f64); 6] {
-    let (mut squares, mut nees) = ([0.0; 6], [0.0; 6]);
+    let mut squares = [0.0; 6];
+    let mut nees = [0.0; 6];
     for seed in 0..u64::from(RUNS) {
         let mut rng = rng(seed);
         let mut white = || -> State<2> { State::from_fn(|_, _| rng.sample(StandardNormal)) };

@@ -129,7 +129,8 @@ fn what_comes_too_late_is_refused_and_leaves_all_as_it_was() {
     for observation in flight.iter().skip(1) {
         let _ = estimator.update(observation).expect("in order");
     }
-    let (before, horizon) = (estimator.estimate(), estimator.horizon());
+    let before = estimator.estimate();
+    let horizon = estimator.horizon();
     // The newest is of 12.1 s: what is before 9.1 s is settled, the last of it of 8.2 s.
     assert!((horizon - 8.2).abs() < 1e-9, "{horizon}");
     let time = flight[0].time();

@@ -40,7 +40,8 @@ type Line = ParticleFilter<RandomWalk<1>, Itself, Xoshiro256PlusPlus, 1, 1>;
 /// which is exact: the mean ratio and its standard error.
 fn evidence(sigma: f64, particles: usize, with: impl Fn(Line) -> Line) -> (f64, f64) {
     const RUNS: u32 = 1000;
-    let (walk, prior) = (RandomWalk::uniform(0.7), Estimate::isotropic(Vector1::zeros(), 2.0));
+    let walk = RandomWalk::uniform(0.7);
+    let prior = Estimate::isotropic(Vector1::zeros(), 2.0);
     let observations = [1.2, 0.3, -0.6, 0.2, 1.1, 0.4].map(|z| {
         let noise = Matrix1::new(sigma * sigma);
         Observation::new(0.0, Pose::default(), Vector1::new(z), noise).expect("proper")
@@ -56,7 +57,8 @@ fn evidence(sigma: f64, particles: usize, with: impl Fn(Line) -> Line) -> (f64, 
         observations.iter().map(step).sum()
     };
     let exact = reported(&mut Ekf::new(walk, Itself, prior).expect("a proper prior"));
-    let (mut sum, mut squares) = (0.0, 0.0);
+    let mut sum = 0.0;
+    let mut squares = 0.0;
     for seed in 0..u64::from(RUNS) {
         let filter = ParticleFilter::new(walk, Itself, prior, particles, rng(seed));
         let ratio = (reported(&mut with(filter.expect("a proper prior"))) - exact).exp();
@@ -111,7 +113,7 @@ fn kernel_stages_and_sizes_keep_the_evidence() {
 }
 
 /// A target within 50 m observed by a drone that flies round at 60 m, its bearings to 2°: nearly
-/// still, or not moving at all. Of each run the NEES and the error.
+/// still, or not moving at all. Returns the NEES and the error of each run.
 fn sharp(drift: f64, particles: usize, share: f64, runs: u64) -> Vec<(f64, f64)> {
     let run = |seed| {
         let mut draws = rng(seed);
@@ -150,7 +152,8 @@ fn a_sharp_observation_of_a_broad_belief_does_not_starve_a_cloud() {
     // 2000); in stages it is in the interval of 95 % (2.08 ± 0.05 over 2000).
     for drift in [0.0, 0.05] {
         let staged = sharp(drift, 2000, 0.1, 200);
-        let (reported, interval) = (anees(&staged), anees(&staged).interval());
+        let reported = anees(&staged);
+        let interval = anees(&staged).interval();
         assert_eq!(
             reported.verdict(),
             Verdict::Consistent,
@@ -180,7 +183,8 @@ fn staged_correction_at_every_size() {
                 let reported = anees(&runs);
                 let squares: f64 = runs.iter().map(|(_, error)| error * error).sum();
                 let rms = (squares / 2000.0).sqrt();
-                let (average, error) = (reported.average(), reported.standard_error());
+                let average = reported.average();
+                let error = reported.standard_error();
                 eprintln!(
                     "drift {drift}, {particles} particles, share {share}: ANEES {average:.2?} ± \
                      {error:.2?} in {:.2?}, rms {rms:.2} m, {}",
@@ -215,10 +219,12 @@ fn a_cloud_is_as_large_as_its_belief_is_wide() {
         }
         counts.push(filter.particles());
     }
-    let (most, last) = (counts.iter().max().expect("some"), counts[25]);
+    let most = counts.iter().max().expect("some");
+    let last = counts[25];
     assert!(*most > 5000, "{counts:?}");
     assert!((300..1500).contains(&last), "{counts:?}");
-    let (reported, exact) = (filter.estimate(), exact.estimate());
+    let reported = filter.estimate();
+    let exact = exact.estimate();
     let white = exact.nees(&reported.mean).expect("definite").sqrt();
     // Ancestors are drawn anew some ten times, each with the noise of 1 / √last.
     assert!(white < 0.4, "{white} σ off with {last} particles");
@@ -283,7 +289,8 @@ fn twenty_thousand_particles_reach_the_exact_posterior_of_the_mixture() {
         let mut draws = rng(9);
         let square: Vec<State<2>> =
             (0..20_000).map(|_| Vector2::from_fn(|_, _| draws.random_range(-half..half))).collect();
-        let (walk, model) = (RandomWalk::uniform(0.0), Mixture { share, bias, sigma });
+        let walk = RandomWalk::uniform(0.0);
+        let model = Mixture { share, bias, sigma };
         let mut filter =
             ParticleFilter::from_samples(walk, model, &square, draws).expect("a proper square");
         let mut log_evidence = 0.0;

@@ -129,7 +129,8 @@ fn exact(observed: &[Observation<2>]) -> (Estimate<3>, f64) {
         let power = place[2] + 100.0 * weighed.sum();
         let ones = DVector::from_element(count, 1.0);
         let variance = 100.0 - 1e4 * ones.dot(&factor.solve(&ones));
-        let (weight, at) = (log.exp(), Vector3::new(place.x, place.y, power));
+        let weight = log.exp();
+        let at = Vector3::new(place.x, place.y, power);
         total += weight;
         mean += at * weight;
         square += at * at.transpose() * weight;
@@ -212,7 +213,8 @@ fn a_linear_problem_comes_out_as_the_kalman_filter() {
             }
         }
         assert!((evidence[0] - evidence[1]).abs() < 0.05, "{evidence:?}");
-        let (reported, exact) = (cloud.estimate(), kalman.estimate());
+        let reported = cloud.estimate();
+        let exact = kalman.estimate();
         let nees = exact.nees(&reported.mean).expect("definite");
         assert!(nees < 0.05 * 0.05, "the mean is off by {} deviations", nees.sqrt());
         // In units of the exact covariance, so that each direction counts alike.
@@ -273,7 +275,9 @@ fn copies_are_set_apart_by_the_bandwidth_of_what_is_sampled() {
     let across = filter.estimate().covariance[(0, 0)];
     filter.predict(1.0).expect("a proper step");
     // Half of the particles at 10, half at −10: the kernel's own spread shows in each.
-    let (mut weight, mut first, mut second) = (0.0, 0.0, 0.0);
+    let mut weight = 0.0;
+    let mut first = 0.0;
+    let mut second = 0.0;
     filter.visit_samples(&mut |x, w| {
         if x[0] > 0.0 {
             weight += w;
@@ -296,7 +300,8 @@ fn its_samples_have_its_moments() {
         let _ = filter.update(&observation).expect("possible");
     }
     let reported = filter.estimate();
-    let (mut total, mut square) = (0.0, foxhunt_core::Covariance::<3>::zeros());
+    let mut total = 0.0;
+    let mut square = foxhunt_core::Covariance::<3>::zeros();
     filter.visit_samples(&mut |x, w| {
         total += w;
         square += (x - reported.mean) * (x - reported.mean).transpose() * w;
@@ -401,7 +406,8 @@ fn it_is_consistent_with_unknown_power_and_exponent() {
         ("exponent", drawn::<4, 2, _>(FreePathLoss, loss, 0.05)),
     ];
     for (name, anees) in ways {
-        let (mean, interval) = (anees.average(), anees.interval());
+        let mean = anees.average();
+        let interval = anees.interval();
         println!("{name}: ANEES {mean:?}");
         assert_eq!(anees.verdict(), Verdict::Consistent, "{name}: {mean:?}, {interval:?}");
     }
@@ -424,7 +430,8 @@ fn competing_bearings_are_the_mixture_of_their_posteriors() {
         (log_evidence, filter.estimate().mean)
     };
     let (evidence, mean) = fused(&both);
-    let (mut sum, mut centre) = (0.0, Vector3::zeros());
+    let mut sum = 0.0;
+    let mut centre = Vector3::zeros();
     for (weight, one) in both.hypotheses() {
         let (log, mean) = fused(&one);
         let share = weight * log.exp();

@@ -56,7 +56,8 @@ fn on_an_error_the_belief_is_left_as_it_was() {
         (f64::NAN, not_finite),
         (f64::INFINITY, not_finite),
     ] {
-        let (mut hit, mut spared) = (filter(log), filter(log));
+        let mut hit = filter(log);
+        let mut spared = filter(log);
         assert_eq!(hit.update(&z), error);
         assert_eq!(hit.predict(f64::NAN).map_err(|_| ()), Err(()));
         assert_eq!(hit.estimate(), spared.estimate());
@@ -69,7 +70,8 @@ fn on_an_error_the_belief_is_left_as_it_was() {
     // The squares of a step of 10⁶ s overflow.
     let steep = RandomWalk::uniform(1e153);
     let lost = || ParticleFilter::new(steep, FIELD, prior, 50, rng(1)).expect("a proper prior");
-    let (mut hit, mut spared) = (lost(), lost());
+    let mut hit = lost();
+    let mut spared = lost();
     let posterior = Err(EstimatorError::NotFinite { role: Role::Posterior });
     assert_eq!(hit.predict(1e6), posterior);
     assert_eq!((cloud(&hit), hit.estimate()), (cloud(&spared), spared.estimate()));
@@ -82,7 +84,8 @@ fn on_an_error_the_belief_is_left_as_it_was() {
 
 #[test]
 fn improper_filters_are_refused() {
-    let (still, flat) = (RandomWalk::uniform(0.1), Estimate::isotropic(Vector2::zeros(), 0.0));
+    let still = RandomWalk::uniform(0.1);
+    let flat = Estimate::isotropic(Vector2::zeros(), 0.0);
     let indefinite = EstimatorError::NotPositiveDefinite { role: Role::Prior };
     assert_eq!(Ekf::new(still, FIELD, flat).err(), Some(indefinite));
     assert_eq!(ParticleFilter::new(still, FIELD, flat, 50, rng(1)).err(), Some(indefinite));

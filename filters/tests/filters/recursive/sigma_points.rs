@@ -35,7 +35,8 @@ impl Map<2, 2> for Watched {
 fn points_and_moments_are_the_exact_ones() {
     let cases = cases("sigma_points.json", "cases");
     for case in cases {
-        let (alpha, mav) = (number(&case["alpha"]), &case["mav"]);
+        let alpha = number(&case["alpha"]);
+        let mav = &case["mav"];
         let transform = Unscented::new(alpha, number(&case["beta"]), number(&case["kappa"]));
         let map = Watched {
             model: RssBearing::of(&case),
@@ -86,7 +87,8 @@ impl Map<1, 2> for Powers {
 fn the_scalar_transform_with_n_plus_kappa_3_is_exact_to_the_fifth_power() {
     // With α = 1, β = 0, κ = 2 the points are those of the three-point Gauss-Hermite rule, which
     // is exact to degree 5: for means of x² and x³, for E[x²·x²], for E[x²·x³].
-    let (m, v) = (1.5_f64, 0.3);
+    let m = 1.5_f64;
+    let v = 0.3;
     let prior = Estimate { mean: Vector1::new(m), covariance: Matrix1::new(v) };
     let source = Gaussian::new(prior, Role::Prior).expect("a proper prior");
     let image = Unscented::new(1.0, 0.0, 2.0).expect("in range").image(&source, &Powers);
@@ -122,7 +124,11 @@ impl Map<2, 2> for Cubic {
 fn the_cubature_rule_is_exact_to_the_third_power() {
     // Isserlis: E[(m+u)² (n+v)] = (m² + a) n + 2 m b, with a, b, d the covariance's elements. The
     // cross covariance with the second component is of degree 3 too; that with the first is not.
-    let (m, n, a, b, d) = (1.5, -0.7, 0.9, 0.4, 1.3);
+    let m = 1.5;
+    let n = -0.7;
+    let a = 0.9;
+    let b = 0.4;
+    let d = 1.3;
     let prior = Estimate { mean: Vector2::new(m, n), covariance: Matrix2::new(a, b, b, d) };
     let source = Gaussian::new(prior, Role::Prior).expect("a proper prior");
     let image = Cubature.image(&source, &Cubic);

@@ -14,7 +14,9 @@ fn survives<E: Estimator<2, 2>>(
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(run);
         // From centimetres to kilometres.
         let mut size = |low: f64, high: f64| 10.0_f64.powf(rng.random_range(low..high));
-        let (sigma, far, drift) = (size(-2.0, 3.0), size(-1.0, 3.7), size(-3.0, 1.0));
+        let sigma = size(-2.0, 3.0);
+        let far = size(-1.0, 3.7);
+        let drift = size(-3.0, 1.0);
         let scale = [size(-1.0, 3.0), size(-3.0, 1.0)];
         let start = Vector2::new(far, -0.3 * far);
         let mut filter = make(RandomWalk::uniform(drift), Estimate::isotropic(start, sigma), run);

@@ -64,7 +64,8 @@ pub(super) fn unscented<const N: usize, const M: usize>(
     let images: Vec<_> = points.iter().map(|x| model.expected(x, observation.receiver())).collect();
     let deviations: Vec<_> = images.iter().map(|z| model.residual(z, &images[0])).collect();
     let shift: SVector<f64, M> = deviations.iter().enumerate().map(|(i, d)| d * wm(i)).sum();
-    let (mut spread, mut cross) = (Covariance::<M>::zeros(), SMatrix::<f64, N, M>::zeros());
+    let mut spread = Covariance::<M>::zeros();
+    let mut cross = SMatrix::<f64, N, M>::zeros();
     for (i, (x, d)) in points.iter().zip(&deviations).enumerate() {
         let d = d - shift;
         spread += d * d.transpose() * wc(i);

@@ -50,7 +50,8 @@ fn reports(mut filter: impl Estimator<2, 2>) -> Vec<u64> {
         keep(mean.as_slice());
         keep(covariance.as_slice());
     }
-    let (mut particles, mut total) = (0, 0.0);
+    let mut particles = 0;
+    let mut total = 0.0;
     filter.visit_samples(&mut |state: &State<2>, weight| {
         keep(state.as_slice());
         keep(&[weight]);

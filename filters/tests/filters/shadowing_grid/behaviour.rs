@@ -39,7 +39,8 @@ fn keeping_all() -> ShadowingGridConfig {
 fn a_constant_is_the_intercepts() {
     let readings = flight(1, &TRUTH);
     let louder: Vec<_> = readings.iter().map(|(r, value)| (*r, value + 1e4)).collect();
-    let (fix, shifted) = (locate(&readings, keeping_all()), locate(&louder, keeping_all()));
+    let fix = locate(&readings, keeping_all());
+    let shifted = locate(&louder, keeping_all());
     // 1e4 costs four digits of the values, and no more.
     for (a, b) in fix.map.mass().iter().zip(shifted.map.mass()) {
         assert!((a - b).abs() < 1e-10, "{a} and {b}");
@@ -180,7 +181,8 @@ fn the_caps_hold_and_are_reported() {
 #[test]
 fn the_belief_is_the_map() {
     let fix = locate(&flight(7, &TRUTH), keeping_all());
-    let (mut total, mut mean) = (0.0, Vector2::zeros());
+    let mut total = 0.0;
+    let mut mean = Vector2::zeros();
     fix.visit_positions(&mut |place, weight| {
         total += weight;
         mean += place * weight;

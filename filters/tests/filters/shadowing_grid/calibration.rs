@@ -90,7 +90,9 @@ impl Calibration {
     ) {
         let nees = |place: &Vector2<f64>| fix.position.nees(place).expect("positive definite");
         let limit = 5.991_464_547_107_979;
-        let (mut expected, mut square, mut inside) = (0.0, 0.0, 0.0);
+        let mut expected = 0.0;
+        let mut square = 0.0;
+        let mut inside = 0.0;
         let map = fix.refined.as_ref().unwrap_or(&fix.map);
         self.refined += u32::from(fix.refined.is_some());
         for (place, mass) in map.cells() {

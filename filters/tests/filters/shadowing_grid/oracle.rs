@@ -73,7 +73,8 @@ fn integrate(
             let values = receivers.iter().map(|r| level(&cell, r)[which]);
             DVector::from_iterator(readings.len(), values)
         };
-        let (x, g) = (regressor(0), regressor(1));
+        let x = regressor(0);
+        let g = regressor(1);
         let mut total = 0.0;
         for ([i, j], inverse, determinant) in &correlations {
             let coefficients = slopes.iter().flat_map(|b| gains.iter().map(move |c| (b, c)));

@@ -59,7 +59,8 @@ pub(super) struct Truth {
 pub(super) fn correlation(receivers: &[Pose], length_m: f64, nugget: f64) -> DMatrix<f64> {
     let n = receivers.len();
     DMatrix::from_fn(n, n, |i, j| {
-        let (a, b) = (receivers[i].position, receivers[j].position);
+        let a = receivers[i].position;
+        let b = receivers[j].position;
         let own = if i == j { nugget } else { 0.0 };
         (1.0 - nugget) * (-(a.x - b.x).hypot(a.y - b.y) / length_m).exp() + own
     })

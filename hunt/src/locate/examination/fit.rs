@@ -244,8 +244,8 @@ pub(crate) struct Scale {
 }
 
 impl Scale {
-    /// Returns the mean square of residuals over σ that a misfit of so many measurements shows,
-    /// with its degrees of freedom.
+    /// Returns the mean square of residuals over σ for a misfit of `count` measurements, with its
+    /// degrees of freedom.
     pub(crate) fn of(self, misfit: f64, count: usize) -> (f64, f64) {
         let spare = u32::try_from(count.saturating_sub(2)).unwrap_or(u32::MAX);
         let degrees = self.freedom + f64::from(spare);

@@ -14,7 +14,7 @@ const OWN_FREEDOM: f64 = 8.0;
 /// from a few metres away are of little use.
 pub(super) const UNSTATED_SIGMA_M: f64 = 2.0;
 
-/// Number of measurements that a σ is worth which stands for unknown ones.
+/// Number of measurements that an assumed σ is worth.
 const ASSUMED_FREEDOM: f64 = 4.0;
 
 /// χ² with two degrees of freedom that a clean answer exceeds once in 10,000.
@@ -27,7 +27,7 @@ pub(super) fn scale(data: &[Datum], config: &LocateConfig) -> Scale {
     Scale { freedom: config.bearing_freedom.max(least) }
 }
 
-/// Returns true if a bearing has the σ that stands for unknown ones.
+/// Returns true if a bearing has the assumed σ of bearings without one.
 pub(super) fn is_assumed(datum: &Datum, config: &LocateConfig) -> bool {
     let sigma = config.assumed_bearing_sigma;
     datum.kind == Kind::Bearing && sigma.is_some_and(|sigma| datum.sigma >= sigma)
