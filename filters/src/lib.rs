@@ -132,7 +132,7 @@ pub use particle::{KldSampling, ParticleFilter, RaoBlackwellised, Resampling};
 pub use peaks::peaks;
 #[cfg(feature = "batch")]
 pub use ranges::{
-    SlantRange, SlantRangeDifference, multilaterate, multilaterate_with_offset,
+    SlantRange, SlantRangeDifference, multilaterate, multilaterate_with_bias, range_bias_sigmas,
     spherical_intersection,
 };
 #[cfg(feature = "alloc")]

@@ -12,21 +12,21 @@ use super::{
     table::{Row, Table},
 };
 
-/// A table that lies beside a recording, by what its rows are named.
+/// A table that lies beside a recording, by the names of its rows.
 pub(super) struct Joined {
-    /// What messages call it.
+    /// Its name in messages.
     pub(super) file: String,
-    /// The columns of ours that name a row; none where one row holds for all.
+    /// The columns of ours that name a row; empty where one row holds for all.
     pub(super) by: Vec<Column>,
     optional: bool,
     rows: BTreeMap<Vec<String>, Row>,
-    /// Where the values of each column of ours are.
+    /// Indices and source of each column of ours.
     pub(super) columns: BTreeMap<Column, (Vec<usize>, Source)>,
 }
 
 impl Joined {
     /// Reads the table out of a recording's folder, for the columns that are not in `given`; `None`
-    /// where it gives nothing, or may be absent and is.
+    /// if it gives no column, or is optional and absent.
     pub(super) fn read(
         beside: &Beside,
         format: &str,
@@ -78,7 +78,8 @@ impl Joined {
             if let Some(before) = rows.get(&key)
                 && !key.is_empty()
             {
-                let (first, line) = (before.line(), row.line());
+                let first = before.line();
+                let line = row.line();
                 let name = key.join(", ");
                 return Err(RecordingError::DuplicateRow { file, line, name, first });
             }

@@ -5,29 +5,29 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::{PoseLog, TimedLevel};
 
-/// So many pulses of a tag at a place count at least, more than twice the unknowns.
+/// Least number of pulses of a tag at a place: more than twice the unknowns.
 const LEAST_PULSES: usize = 24;
-/// The boresight turns by so many radians at most from one offset to the next that is tried.
+/// Largest turn of the boresight from one tried offset to the next, in radians.
 const STEP: f64 = 0.02;
-/// So many offsets are tried at most on each side.
+/// Greatest number of offsets that are tried on each side.
 const MOST_STEPS: f64 = 25_000.0;
-/// An offset is known where the antenna turns by so many degrees at most within its interval.
+/// Largest turn of the antenna within the interval of a known offset, in degrees.
 const MOST_TURN_DEG: f64 = 20.0;
 
-/// By how much the clock of the poses is ahead of that of the levels.
+/// Time by which the poses' clock is ahead of the levels' clock.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClockOffset {
-    /// The most likely, in seconds.
+    /// The most likely offset, in seconds.
     pub offset_s: f64,
-    /// Between these it is with 95 % confidence, in seconds.
+    /// Interval that holds the offset with 95 % confidence, in seconds.
     pub interval_s: [f64; 2],
 }
 
-/// Why the offset of two clocks is not known from the data.
+/// Reason why the offset of two clocks is not known from the data.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ClockOffsetError {
-    /// There is no boresight, or always the same.
+    /// The boresight is missing or constant.
     #[error("clocks are compared by an antenna that turns, and boresight_deg_compass has none")]
     Still,
     /// The range cannot be searched.
@@ -37,7 +37,7 @@ pub enum ClockOffsetError {
     Range {
         /// The range that was given, in seconds.
         within_s: f64,
-        /// The longest, in seconds.
+        /// The longest range, in seconds.
         most_s: f64,
     },
     /// Too few levels.
@@ -46,7 +46,7 @@ pub enum ClockOffsetError {
          {LEAST_PULSES} are needed"
     )]
     Few {
-        /// The most of any tag at any place.
+        /// The most levels of any tag at any place.
         levels: usize,
     },
     /// Offsets far from each other are about as likely.
@@ -55,16 +55,16 @@ pub enum ClockOffsetError {
          right, as where an antenna turns evenly", between[0], between[1]
     )]
     Several {
-        /// Two of them, in seconds.
+        /// Two such offsets, in seconds.
         between: [f64; 2],
     },
-    /// The most likely one is at the end of the range.
+    /// The most likely offset is at the end of the range.
     #[error("the most likely offset, {offset_s:.3} s, is at the end of the range")]
     AtTheEnd {
         /// The offset, in seconds.
         offset_s: f64,
     },
-    /// It is not known well enough.
+    /// The offset is not known well enough.
     #[error(
         "the offset is between {:.3} and {:.3} s, in which the antenna turns by {turn_deg:.0}°; \
          more than {MOST_TURN_DEG}° is not known well enough", interval_s[0], interval_s[1]
@@ -72,7 +72,7 @@ pub enum ClockOffsetError {
     Wide {
         /// The interval of 95 %, in seconds; the whole range where it is longer.
         interval_s: [f64; 2],
-        /// By how much the antenna turns in it, in degrees (rms over the pulses).
+        /// Turn of the antenna in the interval, in degrees (rms over the pulses).
         turn_deg: f64,
     },
 }
@@ -125,7 +125,7 @@ impl PoseLog {
         Ok(found)
     }
 
-    /// The levels by tag and place, of those that are heard at one place at each of the offsets.
+    /// The levels by tag and place, if heard at one place at all offsets.
     fn groups(
         &self,
         levels: &[TimedLevel],
@@ -152,7 +152,7 @@ impl PoseLog {
     }
 }
 
-/// What patterns leave unexplained at each offset.
+/// Sum of squares that patterns leave unexplained at each offset.
 struct Profile<'a> {
     offsets: &'a [f64],
     squares: &'a [f64],
@@ -160,7 +160,7 @@ struct Profile<'a> {
 }
 
 impl Profile<'_> {
-    /// The most likely offset with its interval, and between which places of the list that is.
+    /// The most likely offset with its interval, and the places in the list that enclose it.
     fn interval(&self) -> Result<(ClockOffset, [usize; 2]), ClockOffsetError> {
         let Self { offsets, squares, freedom } = self;
         let least = squares.iter().copied().fold(f64::INFINITY, f64::min);
@@ -204,7 +204,7 @@ impl Profile<'_> {
     }
 }
 
-/// By how much an antenna turns between two of the offsets, the rms over the pulses, in radians.
+/// Turn of an antenna between two of the offsets, the rms over the pulses, in radians.
 fn turn(groups: &[Group], [from, to]: [usize; 2]) -> f64 {
     let turned = groups.iter().flatten().filter_map(|(_, boresights)| {
         let path = boresights.get(from..=to)?.windows(2);
@@ -230,7 +230,7 @@ mod tests {
 
     use super::*;
 
-    /// How an antenna turns: evenly, or at a speed that changes, in degrees.
+    /// Motion of an antenna: an even turn, or one at a changing speed, in degrees.
     #[derive(Clone, Copy)]
     enum Turning {
         Even,

@@ -40,9 +40,9 @@ pub enum Column {
     AntennaDeg,
     /// `boresight_deg_compass`: the antenna's boresight.
     BoresightDegCompass,
-    /// `position`: which of the turn's positions, from 0.
+    /// `position`: the index of the turn's position, from 0.
     Position,
-    /// `turn`: which turn of the antenna.
+    /// `turn`: the number of the antenna's turn.
     Turn,
     /// `rss_dbm`: the received power.
     RssDbm,
@@ -60,9 +60,9 @@ pub enum Column {
     CeilingDbm,
     /// `bearing_deg_compass`: a ready-made bearing from the receiver to the beacon.
     BearingDegCompass,
-    /// `relative_bearing_deg`: the same clockwise from the drone's nose.
+    /// `relative_bearing_deg`: a ready-made bearing, clockwise from the drone's nose.
     RelativeBearingDeg,
-    /// `bearing_sigma_deg`: its standard deviation.
+    /// `bearing_sigma_deg`: the bearing's standard deviation.
     BearingSigmaDeg,
     /// `range_m`: the distance to the beacon; known and for calibration, or measured where there
     /// is a `range_sigma_m`.
@@ -72,12 +72,12 @@ pub enum Column {
     /// `range_difference_m`: how much farther the beacon is from the receiver than from the
     /// reference receiver.
     RangeDifferenceM,
-    /// `range_difference_sigma_m`: its standard deviation.
+    /// `range_difference_sigma_m`: the range difference's standard deviation.
     RangeDifferenceSigmaM,
     /// `rss_difference_db`: how much stronger the beacon is at the receiver than at the reference
     /// receiver.
     RssDifferenceDb,
-    /// `rss_difference_sigma_db`: its standard deviation.
+    /// `rss_difference_sigma_db`: the level difference's standard deviation.
     RssDifferenceSigmaDb,
     /// `truth_lat_deg`: the beacon's true WGS84 latitude.
     TruthLatDeg,
@@ -89,7 +89,7 @@ pub enum Column {
     TruthNorthM,
 }
 
-/// What a column's cells hold.
+/// Kind of value in a column's cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Kind {
     /// Any text.
@@ -153,12 +153,12 @@ impl Column {
         self.spec().0
     }
 
-    /// What its cells hold.
+    /// Returns the kind of value in its cells.
     pub(super) fn kind(self) -> Kind {
         self.spec().1
     }
 
-    /// Whether a cell may hold this number.
+    /// Returns true if a cell may hold this number.
     pub(super) fn admits(self, value: f64) -> bool {
         match self.kind() {
             Kind::Text => false,
@@ -172,12 +172,12 @@ impl Column {
         matches!(self, Self::RssDbm | Self::RssDb | Self::FloorDbm | Self::CeilingDbm)
     }
 
-    /// Whether it names who transmits or receives.
+    /// Returns true if it names who transmits or receives.
     pub(super) fn is_name(self) -> bool {
         matches!(self, Self::Beacon | Self::Drone)
     }
 
-    /// Whether its numbers are degrees of a circle.
+    /// Returns true if its numbers are degrees of a circle.
     pub(super) fn is_angle(self) -> bool {
         use Column as C;
         matches!(

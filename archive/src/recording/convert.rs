@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 
 use super::{Column, Record, Recording, RecordingError};
 
-/// What a cell of a column holds of a record; [`None`] where it has nothing.
+/// Text of a record in a column; [`None`] where it has nothing.
 type Cell = fn(&Record, &Recording) -> Option<String>;
 
 /// The columns of a converted recording. A number comes first: a name may begin like a comment.
@@ -132,7 +132,7 @@ mod tests {
     use super::*;
     use crate::recording::{Mapping, ReadOptions};
 
-    /// Reads a file of the test data, and what it is converted to.
+    /// Reads a file of the test data, and its conversion.
     fn converted(name: &str, format: Option<&str>) -> (Recording, Recording) {
         let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name);
         let mut options = ReadOptions::default();

@@ -95,7 +95,7 @@ pub(super) enum Order {
     Open,
 }
 
-/// Times of a file: the stated or found format, and the offset of those without one.
+/// Times of a file: the stated or found format, and the offset of times without one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Times {
     pub(super) format: Option<TimeFormat>,

@@ -10,7 +10,7 @@ use super::{RecordingError, content};
 /// The first bytes of a gzip file (RFC 1952, §2.3.1).
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 
-/// No recording is larger than this: a small file may hold any amount of nothing.
+/// Largest decompressed size in bytes: a small file may expand to any size.
 const LIMIT_BYTES: u64 = 2 << 30;
 
 /// Contents of a file in UTF-8: the file itself, or the text that gzip compressed.

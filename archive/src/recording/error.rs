@@ -3,7 +3,7 @@ use foxhunt_wire::declination::DeclinationError;
 
 use super::{near_miss::slip_for, utc::utc};
 
-/// Why a recording cannot be read or written. Every message names the file, and where there is one
+/// Error of reading or writing a recording. Every message names the file, and where there is one
 /// the line, the column and the value.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -13,7 +13,7 @@ pub enum RecordingError {
     Read {
         /// The file.
         file: String,
-        /// Why not.
+        /// The cause.
         source: std::io::Error,
     },
     /// The file is not a table.
@@ -41,7 +41,7 @@ pub enum RecordingError {
         line: u64,
         /// The column.
         column: String,
-        /// The cell, with stand-ins for what is not text.
+        /// The cell, with stand-ins for bytes that are not text.
         value: String,
     },
     /// A line of a file of JSON is no object of JSON.
@@ -51,7 +51,7 @@ pub enum RecordingError {
         file: String,
         /// The line, from 1.
         line: u64,
-        /// Why not.
+        /// The reason.
         problem: String,
     },
     /// A row is shorter or longer than the header.
@@ -64,9 +64,9 @@ pub enum RecordingError {
         file: String,
         /// The line, from 1.
         line: u64,
-        /// How many columns the header names.
+        /// Number of columns that the header names.
         expected: usize,
-        /// How many fields the row has.
+        /// Number of fields in the row.
         found: usize,
         /// The column of the last field.
         column: String,
@@ -90,9 +90,9 @@ pub enum RecordingError {
         header: String,
         /// The format that lacks least.
         nearest: Box<str>,
-        /// What it lacks; `a|b` means either.
+        /// Columns that the file lacks for it; `a|b` means either.
         lacks: Box<[String]>,
-        /// A column of the file, and the one of these that it may be meant to be.
+        /// A column of the file, and the lacking one that it may be meant to be.
         meant: Option<Box<[String; 2]>>,
         /// The known formats.
         known: Box<[String]>,
@@ -108,7 +108,7 @@ pub enum RecordingError {
         header: String,
         /// The part that is there.
         held: &'static str,
-        /// The part that is not.
+        /// The part that is missing.
         missing: &'static str,
         /// The command that would work.
         advice: String,
@@ -160,7 +160,7 @@ pub enum RecordingError {
         column: String,
         /// The cell.
         value: String,
-        /// Names of the formats that fit, each with what the cell then is.
+        /// Names of the formats that fit, each with the cell's meaning.
         readings: &'static [[&'static str; 2]],
     },
     /// There is neither a shipped mapping nor a file of this name.
@@ -176,7 +176,7 @@ pub enum RecordingError {
     Mapping {
         /// The file.
         file: String,
-        /// What is wrong.
+        /// The cause.
         source: Box<toml::de::Error>,
     },
     /// A field of a mapping is out of its range.
@@ -184,7 +184,7 @@ pub enum RecordingError {
     MappingField {
         /// The file.
         file: String,
-        /// Which field, and why not.
+        /// The field, and the reason.
         source: FieldError,
     },
     /// A column that the format needs is not in the file.
@@ -223,7 +223,7 @@ pub enum RecordingError {
         line: u64,
         /// The column that is there.
         column: String,
-        /// What it needs.
+        /// The columns that it needs.
         needs: String,
     },
     /// Columns that exclude each other are both there.
@@ -238,7 +238,7 @@ pub enum RecordingError {
         /// The other.
         other: String,
     },
-    /// A cell does not hold what its column must.
+    /// A cell is invalid for its column.
     #[error("{file}, line {line}, {column}: {value:?} {problem}")]
     Field {
         /// The file.
@@ -249,7 +249,7 @@ pub enum RecordingError {
         column: String,
         /// The cell.
         value: String,
-        /// What is wrong with it.
+        /// The fault of the cell.
         problem: FieldProblem,
     },
     /// A file that holds constants of the recording is not beside it.
@@ -267,7 +267,7 @@ pub enum RecordingError {
     NotOneRow {
         /// The file with the constants.
         file: String,
-        /// How many rows it has.
+        /// Number of its rows.
         rows: u64,
     },
     /// A file beside a recording has two rows of the same name.
@@ -291,7 +291,7 @@ pub enum RecordingError {
         line: u64,
         /// The name.
         name: String,
-        /// The file beside it, and which of its names may be meant.
+        /// The file beside it, and the name in it that may be meant.
         beside: String,
     },
     /// More than half of the rows cannot be believed.
@@ -309,12 +309,12 @@ pub enum RecordingError {
     NothingKept {
         /// The file.
         file: String,
-        /// How many rows it has.
+        /// Number of its rows.
         rows: u64,
-        /// How many of them each rule dropped.
+        /// Number of rows that each rule dropped, as text.
         dropped: String,
     },
-    /// A file with the power of many frequencies, of which none is chosen.
+    /// The file has the power of many frequencies, and no frequency is chosen.
     #[error("{file}: the format {format} holds many frequencies; choose one with --frequency-hz")]
     NoBand {
         /// The file.
@@ -329,7 +329,7 @@ pub enum RecordingError {
         file: String,
         /// The line, from 1.
         line: u64,
-        /// Why not.
+        /// The reason.
         problem: String,
     },
     /// A track has no point with place and time.
@@ -380,13 +380,13 @@ pub enum RecordingError {
     Parameter {
         /// The file.
         file: String,
-        /// Which parameter, and why not.
+        /// The parameter, and the reason.
         source: ParameterError,
     },
     /// A name cannot be written so that it reads back the same.
     #[error("the {column} name {value:?} is empty or has spaces around it")]
     Name {
-        /// Which name.
+        /// Column of the name.
         column: &'static str,
         /// The name.
         value: String,
@@ -394,22 +394,22 @@ pub enum RecordingError {
     /// A sample cannot be written.
     #[error("sample {index} has the {field} {value}, which cannot be read back")]
     Sample {
-        /// Which sample of the sweep.
+        /// Index of the sample in the sweep.
         index: usize,
-        /// Which of its fields.
+        /// The field.
         field: &'static str,
-        /// What it held.
+        /// Value of the field.
         value: f64,
     },
     /// The recording cannot be written.
     #[error("the recording cannot be written")]
     Write {
-        /// Why not.
+        /// The cause.
         source: std::io::Error,
     },
 }
 
-/// What is wrong with a cell.
+/// Fault of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FieldProblem {
@@ -468,7 +468,7 @@ pub enum FieldProblem {
     /// The row is earlier than the one before.
     #[error("is {by_s} s earlier than the row before, and times must rise")]
     Backwards {
-        /// How much earlier, in seconds.
+        /// The difference, in seconds.
         by_s: f64,
     },
     /// The time is out of order: the receiver's clock was set.
@@ -512,9 +512,9 @@ pub enum FieldProblem {
     /// It is not near the frame's origin.
     #[error("is {distance_km:.0} km from the frame's origin; at most {limit_km} km make sense")]
     TooFar {
-        /// How far.
+        /// The distance, in kilometres.
         distance_km: f64,
-        /// How far is far enough.
+        /// The limit, in kilometres.
         limit_km: f64,
     },
     /// It is far from the frame's origin, and would be near it the other way round.
@@ -523,7 +523,7 @@ pub enum FieldProblem {
          or in the first row"
     )]
     SwappedPlace {
-        /// How far.
+        /// The distance, in kilometres.
         distance_km: f64,
     },
 }

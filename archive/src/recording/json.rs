@@ -230,7 +230,7 @@ fn name_forwarder(receiver: &mut Value) {
     }
 }
 
-/// Adds the keys of a value, joined by dots, with their texts; what is null has none.
+/// Adds the keys of a value, joined by dots, with their texts; null has no text.
 fn flatten(prefix: &str, value: &Value, row: &mut Vec<(String, String)>) {
     let joined = |key: &str| match prefix {
         "" => key.to_owned(),

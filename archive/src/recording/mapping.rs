@@ -6,13 +6,13 @@ use serde::Deserialize;
 
 use super::{Column, North, RecordingError, Source, Value, column::Kind};
 
-/// How a CSV format's columns become ours.
+/// Rules by which a CSV format's columns become ours.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mapping {
     /// The format's name.
     pub name: String,
-    /// What it is, in a line.
+    /// Description of the format, in a line.
     pub description: String,
     /// The columns by which a file is recognised; `a|b` is either, `*` any part of a name. A file
     /// without a header is not recognised.
@@ -24,22 +24,22 @@ pub struct Mapping {
     pub names: Vec<String>,
     /// Rows that hold the power of many frequencies.
     pub spectrum: Option<Spectrum>,
-    /// Whether the times of a drone and a beacon rise from row to row; a file whose times fall is
-    /// refused.
+    /// True if the times of a drone and a beacon rise from row to row; rows whose time falls are
+    /// left out.
     #[serde(default)]
     pub rising: bool,
-    /// Where each column of ours comes from.
+    /// Source of each column of ours.
     pub columns: BTreeMap<Column, Source>,
     /// Values that are the same for every row.
     #[serde(default)]
     pub constants: BTreeMap<Column, Value>,
-    /// What angles are counted from.
+    /// North from which angles are counted.
     #[serde(default)]
     pub north: North,
-    /// Which rows are kept: those that pass every rule.
+    /// Rules for rows: a row that passes all of them is kept.
     #[serde(default)]
     pub keep: Vec<Keep>,
-    /// What a turn is where there is no `turn` column.
+    /// Definition of a turn where there is no `turn` column.
     #[serde(default)]
     pub turns: Turns,
     /// Tables that lie in other files of the same folder.
@@ -50,7 +50,7 @@ pub struct Mapping {
     /// The column with the zone of UTM, such as 33U, that `east_m` and `north_m` are of; they are
     /// then read as degrees.
     pub utm_zone: Option<String>,
-    /// What separates the cells, one character; found by the header unless given.
+    /// Separator of the cells, one character; found by the header unless given.
     pub separator: Option<char>,
 }
 
@@ -68,30 +68,30 @@ pub struct Keep {
     pub equals: Option<Value>,
     /// The one value to leave out.
     pub differs: Option<Value>,
-    /// Whether files without the column are kept whole.
+    /// True if files without the column are kept whole.
     #[serde(default)]
     pub optional: bool,
 }
 
-/// Bins of power over frequency behind the named columns of a row; those of the wanted frequency
-/// are read, the strongest of them.
+/// Bins of power over frequency behind the named columns of a row; the strongest bin of the wanted
+/// frequency is read.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Spectrum {
     /// The column with the lowest frequency of a row in hertz.
     pub low: String,
-    /// The column with the highest one.
+    /// The column with the highest frequency.
     pub high: String,
     /// The column with the width of a bin in hertz.
     pub step: String,
-    /// How many widths the middle of the first bin lies above the lowest frequency.
+    /// Height of the first bin's middle above the lowest frequency, in widths of a bin.
     #[serde(default)]
     pub first: f64,
-    /// What their cells hold.
+    /// Column of ours that their cells hold.
     pub value: Column,
 }
 
-/// What makes a turn of the antenna out of a drone's readings of one beacon.
+/// Definition of an antenna's turn in a drone's readings of one beacon.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
@@ -113,27 +113,26 @@ pub enum Turns {
 pub struct Beside {
     /// The file's name, without a folder.
     pub file: String,
-    /// Which of its columns is which of ours.
+    /// Source of each column of ours in the file.
     pub columns: BTreeMap<Column, Source>,
-    /// Which of its columns name the beacon or the drone that a row is of; the file has one row
-    /// where there is none.
+    /// Columns that name the beacon or the drone that a row is of; if empty, the file has one row.
     #[serde(default)]
     pub by: BTreeMap<Column, Source>,
-    /// Whether recordings without this file can be read, and rows whose name is not in it.
+    /// True if recordings without this file can be read, and rows whose name is not in it.
     #[serde(default)]
     pub optional: bool,
 }
 
-/// Columns side by side that hold the same of different beacons or drones: each row becomes one
-/// row for each of them.
+/// Columns side by side that hold the same quantity of different beacons or drones: each row
+/// becomes one row for each of them.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Melt {
     /// The columns' names, with `*` where the name of the beacon or drone stands.
     pub columns: String,
-    /// Whose names they are: `beacon` or `drone`.
+    /// Kind of the names: `beacon` or `drone`.
     pub name: Column,
-    /// What their cells hold.
+    /// Column of ours that their cells hold.
     pub value: Column,
 }
 
@@ -144,19 +143,19 @@ impl Melt {
     }
 }
 
-/// What stands for the `*` of a pattern; `None` where the column's name does not fit it.
+/// Text that stands for the `*` of a pattern; `None` where the column's name does not fit it.
 fn name_in<'c>(pattern: &str, column: &'c str) -> Option<&'c str> {
     let (before, after) = pattern.split_once('*')?;
     column.strip_prefix(before)?.strip_suffix(after).filter(|name| !name.is_empty())
 }
 
 impl Mapping {
-    /// A mapping from TOML; `file` is what errors call it.
+    /// Reads a mapping from TOML; `file` is its name in errors.
     ///
     /// # Errors
     ///
-    /// [`RecordingError::Mapping`] for what is no mapping, [`RecordingError::MappingField`] for
-    /// a field that is out of its range.
+    /// [`RecordingError::Mapping`] for text that is no mapping, [`RecordingError::MappingField`]
+    /// for a field that is out of its range.
     pub fn parse(text: &str, file: &str) -> Result<Self, RecordingError> {
         let mapping: Self = document::from_toml(text).map_err(|source| {
             RecordingError::Mapping { file: file.to_owned(), source: Box::new(source) }
@@ -291,9 +290,10 @@ impl Mapping {
     }
 }
 
-/// What is wrong with the source of a column: the field, its value and what it must be.
+/// Fault of a column's source: the field, its value and the requirement.
 fn wrong_source(column: Column, source: &Source) -> Option<(&'static str, String, &'static str)> {
-    let (scale, offset) = (source.scale, source.offset);
+    let scale = source.scale;
+    let offset = source.offset;
     let plain = (scale - 1.0).abs() < f64::EPSILON && offset.abs() < 1e-300 && !source.wrap;
     let text = column.kind() == Kind::Text;
     // Times may be numbers.

@@ -1,8 +1,8 @@
 //! Recorded flights: CSV files whose named columns carry their unit and frame.
 //!
 //! Our own format and the column mappings that make others readable are described in
-//! `docs/recordings.md`. What is read is in our units: metres East-North-Up, radians
-//! counter-clockwise from East, seconds, dBm.
+//! `docs/recordings.md`. Records are in our units: metres East-North-Up, radians counter-clockwise
+//! from East, seconds, dBm.
 
 mod beside;
 mod ceiling;

@@ -1,4 +1,4 @@
-/// How alike two names are at least, from 0 to 1, for one to be suggested for the other.
+/// Least Jaro similarity of two names, from 0 to 1, for one to be suggested for the other.
 const ALIKE: f64 = 0.8;
 
 /// The known name that a wrong one is most like, if there is one.
@@ -12,14 +12,14 @@ pub(crate) fn near_miss<'k>(
     best.map(|(_, name)| name)
 }
 
-/// The end of a message about a wrong name: a question, or nothing where no known one is like it.
+/// The end of a message about a wrong name: a question, or empty if no known name is like it.
 pub(crate) fn did_you_mean<'k>(wrong: &str, known: impl IntoIterator<Item = &'k str>) -> String {
     let question = |name| format!("; did you mean {name:?}?");
     near_miss(wrong, known).map_or_else(String::new, question)
 }
 
-/// The end of a message about a name that is missing: whether that name of the file, where there is
-/// one, is a slip for it.
+/// The end of a message about a missing name: asks if `found`, a name in the file, is a slip for
+/// it; empty without `found`.
 pub(crate) fn slip_for(found: Option<&str>, missing: &str) -> String {
     found.map_or_else(String::new, |found| format!("; is {found:?} meant to be {missing:?}?"))
 }

@@ -4,7 +4,7 @@ use serde::Deserialize;
 
 use super::Value;
 
-/// What the angles of a recording are counted from: bearings, headings and boresights.
+/// North from which a recording's angles are counted: bearings, headings and boresights.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(try_from = "Value")]
 #[non_exhaustive]
@@ -12,12 +12,12 @@ pub enum North {
     /// True North, that of the meridian; North of the frame for places in metres.
     #[default]
     True,
-    /// Where a compass points to, by the World Magnetic Model of place and day
+    /// North of a compass, by the World Magnetic Model of place and day
     /// ([`foxhunt_wire::declination`]).
     Magnetic,
     /// North of the UTM grid, as on maps; North of the frame for places in metres.
     Grid,
-    /// So many degrees east of true North: a declination that is known otherwise.
+    /// This many degrees east of true North: a declination that is known otherwise.
     Stated(f64),
 }
 

@@ -5,7 +5,7 @@ use foxhunt_wire::geodesy::LocalFrame;
 
 use super::{Column, Mapping, North, Rover, TimeFormat, TimeZone, UtmZone, Value};
 
-/// How a recording is to be read. The default recognises the format by the header, puts the
+/// Settings for reading a recording. The default recognises the format by the header, puts the
 /// frame's origin at the first usable position, overrides nothing, and leaves out rows that cannot
 /// be believed ([`Recording::remarks`](super::Recording::remarks)).
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -17,7 +17,7 @@ pub struct ReadOptions {
     pub columns: Vec<String>,
     /// The local frame. A file in local metres is taken to be in it.
     pub frame: Option<LocalFrame>,
-    /// What angles are counted from, instead of what the format has.
+    /// North from which angles are counted, instead of the format's.
     pub north: Option<North>,
     /// The day of magnetic North in recordings without `time_utc`: any of its seconds since 1970.
     pub date_s: Option<f64>,
@@ -29,15 +29,15 @@ pub struct ReadOptions {
     pub utm_zone: Option<UtmZone>,
     /// Values that every row has, whatever the file or its mapping holds.
     pub constants: BTreeMap<Column, Value>,
-    /// Where the receiver was at what time, instead of the file's own places.
+    /// Path of the receiver over time, instead of the file's own places.
     pub rover: Option<Rover>,
-    /// What is added to the file's times, in seconds, to make them UTC for the rover's.
+    /// Seconds that are added to the file's times, to make them the rover's UTC.
     pub clock_offset_s: f64,
-    /// Which frequencies are read from files with the power of many.
+    /// Frequencies that are read from files with the power of many.
     pub band: Option<Band>,
-    /// Refuse a file for the first row that cannot be believed, instead of leaving it out.
+    /// True if a row that cannot be believed refuses its file; otherwise the row is left out.
     pub strict: bool,
-    /// Levels are written without their sign: 71 stands for −71.
+    /// True if levels are written without their sign: 71 stands for −71.
     pub negate_levels: bool,
 }
 
@@ -49,8 +49,8 @@ pub struct Band {
 }
 
 impl Band {
-    /// The frequencies within half a bandwidth of the middle, both in hertz; the nearest bin
-    /// where none is.
+    /// The frequencies within half a bandwidth of the middle, both in hertz; the nearest bin if no
+    /// bin is within.
     ///
     /// # Errors
     ///
@@ -104,8 +104,8 @@ impl ReadOptions {
         self
     }
 
-    /// Sets the track along which the receiver was, and what is added to the file's times to make
-    /// them UTC, in seconds.
+    /// Sets the track along which the receiver was, and the seconds that are added to the file's
+    /// times to make them UTC.
     ///
     /// # Errors
     ///
@@ -122,7 +122,7 @@ impl ReadOptions {
         self
     }
 
-    /// Sets what angles are counted from.
+    /// Sets the North from which angles are counted.
     #[must_use]
     pub fn with_north(mut self, north: North) -> Self {
         self.north = Some(north);

@@ -10,13 +10,13 @@ use super::{
     row::{Reader, whole},
 };
 
-/// No hunt is this wide: what is farther from the origin is a mistake in the file.
+/// No hunt is this wide: a place farther from the origin is a mistake in the file.
 const LIMIT_KM: f64 = 200.0;
 
 /// Distance from 0° N 0° E, in degrees, below which a place is that of a receiver without a fix.
 const NO_FIX_DEG: f64 = 2e-6;
 
-/// A row that is not kept: which of the rules it is counted under.
+/// A row that is not kept, by the index of the rule that it is counted under.
 pub(super) struct LeftOut(pub(super) usize);
 
 /// Measured quantities besides level and bearing: column, column of σ.
@@ -50,7 +50,8 @@ impl Reader<'_> {
         if level.is_none() && bearing_deg.is_none() && measured.is_empty() {
             return Ok(Err(LeftOut(rules)));
         }
-        let (mut time, at) = (self.time()?, self.rover);
+        let mut time = self.time()?;
+        let at = self.rover;
         let position = match at {
             Some((rover, offset_s)) => {
                 time = time.map(|time| time + offset_s);
@@ -158,7 +159,7 @@ impl Reader<'_> {
         Ok(Some(heading.ok_or_else(missing)? + relative))
     }
 
-    /// A place on a track; the track's begin is the frame's origin where there is no other.
+    /// A place on a track; the track's begin is the frame's origin unless a frame is set.
     fn on_track(
         &self,
         place: &Geodetic,
@@ -191,7 +192,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// What the row has besides level and bearing; a quantity is measured where it has a σ.
+    /// Returns the quantities besides level and bearing; a quantity is measured where it has a σ.
     fn measured(&self) -> Result<MeasuredList, RecordingError> {
         let mut values = Vec::new();
         for (quantity, column, sigma_column) in QUANTITIES {

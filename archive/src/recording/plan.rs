@@ -30,13 +30,13 @@ pub(super) struct Melted {
     pub(super) column: String,
 }
 
-/// Where a column's values come from.
+/// Source of a column's values.
 pub(super) enum Origin {
     /// From cells of each row.
     Cells { indices: Vec<usize>, source: Source },
     /// From numbers of each row that are added.
     Sum { terms: Vec<Term>, source: Source },
-    /// The same for every row.
+    /// One value for every row.
     Fixed(String),
     /// From cells of the row of a table beside the file.
     Joined { table: usize, indices: Vec<usize>, source: Source },
@@ -62,7 +62,7 @@ pub(super) struct Metres {
 pub(super) enum Zone {
     /// In a column.
     Column(usize),
-    /// The same for all rows.
+    /// One zone for all rows.
     Stated(UtmZone),
 }
 
@@ -95,7 +95,7 @@ const CONFLICTS: [(Column, Column); 12] = [
     (Column::EastM, Column::AltM),
 ];
 
-/// Columns that are nothing without another.
+/// Columns that need another one.
 const NEEDS: [(Column, Column); 17] = [
     (Column::LatDeg, Column::LonDeg),
     (Column::LonDeg, Column::LatDeg),
@@ -182,7 +182,8 @@ impl Plan {
         if let Some(melt) = &mapping.melt {
             for (index, column) in table.header().iter().enumerate() {
                 if let Some(name) = melt.name_in(column) {
-                    let (name, column) = (name.to_owned(), column.clone());
+                    let name = name.to_owned();
+                    let column = column.clone();
                     melted.push(Melted { index, name, column });
                 }
             }
@@ -194,19 +195,22 @@ impl Plan {
         }
         for (number, joined) in joined.iter().enumerate() {
             for (column, (indices, source)) in &joined.columns {
-                let (indices, source) = (indices.clone(), source.clone());
+                let indices = indices.clone();
+                let source = source.clone();
                 origins.insert(*column, Origin::Joined { table: number, indices, source });
             }
         }
         if let Some(spectrum) = &mapping.spectrum {
             let index = |column: &str| table.require_one(column, &mapping.name);
-            let (low, high) = (index(&spectrum.low)?, index(&spectrum.high)?);
+            let low = index(&spectrum.low)?;
+            let high = index(&spectrum.high)?;
             let step = index(&spectrum.step)?;
             let band = options.band.ok_or_else(|| RecordingError::NoBand {
                 file: table.file().to_owned(),
                 format: mapping.name.clone(),
             })?;
-            let (from, first) = (table.header().len(), spectrum.first);
+            let from = table.header().len();
+            let first = spectrum.first;
             let bins = Origin::Bins { low, high, step, from, first, band };
             origins.insert(spectrum.value, bins);
         }
@@ -247,12 +251,12 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Whether the recording has such a column, or a constant for it.
+    /// Returns true if the recording has such a column, or a constant for it.
     pub(super) fn has(&self, column: Column) -> bool {
         self.origins.contains_key(&column)
     }
 
-    /// What messages call a column: the file's own name for it.
+    /// Returns a column's name in messages: the file's own name for it.
     pub(super) fn label(&self, column: Column) -> Cow<'static, str> {
         match self.origins.get(&column) {
             Some(

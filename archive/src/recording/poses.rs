@@ -10,7 +10,7 @@ use super::{
 };
 use crate::surrounding::surrounding;
 
-/// What a pose may have besides its time.
+/// Columns that a pose may have besides its time.
 const COLUMNS: [Column; 10] = [
     Column::LatDeg,
     Column::LonDeg,
@@ -28,11 +28,10 @@ const COLUMNS: [Column; 10] = [
 /// way.
 const MOST_TURN_DEG: f64 = 90.0;
 
-/// A receiver hovers while it is within so many metres of where it came to.
+/// A receiver hovers while it is within this many metres of where it came to.
 const HOVER_M: f64 = 5.0;
 
-/// Where a receiver and its antenna were at what time: a log of poses, whose clock need not be that
-/// of what was received.
+/// A log of the poses of a receiver and its antenna. Its clock may differ from that of the levels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PoseLog {
     columns: Vec<Column>,
@@ -43,7 +42,7 @@ pub struct PoseLog {
 
 #[derive(Clone, Debug, PartialEq)]
 struct Pose {
-    /// Of the columns, in their order.
+    /// Values of the columns, in their order.
     values: Vec<f64>,
     /// The pose with which the hover that this one belongs to began.
     hover: usize,
@@ -52,11 +51,11 @@ struct Pose {
 /// A level that was received at a time of the receiver's clock.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimedLevel {
-    /// When, in seconds.
+    /// Time of reception, in seconds.
     pub time_s: f64,
-    /// How strong, in dBm or dB.
+    /// Level, in dBm or dB.
     pub level_db: f64,
-    /// Whose it is, where that is known.
+    /// Name of the beacon, where that is known.
     pub beacon: Option<String>,
 }
 
@@ -75,7 +74,7 @@ impl PoseLog {
         Self::parse(&decompressed(&bytes, &file)?, &file)
     }
 
-    /// The same of bytes; `file` is what errors call them.
+    /// Reads poses from bytes; `file` is their name in errors.
     ///
     /// # Errors
     ///
@@ -136,7 +135,7 @@ impl PoseLog {
         pose.values.get(index).copied()
     }
 
-    /// How far two poses are apart horizontally, on a sphere where they are on the earth.
+    /// Horizontal distance of two poses in metres, on a sphere where they are on the Earth.
     fn distance_m(&self, a: &Pose, b: &Pose) -> f64 {
         const METRES_PER_DEG: f64 = 111_195.0;
         let of = |pose, column| self.value(pose, column).unwrap_or(0.0);
@@ -157,13 +156,13 @@ impl PoseLog {
         values.map(|(column, (from, to))| between(*column, *from, *to, share)).collect()
     }
 
-    /// Whether the poses have the boresights of an antenna.
+    /// Returns true if the poses have the boresights of an antenna.
     pub(super) fn has_boresight(&self) -> bool {
         self.columns.contains(&Column::BoresightDegCompass)
     }
 
-    /// Where the antenna looked at a time of the poses' clock, in radians clockwise from North, and
-    /// in which hover that was; [`None`] as for the pose, and on the way from one to the next.
+    /// Returns the antenna's direction at a time of the poses' clock, in radians clockwise from
+    /// North, and the hover; [`None`] as for the pose, and on the way from one hover to the next.
     pub(super) fn boresight(&self, time: f64, gap_s: f64) -> Option<(f64, usize)> {
         let (from, to, share) = surrounding(&self.poses, time, gap_s)?;
         let of = |pose| self.value(pose, Column::BoresightDegCompass);
@@ -171,7 +170,7 @@ impl PoseLog {
         (from.hover == to.hover).then(|| (degrees.to_radians(), from.hover))
     }
 
-    /// How fast the antenna turns where it does, in radians a second: nine of ten times slower.
+    /// Returns the 0.9 quantile of the antenna's speed while it turns, in radians a second.
     pub(super) fn turn_rate(&self) -> f64 {
         const STILL_DEG_PER_S: f64 = 0.1;
         let rate = |pair: &[(f64, Pose)]| {

@@ -18,19 +18,22 @@ const CLOCK_S: f64 = 1.0;
 /// that order.
 const GROUND_MPS: f64 = 40.0;
 
-/// A receiver is slower than so many times its usual speed.
+/// A receiver is slower than this many times its usual speed.
 const TIMES_USUAL: f64 = 6.0;
 
 /// Fixes nearer to each other than this, in metres, differ by the errors of GNSS.
 const NEAR_M: f64 = 100.0;
 
-/// At its usual speed so many fixes in a row may be wrong; more are a move.
+/// At its usual speed this many fixes in a row may be wrong; more are a move.
 const WRONG_IN_A_ROW: usize = 3;
+
+/// Fixes below this number are no path that one of them could be off.
+const LEAST_FIXES: usize = 5;
 
 /// Runs of reachable fixes that are compared with each other. A file with more of them has no path.
 const MOST_RUNS: usize = 4000;
 
-/// A fix: where a receiver was, and when.
+/// A fix: the place of a receiver at a time.
 #[derive(Clone, Copy)]
 struct Fix {
     record: usize,
@@ -65,7 +68,7 @@ pub(super) fn jumps(records: &[Record]) -> (Vec<Jump>, usize) {
     }
     let mut jumps = Vec::new();
     let mut pathless = 0;
-    for fixes in fixes.values() {
+    for fixes in fixes.values().filter(|fixes| fixes.len() >= LEAST_FIXES) {
         let Some(off) = off_path(fixes, reaches) else {
             pathless += fixes.len();
             continue;

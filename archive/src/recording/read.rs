@@ -41,7 +41,7 @@ const FIRST_ROWS: usize = 100;
 /// No receiver measures more than this, in dBm; near a transmitter it may be 0 to 20.
 const MOST_DBM: f64 = 20.0;
 
-/// What every recording drops rows for, besides the mapping's rules.
+/// Names of the rules that every recording has besides the mapping's.
 const NOT_MEASURED: &str = "a measurement";
 const NOT_LOCATED: &str = "a position";
 
@@ -96,7 +96,7 @@ impl Recording {
         Ok(recordings)
     }
 
-    /// Reads from anywhere; `name` is what errors call it. Nothing lies beside it.
+    /// Reads from any source; `name` is its name in errors. Files beside it are not looked for.
     ///
     /// # Errors
     ///
@@ -320,8 +320,10 @@ impl File<'_> {
                 plan.melted.iter().map(Some).collect()
             };
             for melted in columns {
-                let (north, date_s) = (north, options.date_s);
-                let (plan, row, stem) = (&plan, &row, stem.as_str());
+                let date_s = options.date_s;
+                let plan = &plan;
+                let row = &row;
+                let stem = stem.as_str();
                 let reader = Reader { plan, row, melted, stem, north, date_s, rover, astray };
                 // A row that is refused does not set the frame.
                 let mut here = frame;
@@ -593,7 +595,7 @@ pub(super) fn on_ground(frame: &LocalFrame, position: Vector3<f64>) -> Geodetic 
     place
 }
 
-/// Keeps the records but those whose number, from 0, is out.
+/// Keeps the records except those whose index, from 0, is out.
 fn retain_others(records: &mut Vec<Record>, is_out: impl Fn(usize) -> bool) {
     let mut indices = 0..;
     records.retain(|_| indices.next().is_none_or(|index| !is_out(index)));
@@ -632,8 +634,8 @@ fn positive_levels(file: &str, records: &[Record]) -> Option<Remark> {
 /// Receivers nearer to each other than this, in metres, are at one place.
 const ONE_PLACE_M: f64 = 1.0;
 
-/// Returns a remark if several receivers are all at one place. The antennas of a station, which have
-/// boresights, and several of one vehicle, which moves, may be.
+/// Returns a remark if several receivers are all at one place. The antennas of a station, which
+/// have boresights, and several of one vehicle, which moves, may be.
 fn receivers_at_one_place(file: &str, records: &[Record]) -> Option<Remark> {
     if records.iter().any(|record| record.boresight.is_some()) {
         return None;
@@ -666,7 +668,7 @@ fn no_path(file: &str, rows: usize) -> Remark {
     Remark::new(Cause::Jump.code(), text)
 }
 
-/// A file's name without folder and endings: what a drone is called that has no name.
+/// A file's name without folder and endings: the name of an unnamed drone.
 fn stem(file: &str) -> String {
     let stem = Path::new(file).file_stem().map_or(file.into(), |stem| stem.to_string_lossy());
     let compressed = file.ends_with(".gz").then(|| stem.strip_suffix(".csv")).flatten();

@@ -13,20 +13,20 @@ pub struct Record {
     pub beacon: Option<String>,
     /// The receiver's name; the file's where the recording does not name it.
     pub drone: String,
-    /// When, in seconds since the recording's own origin. All rows of a file have it or none.
+    /// Time in seconds since the recording's own origin. All rows of a file have it, or no row.
     pub time: Option<f64>,
-    /// Where the receiver was. All rows of a file have it or none. Up is above the ground (or
-    /// the frame's origin for `alt_m`), 0 where the height is not known; the heading is 0 where
-    /// it is not known.
+    /// The receiver's pose. All rows of a file have it, or no row. Up is above the ground (or the
+    /// frame's origin for `alt_m`), 0 where the height is not known; the heading is 0 where it is
+    /// not known.
     pub receiver: Option<Pose>,
     /// σ of the receiver's place on each axis in metres, if the recording has it.
     pub receiver_sigma_m: Option<f64>,
-    /// Where the antenna looked, in radians counter-clockwise from East; none for an
+    /// Direction of the antenna, in radians counter-clockwise from East; `None` for an
     /// omnidirectional antenna.
     pub boresight: Option<f64>,
-    /// Which of the turn's positions it was, from 0.
+    /// Index of the turn's position, from 0.
     pub position: Option<u16>,
-    /// Which turn of the antenna it was.
+    /// Number of the antenna's turn.
     pub turn: Option<u32>,
     /// The received power, in dBm, or in dB about an unknown reference: see
     /// [`Recording::is_calibrated`].
@@ -39,11 +39,11 @@ pub struct Record {
     pub ceiling_dbm: Option<f64>,
     /// A ready-made bearing.
     pub bearing: Option<RecordedBearing>,
-    /// What else was measured: a range, a range difference, a level difference.
+    /// Other measurements: a range, a range difference, a level difference.
     pub measured: MeasuredList,
     /// The known distance to the beacon, in metres, where it is not measured but given.
     pub known_range: Option<f64>,
-    /// Where the beacon truly was, East and North in metres.
+    /// The beacon's true place, East and North in metres.
     pub truth: Option<Vector2<f64>>,
 }
 
@@ -76,12 +76,12 @@ pub struct Recording {
     pub(super) records: Vec<Record>,
 }
 
-/// How many rows were left out, and why.
+/// Number of rows that a rule left out.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Dropped {
-    /// What these rows did not pass, such as `alt_agl_m ≥ 15`. A row is counted at the first.
+    /// Rule that these rows did not pass, such as `alt_agl_m ≥ 15`. A row is counted at the first.
     pub rule: String,
-    /// How many.
+    /// Number of rows.
     pub rows: u64,
 }
 
@@ -90,14 +90,14 @@ pub struct Dropped {
 pub struct Backwards {
     /// The line of the first of them.
     pub line: u64,
-    /// By how many seconds that one is earlier.
+    /// Time by which that row is earlier, in seconds.
     pub by_s: f64,
-    /// How many there are.
+    /// Number of such rows.
     pub rows: u64,
 }
 
 impl Recording {
-    /// What the file is called.
+    /// Returns the file's name.
     #[must_use]
     pub fn file(&self) -> &str {
         &self.file
@@ -128,45 +128,46 @@ impl Recording {
         self.in_degrees
     }
 
-    /// What the file counts its angles from; those of the records are counted from the frame's
+    /// Returns the North of the file's angles; the records' angles are counted from the frame's
     /// East.
     #[must_use]
     pub fn north(&self) -> North {
         self.north
     }
 
-    /// Whether the records' times are seconds since 1970 in UTC.
+    /// Returns true if the records' times are seconds since 1970 in UTC.
     #[must_use]
     pub fn is_in_utc(&self) -> bool {
         self.in_utc
     }
 
-    /// Whether `rss_dbm` is in dBm, and not about an unknown reference.
+    /// Returns true if `rss_dbm` is in dBm, and not about an unknown reference.
     #[must_use]
     pub fn is_calibrated(&self) -> bool {
         self.calibrated
     }
 
-    /// Whether the records have the receiver's place.
+    /// Returns true if the records have the receiver's place.
     #[must_use]
     pub fn is_located(&self) -> bool {
         self.records.iter().all(|record| record.receiver.is_some())
     }
 
-    /// How many rows the file has, kept or not.
+    /// Returns the number of rows of the file, kept or not.
     #[must_use]
     pub fn rows(&self) -> u64 {
         self.rows
     }
 
-    /// How many rows each rule left out: the mapping's rules first, in its order, then the two
-    /// that every recording has: a measurement, and a position where the file has such.
+    /// Returns the number of rows that each rule left out: the mapping's rules first, in its order,
+    /// then the two that every recording has: a measurement, and a position where the file has
+    /// such.
     #[must_use]
     pub fn dropped(&self) -> &[Dropped] {
         &self.dropped
     }
 
-    /// Where the time runs backwards, if it does: rows are taken in the order of time.
+    /// Returns the rows whose time runs backwards, if any; rows are taken in the order of time.
     #[must_use]
     pub fn backwards(&self) -> Option<Backwards> {
         self.backwards
@@ -197,7 +198,7 @@ impl Recording {
         distinct(self.records.iter().map(|record| record.drone.as_str()))
     }
 
-    /// Whether the recording names its drones; a drone is called as the file otherwise.
+    /// Returns true if the recording names its drones; otherwise a drone is called as the file.
     #[must_use]
     pub fn names_drones(&self) -> bool {
         self.names_drones
@@ -215,7 +216,7 @@ impl Recording {
         drones.into_iter().map(of).collect()
     }
 
-    /// Where on Earth the receiver was first; `None` where the recording has no such places.
+    /// Returns the receiver's first place on Earth; `None` where the recording has no such places.
     #[must_use]
     pub fn first_place(&self) -> Option<Geodetic> {
         let receiver = self.records.iter().find_map(|record| record.receiver)?;

@@ -8,7 +8,7 @@ use super::RecordedSweep;
 /// beacon of [`begin`](PatternSource::begin) it lends the next turn of that beacon.
 #[derive(Clone, Debug, Default)]
 pub struct RecordedSource {
-    /// What is left, in the order in which the turns ended.
+    /// Remaining turns, in the order in which they ended.
     turns: VecDeque<(BeaconId, RecordedSweep)>,
     pending: VecDeque<BeaconId>,
     current: Option<RecordedSweep>,
@@ -35,7 +35,7 @@ impl RecordedSource {
         Self { turns, pending: VecDeque::new(), current: None }
     }
 
-    /// How many turns are left.
+    /// Returns the number of turns that remain.
     #[must_use]
     pub fn left(&self) -> usize {
         self.turns.len()
@@ -63,6 +63,6 @@ impl PatternSource for RecordedSource {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the recording holds no further turn of beacon {}", beacon.0)]
 pub struct RecordingEnded {
-    /// Which beacon, counted from 0.
+    /// The beacon, counted from 0.
     pub beacon: BeaconId,
 }

@@ -21,10 +21,10 @@ const LOOKED_AT: usize = 1024;
 /// anywhere between them.
 const LONGEST_GAP_S: f64 = 30.0;
 
-/// Where a receiver was at what time: the track of a GPX file (Topografix, GPX 1.1, 2004), as
-/// navigators and loggers write it, or the path in an autopilot's log: `ArduPilot`'s dataflash
-/// (`.bin`, `.log`), PX4's (`.ulg`) or MAVLink's (`.tlog`), or a table with times in UTC and places.
-/// Points without a time are not used.
+/// Path of a receiver over time: the track of a GPX file (Topografix, GPX 1.1, 2004), as navigators
+/// and loggers write it, or the path in an autopilot's log: `ArduPilot`'s dataflash (`.bin`,
+/// `.log`), PX4's (`.ulg`) or MAVLink's (`.tlog`), or a table with times in UTC and places. Points
+/// without a time are not used.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rover {
     file: Arc<str>,
@@ -40,7 +40,7 @@ struct Point {
     /// Seconds since 1970 in UTC.
     time: f64,
     place: Geodetic,
-    /// Whether the line from the point before leads here.
+    /// True if the line from the point before leads here.
     joined: bool,
 }
 
@@ -49,9 +49,8 @@ impl Rover {
     ///
     /// # Errors
     ///
-    /// [`RecordingError`] names the file, and the line, field and value of a point that is none:
-    /// out of range, at 0, 0, or earlier than the one before; of a log without places in UTC the
-    /// reason.
+    /// [`RecordingError`] names the file, and the line, field and value of an invalid point: out of
+    /// range, at 0, 0, or earlier than the one before; for a log without places in UTC, the reason.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, RecordingError> {
         let file = path.as_ref().display().to_string();
         let wrong = |source| RecordingError::Read { file: file.clone(), source };
@@ -68,7 +67,7 @@ impl Rover {
         is_gpx || Kind::of(bytes).is_some()
     }
 
-    /// Reads a track from GPX, an autopilot's log or a table; `file` is what errors call it.
+    /// Reads a track from GPX, an autopilot's log or a table; `file` is its name in errors.
     ///
     /// # Errors
     ///
@@ -136,13 +135,13 @@ impl Rover {
         Ok(Self { file: file.into(), points: points.into(), first, last })
     }
 
-    /// What the file is called.
+    /// Returns the file's name.
     #[must_use]
     pub fn file(&self) -> &str {
         &self.file
     }
 
-    /// What rows without a place on the track are counted under.
+    /// Rule under which rows without a place on the track are counted.
     pub(super) fn label(&self) -> String {
         let [from, to] = [self.first, self.last].map(|end| utc(end.time));
         format!("on the track {}, from {from} to {to} UTC", self.file)
@@ -153,15 +152,15 @@ impl Rover {
         [self.first.time, self.last.time]
     }
 
-    /// Where the track begins.
+    /// Returns the place where the track begins.
     #[must_use]
     pub fn begin(&self) -> Geodetic {
         self.first.place
     }
 
-    /// Where the receiver was at a time in seconds since 1970, on the line between two points;
-    /// `None` before the first, after the last, between segments of the track and between points
-    /// more than 30 s apart.
+    /// Returns the receiver's place at a time in seconds since 1970, on the line between two
+    /// points; `None` before the first, after the last, between segments of the track and between
+    /// points more than 30 s apart.
     #[must_use]
     pub fn place(&self, time: f64) -> Option<Geodetic> {
         let after = self.points.partition_point(|point| point.time < time);
@@ -192,7 +191,7 @@ struct Track<'g> {
     file: &'g str,
     gpx: &'g [u8],
     points: Vec<Point>,
-    /// Whether a segment begins.
+    /// True if a segment begins.
     starts: bool,
 }
 
@@ -200,7 +199,8 @@ impl Track<'_> {
     fn read(&mut self) -> Result<(), RecordingError> {
         let mut reader = Reader::from_reader(self.gpx);
         reader.config_mut().trim_text(true);
-        let (mut line, mut counted) = (1, 0);
+        let mut line = 1;
+        let mut counted = 0;
         // The point that is open, and the element within it.
         let mut point: Option<Geodetic> = None;
         let mut element = Vec::new();

@@ -15,15 +15,15 @@ use super::{
 pub(super) struct Reader<'r> {
     pub(super) plan: &'r Plan,
     pub(super) row: &'r Row,
-    /// Which of the melted columns it is read for, where the plan has such.
+    /// Melted column that it is read for, where the plan has such.
     pub(super) melted: Option<&'r Melted>,
     /// The name of a drone that has none of its own.
     pub(super) stem: &'r str,
-    /// What angles are counted from.
+    /// North from which angles are counted.
     pub(super) north: North,
-    /// A day in seconds since 1970, where the rows have no time of their own that is one.
+    /// A day in seconds since 1970, for rows without a time in UTC.
     pub(super) date_s: Option<f64>,
-    /// Where the receiver was at what time, and what makes the row's time UTC.
+    /// Path of the receiver, and the seconds that make the row's time UTC.
     pub(super) rover: Option<(&'r Rover, f64)>,
     /// The first place of the file that was too far from the frame's origin.
     pub(super) astray: &'r Cell<Option<Geodetic>>,
@@ -269,7 +269,7 @@ impl Reader<'_> {
     }
 
     /// The strongest of the bins whose middle lies in a band, or the bin that holds the band's
-    /// middle; none where the row is of other frequencies, or no power was measured.
+    /// middle; `None` if the row is of other frequencies, or no power was measured.
     fn level(
         &self,
         columns: [usize; 3],
@@ -283,7 +283,9 @@ impl Reader<'_> {
             let label = self.plan.names.get(index).map_or("", String::as_str);
             number.ok_or_else(|| self.row.wrong(label, cell, FieldProblem::NotANumber))
         });
-        let (low, high, step) = (low?, high?, step?);
+        let low = low?;
+        let high = high?;
+        let step = step?;
         let bins = (high - low) / step;
         if step.is_nan() || step <= 0.0 || bins.is_nan() || bins < 0.5 {
             let label = self.plan.names.get(columns[2]).map_or("", String::as_str);
@@ -291,7 +293,8 @@ impl Reader<'_> {
             return Err(self.row.wrong(label, self.row.cell(columns[2]), problem));
         }
         let reach = 0.5 * band.bandwidth_hz.max(step) * (1.0 + 1e-9);
-        let (mut strongest, mut middle) = (None::<f64>, low + first * step);
+        let mut strongest = None::<f64>;
+        let mut middle = low + first * step;
         for (cell, _) in self.row.cells_from(from).zip(0..whole(bins.round())) {
             if (middle - band.frequency_hz).abs() <= reach {
                 let number = cell.parse::<f64>();

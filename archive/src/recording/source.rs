@@ -7,8 +7,8 @@ use serde::{
 
 use super::Value;
 
-/// Where a column of ours comes from in a file: a column's name, or a table with
-/// how its cells are converted.
+/// Source of one of our columns in a file: a column's name, or a table that says how its cells are
+/// converted.
 ///
 /// The cell is read as follows: empty or one of `missing` is no value; `lookup` replaces it;
 /// a number is then multiplied by `scale`, raised by `offset` and, where it `wrap`s, brought to
@@ -17,20 +17,20 @@ use super::Value;
 pub struct Source {
     /// The file's columns: one, or several that together are a name or a time.
     pub columns: Vec<String>,
-    /// What stands between the cells of several columns; a space unless given.
+    /// Text between the cells of several columns; a space unless given.
     pub between: String,
-    /// What its numbers are multiplied by; 1 unless given.
+    /// Factor of its numbers; 1 unless given.
     pub scale: f64,
-    /// What is then added; 0 unless given.
+    /// Number that is then added; 0 unless given.
     pub offset: f64,
-    /// What each cell means; a cell that is not listed is an error. Empty: cells are as they are.
+    /// Meaning of each cell; a cell that is not listed is an error. Empty: cells are as they are.
     pub lookup: BTreeMap<String, Value>,
     /// Cells that mean "no value", besides empty ones.
     pub missing: Vec<Value>,
-    /// Whether an angle in degrees may be of any number of circles; it is refused beyond one
-    /// unless given.
+    /// True if an angle in degrees may be of any number of circles; otherwise it is refused beyond
+    /// one.
     pub wrap: bool,
-    /// Whether files without this column are of the format too.
+    /// True if files without this column are of the format too.
     pub optional: bool,
 }
 
@@ -75,7 +75,7 @@ impl Source {
         terms
     }
 
-    /// What messages call it: the names of its columns.
+    /// Its name in messages: the names of its columns.
     pub(super) fn label(&self) -> String {
         self.columns.join(" and ")
     }

@@ -19,7 +19,7 @@ pub struct RecordedSweep {
     pub turn: Option<u32>,
     /// The line of its first reading.
     pub line: u64,
-    /// Whether the recording has the receiver's place; without it, poses are at the origin.
+    /// True if the recording has the receiver's place; if not, poses are at the origin.
     pub located: bool,
     /// Its readings in the order of time. The receiver is the mean over the turn; the rows between
     /// its first and last that have a boresight but no level are `unanswered`. All recorded sweeps
@@ -28,7 +28,7 @@ pub struct RecordedSweep {
 }
 
 impl RecordedSweep {
-    /// The sweep as extractors take it, as one of a beacon.
+    /// Returns the sweep as extractors take it, with this beacon.
     #[must_use]
     pub fn as_sweep(&self, beacon: BeaconId) -> Sweep<'_> {
         Sweep { beacon, ..self.sweep.as_sweep() }
@@ -39,8 +39,8 @@ impl Recording {
     /// The turns of the antenna, in the order in which they ended.
     ///
     /// A turn holds one drone's readings of one beacon that have a boresight and a level. The
-    /// `turn` column decides which belong together; where there is none, the mapping's
-    /// [`Turns`](super::Turns) do. A reading without a `position` belongs to that whose nominal
+    /// `turn` column decides which belong together; without it, the mapping's
+    /// [`Turns`](super::Turns) do. A reading without a `position` belongs to the one whose nominal
     /// angle 2πi / `positions` is nearest to its boresight. Where the recording has no times, its
     /// rows are taken to be a second apart.
     ///
@@ -68,7 +68,8 @@ impl Recording {
         Ok(sweeps)
     }
 
-    /// What can be a sample, by beacon, drone and turn, each in the order of time.
+    /// Groups the rows with boresight and level by beacon, drone and turn, each in the order of
+    /// time.
     fn groups(&self) -> Vec<Vec<LevelRow<'_>>> {
         let mut groups = Vec::<Vec<LevelRow<'_>>>::new();
         let mut places = BTreeMap::new();
@@ -141,7 +142,7 @@ impl Recording {
         })
     }
 
-    /// The rows of the same drone and beacon between two rows that have no level.
+    /// The rows without a level between two rows, of the same drone, beacon and turn.
     fn unanswered(
         &self,
         first: Option<&Record>,

@@ -7,7 +7,7 @@ use super::{FieldProblem, RecordingError, Source, json::Json, near_miss::near_mi
 /// Longer cells are cut in messages: an unclosed quote swallows the rest of the file.
 const SHOWN: usize = 60;
 
-/// The header is looked for in so many lines.
+/// Number of lines in which the header is looked for.
 const PREAMBLE_LINES: usize = 20;
 
 /// The byte order mark of UTF-8, which some programs begin a file with.
@@ -23,7 +23,7 @@ pub(super) struct Table<'b> {
     separator: u8,
     /// Lines before the header that are neither empty nor comments.
     preamble: u64,
-    /// Whether rows may have more cells than there are names.
+    /// True if rows may have more cells than there are names.
     open_ended: bool,
     /// True if rows may have fewer cells than there are names.
     padded: bool,
@@ -31,7 +31,7 @@ pub(super) struct Table<'b> {
     lines: &'b [u64],
     header: Vec<String>,
     header_line: u64,
-    /// Up to which byte the lines are counted, and how many there were.
+    /// The byte up to which lines are counted, and their number.
     counted: (usize, u64),
     record: ByteRecord,
 }
@@ -54,8 +54,8 @@ struct Candidate {
 }
 
 impl<'b> Table<'b> {
-    /// Reads the header; what separates its cells is what comes most often in it unless given.
-    /// A file without a header has these names.
+    /// Reads the header; its most frequent separator separates the cells unless one is given. A
+    /// file without a header has these names.
     pub(super) fn open(
         file: &str,
         bytes: &'b [u8],
@@ -73,7 +73,7 @@ impl<'b> Table<'b> {
     }
 
     /// Opens a table without a header, whose columns the user has named: rows are as long as the
-    /// names, and what separates the cells is what gives the first row that length.
+    /// names, and the separator is the one that gives the first row that length.
     pub(super) fn open_named(
         file: &str,
         bytes: &'b [u8],
@@ -189,7 +189,7 @@ impl<'b> Table<'b> {
         self.header_line
     }
 
-    /// Where a column is; `None` where it is not.
+    /// Returns the index of a column; `None` if it is missing.
     pub(super) fn index_of(&self, column: &str) -> Result<Option<usize>, RecordingError> {
         let mut found = self.header.iter().enumerate().filter(|(_, name)| *name == column);
         let first = found.next().map(|(index, _)| index);
@@ -203,7 +203,7 @@ impl<'b> Table<'b> {
         Ok(first)
     }
 
-    /// Where columns are; `None` where one of them is not.
+    /// Returns the indices of columns; `None` if one of them is missing.
     pub(super) fn indices_of(
         &self,
         columns: &[String],
@@ -211,7 +211,7 @@ impl<'b> Table<'b> {
         columns.iter().map(|column| self.index_of(column)).collect()
     }
 
-    /// Where columns are that a format needs.
+    /// Returns the indices of columns that a format needs.
     pub(super) fn require(
         &self,
         columns: &[String],
@@ -220,7 +220,7 @@ impl<'b> Table<'b> {
         columns.iter().map(|column| self.require_one(column, format)).collect()
     }
 
-    /// Where a column is that a format needs.
+    /// Returns the index of a column that a format needs.
     pub(super) fn require_one(&self, column: &str, format: &str) -> Result<usize, RecordingError> {
         self.index_of(column)?.ok_or_else(|| self.missing_column(column, format))
     }
@@ -345,7 +345,7 @@ impl<'b> Table<'b> {
 }
 
 impl Row {
-    /// What the row's file is called.
+    /// The name of the row's file.
     pub(super) fn file(&self) -> &str {
         &self.file
     }
@@ -389,7 +389,7 @@ impl Row {
         self.cells.iter().skip(index)
     }
 
-    /// The cells of several columns as one; none where one of them is empty.
+    /// The cells of several columns as one; `None` if one of them is empty.
     pub(super) fn joined(&self, indices: &[usize], between: &str) -> Option<Cow<'_, str>> {
         if let [index] = indices {
             let cell = self.cell(*index);
@@ -400,7 +400,7 @@ impl Row {
         whole.then(|| Cow::Owned(cells.join(between)))
     }
 
-    /// What a column of ours has in this row, as its source reads it; numbers are not yet scaled.
+    /// Returns the value of a column of ours, as its source reads it; numbers are not yet scaled.
     pub(super) fn value(
         &self,
         indices: &[usize],
@@ -501,7 +501,7 @@ pub(super) fn spaces_as_tabs(bytes: &[u8], columns: usize) -> Option<Vec<u8>> {
     Some(tabs)
 }
 
-/// Which of comma, semicolon and tab the header has most of; a comma where it has none.
+/// The most frequent of comma, semicolon and tab in the header; a comma without any.
 fn most_frequent_separator(bytes: &[u8]) -> u8 {
     let header = first_row(bytes);
     let mut counts = [(b'\t', 0_usize), (b';', 0), (b',', 0)];

@@ -1,7 +1,7 @@
 use chrono::{DateTime, NaiveDateTime};
 
-/// Seconds since 1970 as `YYYY-MM-DD HH:MM:SS.fff`, without the fraction where it is nothing;
-/// empty where there is no such date.
+/// Seconds since 1970 as `YYYY-MM-DD HH:MM:SS.fff`, without a fraction of zero; empty if there is
+/// no such date.
 pub(crate) fn utc(seconds: f64) -> String {
     #[expect(clippy::cast_possible_truncation, reason = "casts saturate, to no date")]
     let date = DateTime::from_timestamp_millis((seconds * 1e3).round() as i64);
@@ -9,7 +9,7 @@ pub(crate) fn utc(seconds: f64) -> String {
 }
 
 /// The seconds since 1970 of `YYYY-MM-DD HH:MM:SS`, with a `T` for the space, a fraction, and a `Z`
-/// or an offset from UTC such as `+02:00` where given; `None` for what is no such time.
+/// or an offset from UTC such as `+02:00` where given; `None` for any other text.
 #[must_use]
 pub fn utc_seconds(text: &str) -> Option<f64> {
     let text = text.strip_suffix('Z').unwrap_or(text).replacen('T', " ", 1);

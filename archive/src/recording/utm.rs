@@ -96,8 +96,8 @@ impl UtmZone {
 mod tests {
     use super::*;
 
-    /// Zone, easting, northing, latitude and longitude by the Python package `utm`, which uses other
-    /// series.
+    /// Zone, easting, northing, latitude and longitude by the Python package `utm`, which uses
+    /// other series.
     const VALUES: [(&str, f64, f64, f64, f64); 4] = [
         ("33U", 601_983.252_472_173_1, 5_339_533.087_107_521_5, 48.200_833_3, 16.3725),
         ("56H", 334_900.569_650_601_3, 6_252_288.752_863_666, -33.8568, 151.2153),

@@ -13,7 +13,7 @@ pub enum Value {
 }
 
 impl Value {
-    /// Whether a cell holds this value: the same text, or a number equal to it.
+    /// Returns true if a cell holds this value: the same text, or a number equal to it.
     pub(super) fn is(&self, cell: &str) -> bool {
         match self {
             Self::Text(text) => text == cell,

@@ -87,7 +87,7 @@ impl<W: Write> SweepWriter<W> {
         self.csv.flush().map_err(|source| RecordingError::Write { source })
     }
 
-    /// Writes what is still in the buffer.
+    /// Writes the rest of the buffer.
     ///
     /// # Errors
     ///
@@ -101,7 +101,7 @@ fn failed(error: csv::Error) -> RecordingError {
     RecordingError::Write { source: error.into() }
 }
 
-/// Refuses what reading would refuse.
+/// Refuses a sample that reading would refuse.
 fn check(index: usize, sample: &Sample) -> Result<(), RecordingError> {
     let place = sample.receiver.position;
     let bounded = [

@@ -79,7 +79,7 @@ fn clean_ranges_stay_as_they_are() {
 #[test]
 fn an_offset_that_all_share_is_taken_off() {
     let (median_m, held, codes) = judged(60, 1, |_| 6.0, |rng| 0.2 * normal(rng));
-    let found = codes.iter().filter(|code| *code == "ranges-share-offset").count();
+    let found = codes.iter().filter(|code| *code == "ranges-share-bias").count();
     assert!(median_m < 0.3 && held >= 53 && found >= 57, "{median_m} m, {held}, {found}");
 }
 

@@ -4,4 +4,4 @@ mod differences;
 mod multilateration;
 
 pub use differences::{SlantRangeDifference, spherical_intersection};
-pub use multilateration::{SlantRange, multilaterate, multilaterate_with_offset};
+pub use multilateration::{SlantRange, multilaterate, multilaterate_with_bias, range_bias_sigmas};

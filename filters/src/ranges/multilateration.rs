@@ -1,11 +1,12 @@
 use alloc::vec::Vec;
 
 use foxhunt_core::{
-    MeasurementModel, Observation, Pose, Quantity, State, gaussian_log_likelihood,
+    Covariance, Estimate, MeasurementModel, Observation, Pose, Quantity, State,
+    gaussian_log_likelihood,
     noise::log_normal_cdf,
     parameter::{ParameterError, finite},
 };
-use nalgebra::{Matrix1, Matrix2, RowVector2, RowVector3, Vector1, Vector2, Vector3};
+use nalgebra::{Matrix1, Matrix2, RowVector2, RowVector4, Vector1, Vector2, Vector3};
 
 use crate::batch::{BatchError, BatchFix, BatchSolver, at_least, finite_entry, positive_entry};
 
@@ -44,28 +45,58 @@ pub fn multilaterate(
     BatchSolver::new(Nearness { target_up }).solve(&observations, &starts(ranges, target_up)?)
 }
 
-/// The place of a target at the height `target_up` in metres from ranges that are all too long by
-/// the same unknown amount, by least squares: East, North and that amount, in metres.
+/// The place of a target at the height `target_up` in metres from ranges that share an offset and a
+/// scale, r = (1 + s) d + b: East and North in metres, b in metres, and s. Priors of the two are
+/// N(0, (0.2 of the median range)²) and N(0, 0.1²).
 ///
 /// # Errors
 ///
 /// [`BatchError::TooFew`] below four ranges; else those of [`multilaterate`].
-pub fn multilaterate_with_offset(
+pub fn multilaterate_with_bias(
     ranges: &[SlantRange],
     target_up: f64,
-) -> Result<BatchFix<3>, BatchError> {
+) -> Result<BatchFix<4>, BatchError> {
     at_least("ranges", ranges.len(), 4)?;
     let observations = observations(ranges, &[], target_up)?;
-    // The squares of ranges hide their offset from the linear equations: several are tried.
-    let nearest = ranges.iter().map(|r| r.range).fold(f64::INFINITY, f64::min);
-    let farthest = ranges.iter().map(|r| r.range).fold(0.0, f64::max);
+    let [offset_sigma, scale_sigma] = range_bias_sigmas(ranges);
+    let mut sorted: Vec<f64> = ranges.iter().map(|r| r.range).collect();
+    sorted.sort_by(f64::total_cmp);
+    let nearest = sorted.first().copied().unwrap_or(0.0);
+    let farthest = sorted.last().copied().unwrap_or(0.0);
+    // The squares of ranges hide their offset and scale from the linear equations: several are
+    // tried.
     let mut from = Vec::new();
-    for offset in [-0.5 * farthest, -0.1 * farthest, 0.0, 0.5 * nearest, 0.9 * nearest] {
-        let less = |r: &SlantRange| SlantRange { range: r.range - offset, ..*r };
-        let less: Vec<SlantRange> = ranges.iter().map(less).collect();
-        from.extend(starts(&less, target_up)?.into_iter().map(|place| place.push(offset)));
+    for scale in [-0.1, 0.0, 0.1] {
+        for offset in [-0.2 * farthest, 0.0, 0.5 * nearest] {
+            let less =
+                |r: &SlantRange| SlantRange { range: (r.range - offset) / (1.0 + scale), ..*r };
+            let less: Vec<SlantRange> = ranges.iter().map(less).collect();
+            let places = starts(&less, target_up)?;
+            from.extend(places.iter().map(|at| State::<4>::new(at.x, at.y, offset, scale)));
+        }
     }
-    BatchSolver::new(OffsetNearness(Nearness { target_up })).solve(&observations, &from)
+    let count = crate::count::number(ranges.len());
+    let middle = ranges.iter().map(|r| r.receiver.xy()).sum::<Vector2<f64>>() / count;
+    let apart = |r: &SlantRange| (r.receiver.xy() - middle).norm();
+    let wide = 10.0 * (ranges.iter().map(apart).fold(0.0, f64::max) + farthest);
+    let sigmas = State::<4>::new(wide, wide, offset_sigma, scale_sigma);
+    let prior = Estimate {
+        mean: State::<4>::new(middle.x, middle.y, 0.0, 0.0),
+        covariance: Covariance::<4>::from_diagonal(&sigmas.component_mul(&sigmas)),
+    };
+    BatchSolver::new(BiasedNearness(Nearness { target_up }))
+        .with_prior(prior)?
+        .solve(&observations, &from)
+}
+
+/// Prior standard deviations of the offset in metres and of the scale that ranges share, as
+/// [`multilaterate_with_bias`] has them.
+#[must_use]
+pub fn range_bias_sigmas(ranges: &[SlantRange]) -> [f64; 2] {
+    let mut sorted: Vec<f64> = ranges.iter().map(|r| r.range).collect();
+    sorted.sort_by(f64::total_cmp);
+    let median = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
+    [0.2 * median, 0.1]
 }
 
 /// Ranges, negated, and those that are longer than a limit.
@@ -127,22 +158,24 @@ impl MeasurementModel<2, 1> for Nearness {
     }
 }
 
-/// z = the slant range and an offset that all have, negated.
+/// z = the slant range with an offset and a scale that all have, negated.
 #[derive(Clone, Copy, Debug)]
-struct OffsetNearness(Nearness);
+struct BiasedNearness(Nearness);
 
-impl MeasurementModel<3, 1> for OffsetNearness {
+impl MeasurementModel<4, 1> for BiasedNearness {
     fn quantities(&self) -> [Quantity; 1] {
         self.0.quantities()
     }
 
-    fn expected(&self, target: &State<3>, receiver: &Pose) -> Vector1<f64> {
-        self.0.expected(&target.xy(), receiver).add_scalar(-target.z)
+    fn expected(&self, target: &State<4>, receiver: &Pose) -> Vector1<f64> {
+        let near = self.0.expected(&target.xy(), receiver);
+        Vector1::new((1.0 + target.w) * near[0] - target.z)
     }
 
-    fn jacobian(&self, target: &State<3>, receiver: &Pose) -> RowVector3<f64> {
-        let place = self.0.jacobian(&target.xy(), receiver);
-        RowVector3::new(place[0], place[1], -1.0)
+    fn jacobian(&self, target: &State<4>, receiver: &Pose) -> RowVector4<f64> {
+        let place = self.0.jacobian(&target.xy(), receiver) * (1.0 + target.w);
+        let near = self.0.expected(&target.xy(), receiver);
+        RowVector4::new(place[0], place[1], -1.0, near[0])
     }
 }
 

@@ -47,9 +47,8 @@ pub struct Located {
     /// Errors that the bearings of each place share, where the estimator weighs them and there are
     /// places with several bearings.
     pub common_errors: Option<CommonErrors>,
-    /// Metres by which all measured ranges are too long, where the estimator found that they share
-    /// such an offset.
-    pub range_offset_m: Option<Marginal>,
+    /// Bias that all measured ranges share, where the estimator found one.
+    pub range_bias: Option<RangeBias>,
     /// The smallest region that holds the transmitter with 95 %, in parts that do not touch, where
     /// the estimator has a posterior density: an ellipse is a poor picture of two places, of a
     /// ridge and of a border.
@@ -60,6 +59,22 @@ pub struct Located {
     /// Doubts about the place, each with a sentence that says what to do (docs/remarks.md). An
     /// answer without any stands as it is.
     pub remarks: Vec<Remark>,
+}
+
+/// Bias of ranges: each is the scale times the distance, and the offset.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RangeBias {
+    /// Offset in metres.
+    pub offset_m: Marginal,
+    /// Scale, 1 for ranges without a bias.
+    pub scale: Marginal,
+}
+
+impl RangeBias {
+    /// Returns a range without the bias.
+    pub(crate) fn without(&self, range_m: f64) -> f64 {
+        (range_m - self.offset_m.mean) / self.scale.mean
+    }
 }
 
 /// Another place where the posterior density has a maximum.
@@ -144,7 +159,7 @@ impl Located {
             border_mass: None,
             explanation: None,
             common_errors: None,
-            range_offset_m: None,
+            range_bias: None,
             regions_95: Vec::new(),
             rivals: Vec::new(),
             remarks: Vec::new(),

@@ -38,7 +38,7 @@ pub(crate) use field_map::HighestOnMap;
 #[cfg(feature = "batch")]
 pub(crate) use least_absolute::LeastAbsolute;
 pub(crate) use located::receiver_sigma_m;
-pub use located::{CommonErrors, Explanation, Located, Locator, Rival, StationError};
+pub use located::{CommonErrors, Explanation, Located, Locator, RangeBias, Rival, StationError};
 #[cfg(feature = "batch")]
 pub use moving::{Tracked, TrackingConfig, left_out, track, track_watched};
 #[cfg(feature = "batch")]

@@ -1,14 +1,14 @@
 use foxhunt_core::{Estimate, Level, Measured, Quantity, Reception, Remark};
 use foxhunt_filters::{
     BatchError, BatchFix, BatchSolver, Marginal, SlantRange, SlantRangeDifference, multilaterate,
-    multilaterate_with_offset, spherical_intersection,
+    multilaterate_with_bias, range_bias_sigmas, spherical_intersection,
 };
 use foxhunt_sensors::{LogDistance, Propagation, RangeDifference};
 use nalgebra::{Matrix1, Vector1, Vector3};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::{
-    LocateConfig, LocateError, Located, Locator, Power,
+    LocateConfig, LocateError, Located, Locator, Power, RangeBias,
     located::{regions_with_rivals, rivals},
 };
 
@@ -30,7 +30,8 @@ impl Locator for Multilateration {
         };
         let mut ranges: Vec<SlantRange> = receptions.iter().filter_map(measured).collect();
         let mut beyond = Vec::new();
-        if ranges.is_empty() {
+        let are_measured = !ranges.is_empty();
+        if !are_measured {
             let Power::Known { reference_dbm, exponent } = config.power else {
                 return Err(LocateError::NoPower);
             };
@@ -48,8 +49,9 @@ impl Locator for Multilateration {
         let ranges = by_place(&ranges);
         let up = config.target_up_m;
         let alone = consistent(&ranges, up, |ranges| multilaterate(ranges, &beyond, up))?;
-        let mut located = match with_offset(&ranges, &beyond, up, &alone) {
-            Some(shared) => of_shared_offset(&shared),
+        let biased = if are_measured { with_bias(&ranges, up, &alone) } else { None };
+        let mut located = match biased {
+            Some(biased) => of_biased(&biased),
             None => alone.located(),
         };
         located.observations = observations;
@@ -79,18 +81,22 @@ fn by_place(ranges: &[SlantRange]) -> Vec<SlantRange> {
 /// Misfits less probable than this are more than their σ make.
 const MISFIT_P: f64 = 0.05;
 
-/// Logarithm of the likelihood that an offset has to gain before ranges are taken to share one.
-const GAIN_OF_OFFSET: f64 = 5.0;
+/// Misfits less probable than this may come from a bias that all ranges share.
+const BIAS_P: f64 = 0.003;
+
+/// Logarithm of the evidence that a bias has to gain before ranges are taken to share one.
+const GAIN_OF_BIAS: f64 = 3.0;
 
 /// Solution whose ranges scatter as their σ say, once these are widened by what is common to no two
 /// of them.
 struct Consistent<const N: usize> {
     fix: BatchFix<N>,
-    /// Standard deviation by which the ranges are widened, in metres.
-    spread_m: f64,
+    /// Probability of the misfit before the ranges are widened.
+    p: f64,
     /// Factor on the covariance that the knowledge of the spread from few ranges is worth.
     factor: f64,
-    log_likelihood: f64,
+    /// Logarithm of the evidence by Laplace's method, under flat priors.
+    log_evidence: f64,
 }
 
 impl Consistent<2> {
@@ -114,23 +120,25 @@ fn consistent<const N: usize>(
     solve: impl Fn(&[SlantRange]) -> Result<BatchFix<N>, BatchError>,
 ) -> Result<Consistent<N>, BatchError> {
     let mut fix = solve(ranges)?;
-    let degrees = f64::from(u32::try_from(ranges.len().saturating_sub(N)).unwrap_or(u32::MAX));
+    let degrees = u32::try_from(ranges.len().saturating_sub(N)).unwrap_or(u32::MAX);
+    let degrees = f64::from(degrees.max(1));
     let residuals = |fix: &BatchFix<N>| -> Vec<(f64, f64)> {
         let mean = &fix.estimate.mean;
         let place = mean.fixed_rows::<2>(0).into_owned();
         let offset = mean.get(2).copied().unwrap_or(0.0);
+        let scale = mean.get(3).copied().unwrap_or(0.0);
         let residual = |r: &SlantRange| {
-            let expected = (place.push(up) - r.receiver).norm() + offset;
+            let expected = (1.0 + scale) * (place.push(up) - r.receiver).norm() + offset;
             ((r.range - expected).powi(2), r.sigma * r.sigma)
         };
         ranges.iter().map(residual).collect()
     };
+    let misfit: f64 = residuals(&fix).iter().map(|(square, own)| square / own).sum();
+    let p = ChiSquared::new(degrees).map_or(1.0, |law| law.sf(misfit));
     let mut spread = 0.0;
     let mut factor = 1.0;
     for _ in 0..20 {
         let squares = residuals(&fix);
-        let misfit: f64 = squares.iter().map(|(square, variance)| square / variance).sum();
-        let p = ChiSquared::new(degrees).map_or(1.0, |law| law.sf(misfit));
         let next = if p < MISFIT_P { spread_of(&squares, degrees) } else { 0.0 };
         let settled = (next - spread).abs() <= 1e-3 * next;
         spread = next;
@@ -145,8 +153,16 @@ fn consistent<const N: usize>(
             break;
         }
     }
-    let log_likelihood = fix.log_posterior;
-    Ok(Consistent { fix, spread_m: spread.sqrt(), factor, log_likelihood })
+    let normal = |(square, own): &(f64, f64)| {
+        let variance = own + spread;
+        -0.5 * ((std::f64::consts::TAU * variance).ln() + square / variance)
+    };
+    let root = fix.estimate.covariance.cholesky().map(|factor| factor.l_dirty().diagonal());
+    let log_root = root.map_or(0.0, |root| root.map(f64::ln).sum());
+    let unknowns = f64::from(u32::try_from(N).unwrap_or(u32::MAX));
+    let volume = log_root + 0.5 * unknowns * std::f64::consts::TAU.ln();
+    let log_evidence = residuals(&fix).iter().map(normal).sum::<f64>() + volume;
+    Ok(Consistent { fix, p, factor, log_evidence })
 }
 
 /// Returns the variance that makes the misfit what is expected, from squared residuals and their
@@ -163,39 +179,39 @@ fn spread_of(squares: &[(f64, f64)], degrees: f64) -> f64 {
     bounds.1
 }
 
-/// Returns the solution with an offset that all ranges share, where that explains them far better;
-/// limits of silent receivers have no part in it.
-fn with_offset(
-    ranges: &[SlantRange],
-    beyond: &[SlantRange],
-    up: f64,
-    alone: &Consistent<2>,
-) -> Option<Consistent<3>> {
-    if alone.spread_m <= 0.0 || !beyond.is_empty() || ranges.len() < 5 {
+/// Returns the solution with an offset and a scale that all ranges share, where that explains them
+/// far better.
+fn with_bias(ranges: &[SlantRange], up: f64, alone: &Consistent<2>) -> Option<Consistent<4>> {
+    if alone.p > BIAS_P {
         return None;
     }
-    let shared = consistent(ranges, up, |ranges| multilaterate_with_offset(ranges, up)).ok()?;
-    (shared.log_likelihood > alone.log_likelihood + GAIN_OF_OFFSET).then_some(shared)
+    let biased = consistent(ranges, up, |ranges| multilaterate_with_bias(ranges, up)).ok()?;
+    let mean = &biased.fix.estimate.mean;
+    let prior = |value: f64, sigma: f64| {
+        -0.5 * (std::f64::consts::TAU * sigma * sigma).ln() - 0.5 * (value / sigma).powi(2)
+    };
+    let [offset_sigma, scale_sigma] = range_bias_sigmas(ranges);
+    let of_bias = prior(mean.z, offset_sigma) + prior(mean.w, scale_sigma);
+    (biased.log_evidence + of_bias > alone.log_evidence + GAIN_OF_BIAS).then_some(biased)
 }
 
-fn of_shared_offset(shared: &Consistent<3>) -> Located {
-    let Estimate { mean, covariance } = &shared.fix.estimate;
-    let place = Estimate {
-        mean: mean.xy(),
-        covariance: covariance.fixed_view::<2, 2>(0, 0) * shared.factor,
-    };
-    let offset = Marginal { mean: mean.z, sd: (covariance[(2, 2)] * shared.factor).sqrt() };
-    let longer = if offset.mean > 0.0 { "long" } else { "short" };
+fn of_biased(biased: &Consistent<4>) -> Located {
+    let Estimate { mean, covariance } = &biased.fix.estimate;
+    let covariance = covariance * biased.factor;
+    let place =
+        Estimate { mean: mean.xy(), covariance: covariance.fixed_view::<2, 2>(0, 0).into_owned() };
+    let offset_m = Marginal { mean: mean.z, sd: covariance[(2, 2)].sqrt() };
+    let scale = Marginal { mean: 1.0 + mean.w, sd: covariance[(3, 3)].sqrt() };
     let text = format!(
-        "the ranges meet if all of them are too {longer} by the same {:.2} m (σ {:.2} m), and that \
-         is taken off; calibrate the ranging, or check the places of the receivers",
-        offset.mean.abs(),
-        offset.sd
+        "the ranges meet if all of them have the same bias, {:+.2} m (σ {:.2} m) and a scale of \
+         {:.3} (σ {:.3}), and that is taken off; calibrate the ranging, or check the places of the \
+         receivers",
+        offset_m.mean, offset_m.sd, scale.mean, scale.sd
     );
     Located {
-        rivals: rivals(&shared.fix.rivals),
-        range_offset_m: Some(offset),
-        remarks: vec![Remark::new("ranges-share-offset", text)],
+        rivals: rivals(&biased.fix.rivals),
+        range_bias: Some(RangeBias { offset_m, scale }),
+        remarks: vec![Remark::new("ranges-share-bias", text)],
         ..Located::at(place)
     }
 }

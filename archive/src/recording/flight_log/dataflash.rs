@@ -50,7 +50,7 @@ struct Read {
     clock: Vec<[f64; 2]>,
 }
 
-/// Reads a binary log; what is damaged is skipped to the next message.
+/// Reads a binary log; damaged bytes are skipped up to the next message.
 pub(super) fn binary(bytes: &[u8]) -> Result<Vec<Fix>, String> {
     let mut formats: BTreeMap<u8, Format> = BTreeMap::new();
     let mut read = Read::default();

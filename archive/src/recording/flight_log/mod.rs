@@ -1,4 +1,4 @@
-//! Logs of autopilots, as far as they hold where the vehicle was at what time.
+//! Logs of autopilots, as far as they hold the vehicle's places over time.
 
 mod dataflash;
 mod little_endian;
@@ -58,7 +58,7 @@ impl Kind {
     ///
     /// # Errors
     ///
-    /// The reason why there are none, as the end of a sentence that begins with the file.
+    /// The reason why there are no places, as the end of a sentence that begins with the file.
     pub(super) fn fixes(self, bytes: &[u8]) -> Result<Vec<Fix>, String> {
         let mut fixes = match self {
             Self::Dataflash => dataflash::binary(bytes)?,

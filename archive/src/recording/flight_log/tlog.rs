@@ -37,7 +37,7 @@ pub(super) fn is_tlog(bytes: &[u8]) -> bool {
     message(bytes).is_some()
 }
 
-/// Reads the places of the only vehicle; what is damaged is skipped to the next message.
+/// Reads the places of the only vehicle; damaged bytes are skipped up to the next message.
 pub(super) fn fixes(bytes: &[u8]) -> Result<Vec<Fix>, String> {
     let mut fixes = Vec::new();
     let mut systems = BTreeSet::new();

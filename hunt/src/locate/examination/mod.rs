@@ -18,7 +18,7 @@ use self::fit::{Meeting, meeting};
 pub(crate) use self::residuals::residuals;
 pub use self::residuals::{Measurand, Residual};
 use self::shared::{APART, UNSTATED_SIGMA_M, is_assumed, scale, spoken};
-use super::{Area, LocateConfig, Located};
+use super::{Area, LocateConfig, Located, RangeBias};
 
 /// Receptions with measurements that an answer depends on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,7 +59,7 @@ pub(crate) fn examine(
     uses: Uses,
     name: Name<'_>,
 ) -> Vec<usize> {
-    let data = data(receptions, config, uses, range_offset_m(located));
+    let data = data(receptions, config, uses, located.range_bias);
     let mut remarks = Vec::new();
     let mut left_out = Vec::new();
     let has_levels = uses.levels && receptions.iter().any(|r| r.level.is_some());
@@ -90,7 +90,7 @@ pub(crate) fn examine(
 #[cfg(feature = "batch")]
 pub(super) fn without_outliers(receptions: &[Reception], config: &LocateConfig) -> Vec<Reception> {
     let uses = Uses { levels: false, bearings: true, differences: false, searches_area: false };
-    let mut data = data(receptions, config, uses, 0.0);
+    let mut data = data(receptions, config, uses, None);
     data.retain(|datum| datum.kind == Kind::Bearing);
     let up = config.target_up_m;
     let mut kept = receptions.to_vec();
@@ -150,18 +150,13 @@ fn of_answer(
     remarks
 }
 
-/// Metres by which all ranges are too long, by the answer.
-fn range_offset_m(located: &Located) -> f64 {
-    located.range_offset_m.map_or(0.0, |offset| offset.mean)
-}
-
-/// Returns the measurements with a geometry that an estimator uses; `range_offset_m` is taken off
-/// the ranges.
+/// Returns the measurements with a geometry that an estimator uses; `bias` is taken off the
+/// ranges.
 fn data(
     receptions: &[Reception],
     config: &LocateConfig,
     uses: Uses,
-    range_offset_m: f64,
+    bias: Option<RangeBias>,
 ) -> Vec<Datum> {
     let mut data = Vec::new();
     for (reception, received) in receptions.iter().enumerate() {
@@ -180,7 +175,8 @@ fn data(
             data.push(datum(Kind::Bearing, angle, sigma));
         }
         if let Some(range) = received.measured.get(Quantity::RANGE) {
-            data.push(datum(Kind::Range, range.value - range_offset_m, range.sigma));
+            let value = bias.map_or(range.value, |bias| bias.without(range.value));
+            data.push(datum(Kind::Range, value, range.sigma));
         }
         if let Some(difference) = received.measured.get(Quantity::RANGE_DIFFERENCE)
             && let Some(reference) = config.reference_m

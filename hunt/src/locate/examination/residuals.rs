@@ -9,7 +9,7 @@ use super::{
     super::{LocateConfig, Located},
     Datum, Kind, Uses, data,
     fit::{meeting, normal},
-    levels, range_offset_m,
+    levels,
     shared::scale,
 };
 
@@ -103,7 +103,7 @@ fn of_geometry(
 ) -> Vec<Residual> {
     let up = config.target_up_m;
     let place: Vector2<f64> = located.estimate.mean;
-    let data = data(receptions, config, uses, range_offset_m(located));
+    let data = data(receptions, config, uses, located.range_bias);
     let is_out = |datum: &Datum| left_out.contains(&datum.reception);
     let rest: Vec<Datum> = data.iter().filter(|datum| !is_out(datum)).copied().collect();
     let factor = normal(&rest, &place, up).0.cholesky();
