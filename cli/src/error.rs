@@ -11,7 +11,7 @@ use std::{
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CommandError {
-    /// Wrong use or input; or the help that was wanted.
+    /// Wrong use or input, or requested help.
     #[error("{0}")]
     Input(String),
     /// A failure.
@@ -28,7 +28,7 @@ pub(crate) enum CliError {
     /// A failure: exit code 1.
     #[error(transparent)]
     Failure(Box<dyn Error>),
-    /// Nobody reads standard output any more.
+    /// Standard output is closed.
     #[error("standard output is closed")]
     Closed,
 }

@@ -7,7 +7,7 @@ use clap::{
 };
 use foxhunt::registry::Registry;
 
-/// Names that are in the registry where a feature is on.
+/// Names that the registry has only with a feature.
 const NAMES: [(&str, &[&str]); 2] = [
     ("maps", &["field-map", "bayesian-optimisation"]),
     (
@@ -29,7 +29,7 @@ const NAMES: [(&str, &[&str]); 2] = [
     ),
 ];
 
-/// Subcommands of earlier versions, and what they are now.
+/// Subcommands of earlier versions and their present commands.
 const RETIRED: [(&str, &str); 4] = [
     ("scenarios", "`foxhunt list scenarios`, or for trials `foxhunt list trials`"),
     ("estimators", "`foxhunt list estimators`"),
@@ -58,7 +58,7 @@ pub(crate) fn retired_campaign(name: &str) -> Option<String> {
     }
 }
 
-/// An error of the command line, with a hint where there is one.
+/// Adds a hint to an error of the command line, if there is one.
 pub(crate) fn with_hint(mut error: Error, registry: &Registry) -> Error {
     if let Some(hint) = hint(&error, registry) {
         let hints = ContextValue::StyledStrs(vec![StyledStr::from(hint)]);

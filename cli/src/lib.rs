@@ -1,7 +1,7 @@
 //! The program `foxhunt` as a library: the same commands over your own registry.
 //!
-//! What is registered has a name in every command: in `--help`, in `list`, for `hunt`, `campaign`,
-//! `compare`, `replay` and `locate`. A program with an estimator of its own is this:
+//! Each registered part has a name in every command: in `--help`, in `list`, for `hunt`,
+//! `campaign`, `compare`, `replay` and `locate`. A program with an estimator of its own is this:
 //!
 //! ```no_run
 //! use std::process::ExitCode;
@@ -41,10 +41,10 @@ use foxhunt::registry::Registry;
 pub use crate::error::CommandError;
 use crate::{context::Context, output::Output};
 
-/// Runs the program on its command line, and returns what it ends with: 0 for success, 2 for wrong
-/// use or input, 1 for a failure.
+/// Runs the program on its command line and returns its exit code: 0 for success, 2 for wrong use
+/// or input, 1 for a failure.
 ///
-/// The names in the registry are what `--estimator`, `--extractor` and `--planner` take.
+/// `--estimator`, `--extractor` and `--planner` take the names in the registry.
 #[must_use]
 pub fn run(registry: Registry) -> ExitCode {
     let parsed = args::parse(&registry, env::args_os());
@@ -61,11 +61,11 @@ pub fn run(registry: Registry) -> ExitCode {
 /// nothing is printed on standard output, and the program never ends. Warnings and progress are on
 /// standard error.
 ///
-/// For other languages than Rust; whoever writes Rust has the crate `foxhunt`.
+/// For bindings to other languages; Rust programs use the crate `foxhunt`.
 ///
 /// # Errors
 ///
-/// What the program would print: see [`CommandError`].
+/// The error that the program would print: see [`CommandError`].
 pub fn run_json(
     registry: &Registry,
     arguments: impl IntoIterator<Item = OsString>,

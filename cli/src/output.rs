@@ -10,12 +10,12 @@ use serde::Serialize;
 
 use crate::{error::CliError, screen};
 
-/// How results are printed for other programs.
+/// Form of results for other programs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum JsonForm {
     /// The result as one value.
     Value,
-    /// A value in each line: what happens in long work, and at last the result.
+    /// A value per line: the events of long work, then the result.
     Lines,
 }
 
@@ -30,7 +30,7 @@ pub(crate) struct Output<'a> {
     kept: Option<&'a RefCell<String>>,
 }
 
-/// A line of JSON: what it is about, and that.
+/// A line of JSON: a kind and a value.
 #[derive(Serialize)]
 struct Line<'a, T> {
     kind: &'a str,
@@ -57,12 +57,12 @@ impl<'a> Output<'a> {
         Self { json: Some(JsonForm::Value), kept: Some(json) }
     }
 
-    /// Returns true if standard output takes what happens in long work, by [`event`].
+    /// Returns true if [`event`] prints the events of long work on standard output.
     pub(crate) fn streams(self) -> bool {
         self.json == Some(JsonForm::Lines)
     }
 
-    /// Prints the result: as JSON, or as `text` makes it for people.
+    /// Prints the result as JSON, or as the text that `text` makes of it.
     pub(crate) fn result<T: Serialize>(
         self,
         value: &T,
@@ -111,7 +111,8 @@ thread_local! {
     static OVERHEARD: RefCell<Option<Vec<String>>> = const { RefCell::new(None) };
 }
 
-/// Runs a work and returns what it would have printed on standard error from this thread.
+/// Runs a work; returns its result and the lines that this thread would have printed on standard
+/// error.
 pub(crate) fn overheard<T>(work: impl FnOnce() -> T) -> (T, Vec<String>) {
     let before = OVERHEARD.replace(Some(Vec::new()));
     let done = work();
@@ -134,7 +135,7 @@ pub(crate) fn warn_once(line: &str) {
     }
 }
 
-/// Prints how often the warnings came that came again, and forgets them: a command has ended.
+/// Prints the counts of repeated warnings at the end of a command, and clears them.
 pub(crate) fn count_warnings() {
     for (line, count) in WARNED.take() {
         if count > 1 {
@@ -143,7 +144,7 @@ pub(crate) fn count_warnings() {
     }
 }
 
-/// Prints what happened in long work, as a line of JSON.
+/// Prints an event of long work as a line of JSON.
 pub(crate) fn event<T: Serialize>(kind: &str, value: &T) -> io::Result<()> {
     printed(&document::to_json(&Line { kind, value })?)
 }

@@ -41,7 +41,7 @@ impl Progress {
         Self { what, total, done: AtomicU64::new(0), bar, streams: output.streams() }
     }
 
-    /// One part is done; from any thread.
+    /// Counts one part as done; from any thread.
     pub(crate) fn step(&self) {
         let before = self.done.fetch_add(1, Ordering::Relaxed);
         self.show(before, before + 1);
@@ -62,7 +62,7 @@ impl Progress {
         }
     }
 
-    /// Replaces what is written beside the bar.
+    /// Replaces the note beside the bar.
     pub(crate) fn note(&self, note: String) {
         if let Some(bar) = &self.bar {
             bar.set_message(note);
@@ -77,7 +77,7 @@ impl Progress {
         }
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub(crate) fn finish(&self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();

@@ -5,10 +5,10 @@ use std::{env, io};
 use terminal_size::{Height, Width, terminal_size_of};
 use textwrap::{Options, WordSeparator, WordSplitter};
 
-/// The width where none is known: in a file, or behind a pipe.
+/// Width in columns if it is unknown: in a file or a pipe.
 const UNKNOWN: u16 = 100;
 
-/// Below this many columns nothing is made to fit.
+/// Minimum width in columns; nothing is fitted to less.
 const LEAST: u16 = 40;
 
 /// Maximum width of a result in columns: `COLUMNS` if that is set, else the terminal's width.

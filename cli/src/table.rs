@@ -120,7 +120,7 @@ impl Table {
 
     /// The widths of some columns that fit side by side, if they do and are not too narrow to read.
     fn widths(&self, columns: &[usize], width: usize) -> Option<Vec<usize>> {
-        /// More lines than this in a cell are not read any more.
+        /// Maximum number of lines in a cell that people still read.
         const MOST_LINES: usize = 8;
 
         let natural = self.natural(columns);

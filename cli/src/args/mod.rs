@@ -26,12 +26,12 @@ use crate::{commands::Command, hints, output::JsonForm};
                   Example: fly the default hunt and look at out/hunt.svg\n  foxhunt hunt"
 )]
 pub(crate) struct Cli {
-    /// Print the result as one JSON value on standard output, all else on standard error; with
-    /// `--json=lines` a value in each line, what happens in long work before the result
+    /// Print the result as one JSON value on standard output, all else on standard error;
+    /// `--json=lines` prints a value per line: the events of long work, then the result
     #[arg(long, global = true, value_name = "FORM", num_args = 0..=1, require_equals = true,
           default_missing_value = "value")]
     pub(crate) json: Option<JsonForm>,
-    /// What to do.
+    /// Command to run.
     #[command(subcommand)]
     pub(crate) command: Command,
 }
@@ -44,11 +44,11 @@ pub(crate) fn command(registry: &Registry) -> clap::Command {
     names::command(Cli::command(), registry)
 }
 
-/// Parses a command line, of which the first is the program's name.
+/// Parses a command line; its first word is the program's name.
 ///
 /// # Errors
 ///
-/// Help that was wanted, or what is wrong, with a hint.
+/// The requested help, or the mistake with a hint.
 pub(crate) fn parse(
     registry: &Registry,
     arguments: impl IntoIterator<Item = OsString>,

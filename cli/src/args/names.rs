@@ -4,7 +4,7 @@ use foxhunt::registry::{EstimatorEntry, Registry};
 /// The subcommands that have all receptions before they begin.
 const AT_ONCE: [&str; 2] = ["locate", "judge"];
 
-/// Has every `--estimator`, `--extractor` and `--planner` of a command and its subcommands take
+/// Restricts every `--estimator`, `--extractor` and `--planner` of a command and its subcommands to
 /// the names of a registry.
 pub(super) fn command(command: Command, registry: &Registry) -> Command {
     let at_once = AT_ONCE.contains(&command.get_name());

@@ -36,16 +36,16 @@ use crate::{
                         foxhunt antenna reference-patch --json\n  \
                         foxhunt antenna --learn turn.csv --bearing-deg 137 --write mine.csv")]
 pub(crate) struct Args {
-    /// A file, or one of isotropic, dipole, cardioid, patch, yagi, reference-patch
+    /// An antenna file, or one of isotropic, dipole, cardioid, patch, yagi, reference-patch
     #[arg(value_name = "FILE|NAME", required_unless_present = "learn", conflicts_with = "learn")]
     antenna: Option<String>,
     /// Learn the pattern from the turns of these recordings
     #[arg(long, value_name = "RECORDING", num_args = 1..)]
     learn: Vec<PathBuf>,
-    /// With --learn, where the transmitter was, in degrees (WGS84)
+    /// With --learn, the place of the transmitter in degrees (WGS84)
     #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true, conflicts_with = "antenna")]
     truth: Option<LatLon>,
-    /// With --learn, the direction in which it was, in compass degrees, the same for all turns
+    /// With --learn, the transmitter's direction in compass degrees, the same for all turns
     #[arg(
         long,
         value_name = "DEG",
@@ -63,15 +63,15 @@ pub(crate) struct Args {
     write: Option<PathBuf>,
 }
 
-/// An antenna's figures, as JSON has them.
+/// The figures of an antenna in JSON.
 #[derive(Debug, Serialize)]
 struct Report {
     antenna: String,
     gain_dbi: f64,
-    /// Counter-clockwise of the boresight.
+    /// Azimuth of the main lobe, counter-clockwise from the boresight.
     main_lobe_azimuth_deg: f64,
     main_lobe_elevation_deg: f64,
-    /// Absent where the gain never falls by half.
+    /// Half-power beamwidth in azimuth; absent if the gain never falls by half.
     azimuth_beamwidth_deg: Option<f64>,
     elevation_beamwidth_deg: Option<f64>,
     front_to_back_db: f64,

@@ -38,8 +38,8 @@ use crate::{
 pub(crate) struct Args {
     /// A recording: CSV with named columns
     file: PathBuf,
-    /// Read each turn with every extractor; those that take an antenna are given that of --antenna,
-    /// or else the reference patch
+    /// Read each turn with every extractor; those with an antenna use that of --antenna, or else
+    /// the reference patch
     #[arg(long, conflicts_with = "extractor")]
     all: bool,
     #[command(flatten)]
@@ -54,7 +54,7 @@ pub(crate) struct Args {
     views: Views,
 }
 
-/// The bearings of a recording, as JSON has them.
+/// The bearings of a recording in JSON.
 #[derive(Debug, Serialize)]
 struct Report {
     file: String,
@@ -85,7 +85,7 @@ struct Turn {
     low_confidence: Option<bool>,
     /// Reason why there is no bearing.
     no_bearing: Option<String>,
-    /// The directions that compete, where there are several.
+    /// The competing directions, if there are several.
     modes: Vec<Mode>,
 }
 

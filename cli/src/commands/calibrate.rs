@@ -27,7 +27,8 @@ use crate::{context::Context, error::CliError, writable};
 /// as a disturbed compass has it; the scale of their σ; and the boresights of a station with fixed
 /// antennas. Prints what cannot be fitted, and why.
 ///
-/// --out writes what `foxhunt locate`, `bearing`, `hunt` and `campaign` take as --calibration.
+/// --out writes the file that `foxhunt locate`, `bearing`, `hunt` and `campaign` take as
+/// --calibration.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
                         foxhunt calibrate flight.csv --truth 50.0755,14.4378 --max-exponent 3\n  \
@@ -36,13 +37,13 @@ pub(crate) struct Args {
     /// Recordings: CSV with named columns
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Where the transmitter is, in degrees (WGS84); the recordings' own truth unless given
+    /// The place of the transmitter in degrees (WGS84) [default: the recordings' own truth]
     #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true)]
     truth: Option<LatLon>,
-    /// How high the transmitter is above the ground, in metres
+    /// The height of the transmitter above the ground, in metres
     #[arg(long, value_name = "M", default_value_t = 0.0, allow_hyphen_values = true)]
     target_up_m: f64,
-    /// The largest exponent; no bound unless given
+    /// The largest path-loss exponent [default: no bound]
     #[arg(long, value_name = "V", allow_hyphen_values = true)]
     max_exponent: Option<f64>,
     /// Leave out bursts that a station received from nearer than this, in metres
@@ -60,10 +61,14 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     if !args.target_up_m.is_finite() {
-        return Err(CliError::input(format!("--target-up-m is {}, no height", args.target_up_m)));
+        return Err(CliError::input(format!(
+            "--target-up-m is {}; it must be finite",
+            args.target_up_m
+        )));
     }
     if !(args.least_range_m >= 0.0 && args.least_range_m.is_finite()) {
-        let message = format!("--least-range-m is {}, no distance", args.least_range_m);
+        let message =
+            format!("--least-range-m is {}; it must be finite, zero or more", args.least_range_m);
         return Err(CliError::input(message));
     }
     if let Some(most) = args.max_exponent.filter(|most| !(*most > 0.0 && most.is_finite())) {
@@ -95,7 +100,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Fits what the recordings allow; an error where that is nothing.
+/// Fits what the recordings allow; an error if that is nothing.
 fn fit(
     args: &Args,
     recordings: &[Recording],

@@ -17,16 +17,17 @@ use crate::{
 /// A calibration from recordings with a known transmitter.
 #[derive(Debug, clap::Args)]
 pub(super) struct Calibration {
-    /// What `foxhunt calibrate --out` wrote: path loss, errors of bearings, a station's antennas
+    /// The file that `foxhunt calibrate --out` wrote: path loss, errors of bearings, a station's
+    /// antennas
     #[arg(long = "calibration", value_name = "FILE")]
     calibration: Option<PathBuf>,
 }
 
-/// What surrounds the receivers.
+/// Surroundings of the receivers.
 #[derive(Debug, clap::Args)]
 pub(super) struct Surroundings {
-    /// What surrounds the receiver: open, forest, street, indoors or unknown. It is in the σ of
-    /// bearings of turns without a calibration; unknown, which is wide, unless given
+    /// The receiver's surroundings: open, forest, street, indoors or unknown; part of the σ of
+    /// bearings from uncalibrated turns [default: unknown, which is wide]
     #[arg(long, value_name = "SITE", hide_possible_values = true)]
     site: Option<Site>,
 }
@@ -37,7 +38,7 @@ impl Surroundings {
         self.site.unwrap_or_default()
     }
 
-    /// Prints what the σ of turns holds where nobody named a site.
+    /// Prints the σ of turns at an unknown site, unless a site is given.
     pub(super) fn narrate(&self) {
         if self.site.is_none() {
             let deg = Site::default().sigma().to_degrees();
@@ -47,7 +48,7 @@ impl Surroundings {
         }
     }
 
-    /// An extractor whose σ holds what the site does to bearings.
+    /// Returns an extractor whose σ includes the site's.
     pub(super) fn around(&self, extractor: BoxedExtractor) -> BoxedExtractor {
         Box::new(AtSite::new(extractor, self.site()))
     }
@@ -62,7 +63,7 @@ impl Surroundings {
 }
 
 impl Calibration {
-    /// The file; an empty one where none is given.
+    /// Reads the file, or returns an empty one if no file is given.
     pub(super) fn read(&self) -> Result<CalibrationFile, CliError> {
         match &self.calibration {
             Some(path) => CalibrationFile::read(path).map_err(CliError::input),
@@ -70,8 +71,8 @@ impl Calibration {
         }
     }
 
-    /// The file that was [`read`](Self::read); where none is given, the calibration that comes with
-    /// the program for a station of this recording.
+    /// Returns the file that was [`read`](Self::read). Without a file, returns the calibration that
+    /// comes with the program for a station of this recording.
     pub(super) fn or_shipped<'a>(
         &self,
         read: &'a CalibrationFile,
@@ -124,8 +125,8 @@ pub(super) fn station_place(recording: &Recording) -> Option<StationPlace> {
     Some(StationPlace { lat_deg: place.lat_deg, lon_deg: place.lon_deg })
 }
 
-/// The extractor of this name, calibrated; the station's own where it reads one. The σ of another
-/// extractor is not its own, and one that is not calibrated holds what the site does.
+/// Returns the extractor of this name, calibrated; a station's turns have the station's own. The σ
+/// of an uncalibrated extractor includes the site's.
 pub(super) fn calibrated(
     file: &CalibrationFile,
     station: Option<&StationSection>,

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::table::{number, table, text as cell};
 
-/// Fits as JSON has them.
+/// The fits in JSON.
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
     #[serde(rename = "calibration")]
@@ -25,7 +25,7 @@ pub(super) struct Report {
     #[serde(flatten)]
     path_loss: Option<PathLoss>,
     bearings: Option<Bearings>,
-    /// In the order of the file's.
+    /// Stations in the order of the file.
     pub(super) stations: Vec<Station>,
     /// Fits that were not possible.
     pub(super) skipped: Vec<Skipped>,
@@ -45,7 +45,8 @@ struct PathLoss {
     p0_standard_error_db: f64,
     p0_interval_95: Option<[f64; 2]>,
     exponent: f64,
-    /// Absent where the bound holds the exponent, like all that follows but the covariance.
+    /// Standard error of the exponent; absent if the exponent is at its bound, as are all the
+    /// fields below but the covariance.
     exponent_standard_error: Option<f64>,
     exponent_interval_95: Option<[f64; 2]>,
     correlation: Option<f64>,
@@ -74,7 +75,7 @@ struct Bearings {
     bearings: usize,
     refused: usize,
     offset: Option<Offset>,
-    /// The offset with its first harmonic over the heading, whether it is used or not.
+    /// The offset with its first harmonic over the heading, even if it is not used.
     heading: Option<Offset>,
     sigma: Option<Sigma>,
     used: Option<BearingSection>,

@@ -39,11 +39,11 @@ pub(crate) struct Args {
     scenario: String,
     #[command(flatten)]
     runs: Runs,
-    /// A file that the result of every hunt is written to, one JSON value in each line; hunts that
-    /// could not go on have none
+    /// Write the result of every hunt to this file, one JSON value per line; hunts that could not
+    /// go on have no line
     #[arg(long, value_name = "FILE")]
     hunts_to: Option<PathBuf>,
-    /// An estimator, again for each more; the scenario's own unless given
+    /// An estimator; may be repeated [default: the scenario's own]
     #[arg(long, value_name = "NAME")]
     estimator: Vec<String>,
     #[command(flatten)]

@@ -71,7 +71,9 @@ pub(super) fn estimators_of<'a>(
 pub(super) fn scenario(name_or_path: &str) -> Result<Scenario, CliError> {
     Scenario::find(name_or_path).map_err(|error: ScenarioError| {
         match retired_campaign(name_or_path) {
-            Some(command) => CliError::input(format!("{name_or_path} is no scenario: `{command}`")),
+            Some(command) => {
+                CliError::input(format!("{name_or_path} is not a scenario: `{command}`"))
+            }
             None => CliError::input(error),
         }
     })
@@ -94,7 +96,7 @@ pub(super) fn trial(name_or_path: &str) -> Result<Trial, CliError> {
     })
 }
 
-/// The exit code of a trial that went wrong.
+/// Returns the error of a trial that went wrong.
 pub(super) fn trial_error(error: TrialError) -> CliError {
     match error {
         TrialError::Threads(_) => CliError::failure(error),
@@ -102,8 +104,7 @@ pub(super) fn trial_error(error: TrialError) -> CliError {
     }
 }
 
-/// The exit code of a simulation that went wrong: it is wrong input where the scenario cannot be
-/// built.
+/// Returns the error of a simulation that went wrong; wrong input if the scenario cannot be built.
 pub(super) fn simulation_error(error: SimulationError, file: &str) -> CliError {
     match error {
         SimulationError::Drive(_) | SimulationError::TooLong { .. } | SimulationError::Log(_) => {
@@ -113,7 +114,7 @@ pub(super) fn simulation_error(error: SimulationError, file: &str) -> CliError {
     }
 }
 
-/// The exit code of a campaign that went wrong.
+/// Returns the error of a campaign that went wrong.
 pub(super) fn campaign_error(error: CampaignError, file: &str) -> CliError {
     match error {
         CampaignError::Simulation(error) => simulation_error(error, file),

@@ -2,10 +2,10 @@ use clap_complete::{Shell, generate};
 
 use crate::{context::Context, error::CliError};
 
-/// Print what a shell completes commands, flags and names with
+/// Print a shell completion script
 ///
-/// Prints a script for one shell, made of the commands of this build. `foxhunt man` writes manual
-/// pages.
+/// Prints a script for one shell that completes the commands, flags and names of this build.
+/// `foxhunt man` writes manual pages.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
                   foxhunt completions bash > ~/.local/share/bash-completion/completions/foxhunt\n  \

@@ -13,18 +13,18 @@ use crate::{
     table::list,
 };
 
-/// Examine the devices that are plugged in, and print how to mend what is wrong
+/// Check attached devices and say how to fix problems
 ///
-/// With a flight's file: every device of every drone, one after the other. Without: every serial
-/// port, and what is behind it. Motors turn by a step, nothing takes off. Exit code 1 where
-/// something is wrong.
+/// With a flight's file, checks every device of every drone in turn; without one, every serial port
+/// and the device behind it. Motors turn by a step, nothing takes off. The exit code is 1 if a
+/// check fails.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt devices\n  foxhunt devices meadow.toml\n  \
                         foxhunt devices --at serial:/dev/ttyUSB0:57600 --at udpin:127.0.0.1:14550")]
 pub(crate) struct Args {
     /// The flight: a TOML file (docs/flying.md)
     config: Option<PathBuf>,
-    /// Examine this endpoint instead of the serial ports; may be repeated
+    /// Check this endpoint instead of the serial ports; may be repeated
     #[arg(long, value_name = "ENDPOINT", conflicts_with = "config")]
     at: Vec<Endpoint>,
 }
@@ -73,8 +73,8 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let wrong = examined.iter().flat_map(|e| &e.findings).filter(|f| !f.is_good()).count();
     match wrong {
         0 => Ok(()),
-        1 => Err(CliError::failure("one thing is not as it should be")),
-        wrong => Err(CliError::failure(format!("{wrong} things are not as they should be"))),
+        1 => Err(CliError::failure("1 check failed")),
+        wrong => Err(CliError::failure(format!("{wrong} checks failed"))),
     }
 }
 

@@ -5,10 +5,10 @@ use foxhunt::{
 
 use crate::error::CliError;
 
-/// What makes bearings of turns, and what it knows of the antenna.
+/// Extractor of bearings from turns, and the antenna that it knows.
 #[derive(Debug, clap::Args)]
 pub(super) struct Extraction {
-    /// The extractor that makes a bearing of a turn (`foxhunt list extractors` describes them)
+    /// The extractor of bearings from turns (`foxhunt list extractors` describes them)
     #[arg(long, value_name = "NAME")]
     extractor: Option<String>,
     /// The antenna that the extractor knows: reference-patch, isotropic, dipole, cardioid, patch,
@@ -17,7 +17,7 @@ pub(super) struct Extraction {
     antenna: Option<String>,
 }
 
-/// The name of the extractor that is used where none is given.
+/// Name of the default extractor.
 const DEFAULT: &str = "pritzl2018";
 
 impl Extraction {
@@ -40,7 +40,7 @@ impl Extraction {
         })
     }
 
-    /// Builds the extractor; the reference's where none is given.
+    /// Builds the extractor of the command line, or else the reference's.
     pub(super) fn build(&self, registry: &Registry) -> Result<BoxedExtractor, CliError> {
         let config = self.config(registry, &ExtractorConfig::default())?;
         registry.build_extractor(&config).map_err(CliError::input)

@@ -10,10 +10,10 @@ use crate::{
 /// Fly random fleets and check the rules of the air
 ///
 /// Flies hunts with fleets of one to eight drones in which everything that may go wrong is drawn at
-/// random. Checks whether drones ever came nearer to each other than their separation, left the
-/// fence or the band of altitudes, or were in the air with empty batteries, and counts how searches
-/// ended. The exit code is 1 where a rule was broken or a hunt failed. `fleet-` and a seed is the
-/// scenario of one of the hunts.
+/// random. Checks that no drone came nearer to another than its separation, left the fence or the
+/// band of altitudes, or flew with empty batteries, and counts how searches ended. The exit code is
+/// 1 if a rule was broken or a hunt failed. `fleet-` and a seed is the scenario of one of the
+/// hunts.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt fleets --runs 10000\n  \
                         foxhunt fleets --runs 1000 --planner orbit\n  \
@@ -23,7 +23,7 @@ pub(crate) struct Args {
     runs: Runs,
     #[command(flatten)]
     planning: Planning,
-    /// The estimator; the scenarios' own unless given
+    /// The estimator [default: the scenarios' own]
     #[arg(long, value_name = "NAME")]
     estimator: Option<String>,
 }
@@ -45,7 +45,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     judge(&report)
 }
 
-/// A failure where a rule was broken or a hunt failed.
+/// Returns a failure if a rule was broken or a hunt failed.
 fn judge(report: &FleetsReport) -> Result<(), CliError> {
     match (report.violations.len(), report.errors.len()) {
         (0, 0) => Ok(()),

@@ -59,8 +59,8 @@ use crate::{
 /// same field, seed and faults fly the same flight, however busy the computer is. It ends with the
 /// errors against the truth.
 ///
-/// With --advise the pilots fly, with whatever they fly with otherwise: foxhunt listens to the
-/// telemetry, turns the antennas, and prints where to fly next.
+/// With --advise the pilots fly with their own controls: foxhunt listens to the telemetry, turns
+/// the antennas, and prints where to fly next.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt fly meadow.toml --dry-run\n  \
                         foxhunt fly meadow.toml --out flights/meadow-3\n  \
@@ -76,29 +76,28 @@ pub(crate) struct Args {
     /// Fly the emulated devices of this field, a built-in scenario or a TOML file, without asking
     #[arg(long, value_name = "SCENARIO", conflicts_with = "config")]
     emulate: Option<String>,
-    /// A TOML file with what goes wrong in the emulated field, and when (docs/flying.md)
+    /// A TOML file with the faults of the emulated field and their times (docs/flying.md)
     #[arg(long, value_name = "FILE", requires = "emulate")]
     faults: Option<PathBuf>,
     /// Check the file, print the plan, and touch no device
     #[arg(long)]
     dry_run: bool,
-    /// Write what each drone flies as a mission that a ground station uploads, and touch no device:
-    /// .plan for QGroundControl, .waypoints for Mission Planner; the planner has to know its places
+    /// Write the flight of each drone as a mission for a ground station, and touch no device: .plan
+    /// for QGroundControl, .waypoints for Mission Planner; needs a planner with places known
     /// beforehand
     #[arg(long, value_name = "FILE", conflicts_with_all = ["emulate", "dry_run"])]
     mission_to: Option<PathBuf>,
-    /// How long a drone of the mission stays at each place, in seconds: the time of a turn of the
+    /// The stay of a drone of the mission at each place, in seconds: the time of a turn of the
     /// antenna
     #[arg(long, value_name = "S", requires = "mission_to", default_value_t = 30.0)]
     hold_s: f64,
     /// Take off without asking
     #[arg(long)]
     yes: bool,
-    /// Only advise: the pilots fly, nothing is sent to any vehicle, and where to fly next is
-    /// printed
+    /// Only advise: the pilots fly, nothing is sent to any vehicle, and the next places are printed
     #[arg(long, conflicts_with_all = ["emulate", "take_over"])]
     advise: bool,
-    /// Take drones that are in the air already, in the mode that takes orders: you know that nobody
+    /// Take over drones already in the air, in the mode that takes orders; make sure that nobody
     /// else flies them
     #[arg(long)]
     take_over: bool,
@@ -126,7 +125,7 @@ struct Field {
     /// Name of the file or the scenario.
     name: String,
     clock: Rc<dyn Fn() -> f64>,
-    /// UNIX time when the clock was 0; absent where that is no time of this world.
+    /// UNIX time at the clock's zero, in seconds; absent for an emulated field.
     epoch_s: Option<f64>,
     ports: Box<dyn Ports>,
     emulated: Option<Emulated>,
@@ -195,7 +194,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let mut field = match (&args.config, &args.emulate) {
         (_, Some(scenario)) => Field::emulated(scenario, args.faults.as_deref(), args.seed)?,
         (Some(file), None) => Field::real(file)?,
-        (None, None) => return Err(CliError::input("neither a flight's file nor --emulate")),
+        (None, None) => return Err(CliError::input("give a flight's file or --emulate")),
     };
     let mut config = field.config.clone();
     if args.advise {
@@ -217,8 +216,8 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let confirms = !args.yes && !args.advise && field.emulated.is_none();
     if confirms && !io::stdin().is_terminal() {
         return Err(CliError::input(
-            "standard input is no terminal, so that nobody can confirm the take-off; --yes takes \
-             off at once",
+            "standard input is not a terminal, so the take-off cannot be confirmed; use --yes to \
+             take off without asking",
         ));
     }
     fs::create_dir_all(&args.out).map_err(|error| CliError::writing(&args.out, error))?;
@@ -376,8 +375,8 @@ fn last_received(events: &[Event], beacon: BeaconId) -> Option<f64> {
     })
 }
 
-/// Examines the devices of drones before anybody flies, prints the checklist, and returns what was
-/// found. The pilot decides if a fault matters: a beacon may be too far to be received from here.
+/// Examines the devices of drones before the flight, prints the checklist, and returns the
+/// findings. The pilot decides if a fault matters: a beacon may be too far away to be received.
 pub(super) fn examine_devices(
     config: &FlightConfig,
     drones: &[DroneConfig],
@@ -523,7 +522,7 @@ impl Pilot {
         Ok(Self { lines, interrupts, handled: Cell::new(0) })
     }
 
-    /// Does what the pilot wants.
+    /// Carries out the pilot's input.
     fn steer<A: Aircraft, S: PatternSource>(
         &self,
         mission: &mut Mission<A, S>,

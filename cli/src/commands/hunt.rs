@@ -44,10 +44,10 @@ pub(crate) struct Args {
     /// A built-in scenario (`foxhunt list scenarios`) or a TOML file
     #[arg(default_value = DEFAULT_SCENARIO)]
     scenario: String,
-    /// The seed of everything that is drawn at random
+    /// The seed of all random numbers
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
-    /// The estimator; the scenario's own unless given (`foxhunt list estimators` describes them)
+    /// The estimator (`foxhunt list estimators` describes them) [default: the scenario's own]
     #[arg(long, value_name = "NAME")]
     estimator: Option<String>,
     #[command(flatten)]
@@ -58,8 +58,7 @@ pub(crate) struct Args {
     live: LiveArgs,
     #[command(flatten)]
     pace: PaceArgs,
-    /// The folder that hunt.jsonl (the log), hunt.svg (the picture) and report.html (the page) are
-    /// written to
+    /// The folder for hunt.jsonl (the log), hunt.svg (the picture) and report.html (the page)
     #[arg(long, value_name = "DIR", default_value = "out")]
     out: PathBuf,
     #[command(flatten)]

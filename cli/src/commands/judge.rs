@@ -26,32 +26,32 @@ use crate::{
 /// Judge estimators on recordings whose transmitter's place is known
 ///
 /// Locates each beacon of each recording by itself and compares the place with the truth: error,
-/// NEES, and how often the 95 % ellipse holds it, for an estimator and for baselines beside it. The
-/// truth takes part in no fix.
+/// NEES, and the share of 95 % ellipses that hold it, for an estimator and for baselines. The truth
+/// takes part in no fix.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt judge flight.csv --truth 50.0755,14.4378\n  \
                         foxhunt judge bearings.csv --against lenth1981,pseudolinear")]
 pub(crate) struct Args {
-    /// Recordings: CSV with named columns; each beacon of each is one fix
+    /// Recordings: CSV with named columns; each beacon of each recording is one fix
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Where the transmitter of all recordings is, in degrees (WGS84); the recordings' own truth
-    /// unless given
+    /// The place of the transmitter of all recordings in degrees (WGS84) [default: the recordings'
+    /// own truth]
     #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true)]
     truth: Option<LatLon>,
-    /// The estimators beside it, by name; for levels `strongest` and `least-absolute`, for bearings
-    /// `lenth1981` and `pseudolinear` unless given
+    /// The baselines, by name [default: for levels `strongest` and `least-absolute`, for bearings
+    /// `lenth1981` and `pseudolinear`]
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     against: Vec<String>,
-    /// Write how far the truths lie from the places, in units of the ellipses, for --conformal of
-    /// `locate` and `judge`; needs 19 fixes
+    /// Write the distances of the truths from the places, in units of the ellipses, for --conformal
+    /// of `locate` and `judge`; needs 19 fixes
     #[arg(long, value_name = "FILE", conflicts_with = "conformal")]
     calibrate: Option<PathBuf>,
     #[command(flatten)]
     locating: Locating,
 }
 
-/// What came out, as JSON has it.
+/// Result in JSON.
 #[derive(Debug, Serialize)]
 struct Report {
     files: Vec<Read>,
@@ -169,7 +169,7 @@ fn calibrated(fixes: &[Fix]) -> Result<ConformalFile, CliError> {
     Ok(ConformalFile::new(factors))
 }
 
-/// Whether a beacon is judged.
+/// Returns true if a beacon is judged.
 fn wanted(args: &Args, beacon: Option<&str>) -> bool {
     args.locating.wanted().is_none_or(|wanted| Some(wanted) == beacon)
 }
@@ -218,7 +218,7 @@ fn judge(
     })
 }
 
-/// The estimators that people use where they have nothing else.
+/// Returns the default baselines for these receptions.
 fn baselines<'a>(registry: &'a Registry, received: &[Reception]) -> Vec<&'a EstimatorEntry> {
     let names = if received.iter().any(Reception::has_bearing) {
         ["lenth1981", "pseudolinear"]

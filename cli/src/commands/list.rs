@@ -12,32 +12,32 @@ use serde::Serialize;
 
 use crate::{context::Context, error::CliError, output::Output, table::list};
 
-/// List what has a name
+/// List estimators, extractors, planners, sources, scenarios, trials or cases
 ///
-/// Lists scenarios, trials, estimators, extractors, planners, sources or cases: each with its name,
-/// what it is, and where it comes from. `foxhunt list estimators` also has what each works on.
+/// Lists each entry with its name, a description and its source. `foxhunt list estimators` also has
+/// the quantities that each one uses.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt list scenarios\n  foxhunt list estimators --json")]
 pub(crate) struct Args {
-    /// What to list
+    /// The kind of entries
     #[arg(value_enum)]
     what: What,
 }
 
-/// What is listed.
+/// Kind of listed entries.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum What {
     /// Simulated hunts that need no file: for `hunt` and `campaign`
     Scenarios,
     /// Drawn bearings on a target of known course: for `compare estimators`
     Trials,
-    /// What `--estimator` takes
+    /// Estimators, for `--estimator`
     Estimators,
-    /// What `--extractor` takes: what makes a level and a bearing of a turn
+    /// Extractors of level and bearing from a turn, for `--extractor`
     Extractors,
-    /// What `--planner` takes: what decides where the drones listen next
+    /// Planners of the next places to listen at, for `--planner`
     Planners,
-    /// Sources that `--source` takes: what the drones listen with
+    /// Sources that the drones listen with, for `--source`
     Sources,
     /// Simulated turns of an antenna: for `compare extractors`
     Cases,
@@ -56,7 +56,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     }
 }
 
-/// A scenario, as JSON has it.
+/// A scenario in JSON.
 #[derive(Debug, Serialize)]
 struct ListedScenario {
     name: String,
@@ -93,7 +93,7 @@ fn scenarios(output: Output) -> Result<(), CliError> {
     })
 }
 
-/// A trial, as JSON has it.
+/// A trial in JSON.
 #[derive(Debug, Serialize)]
 struct ListedTrial {
     name: String,
@@ -116,7 +116,7 @@ fn trials(output: Output) -> Result<(), CliError> {
     })
 }
 
-/// An estimator, as JSON has it.
+/// An estimator in JSON.
 #[derive(Debug, Serialize)]
 struct ListedEstimator {
     name: String,
@@ -179,7 +179,7 @@ const ESTIMATORS_LEGEND: &str = "Level, bearing and others: what an estimator re
      reception, or uses where there is one. Moving: whether it follows a beacon that moves. One \
      that takes all receptions at once is for `foxhunt locate`.";
 
-/// Something with a name, as JSON has it.
+/// A named entry in JSON.
 #[derive(Debug, Serialize)]
 struct Listed {
     name: String,
@@ -187,7 +187,7 @@ struct Listed {
     source: String,
 }
 
-/// An extractor, as JSON has it.
+/// An extractor in JSON.
 #[derive(Debug, Serialize)]
 struct ListedExtractor {
     #[serde(flatten)]
@@ -231,14 +231,14 @@ fn table<'a>(what: &str, listed: impl IntoIterator<Item = &'a Listed>) -> String
     rows.to_string()
 }
 
-/// A source, as JSON has it.
+/// A source in JSON.
 #[derive(Debug, Serialize)]
 struct ListedSource {
     name: Cow<'static, str>,
     about: Cow<'static, str>,
     /// Quantities that it measures besides level and bearing.
     quantities: Vec<String>,
-    /// True if a file has it as `kind = "registered"` with this name, not as a kind of its own.
+    /// True if files name it with `kind = "registered"`, not with a kind of its own.
     registered: bool,
 }
 
@@ -266,7 +266,7 @@ fn sources(registry: &Registry, output: Output) -> Result<(), CliError> {
     })
 }
 
-/// A case, as JSON has it.
+/// A case in JSON.
 #[derive(Debug, Serialize)]
 struct ListedCase {
     name: &'static str,

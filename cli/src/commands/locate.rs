@@ -39,7 +39,8 @@ use crate::{
 /// Estimates the place of one transmitter from one or several recordings: turns of a directional
 /// antenna, levels of an omnidirectional one, ready-made bearings, ranges or differences. Without
 /// --p0-dbm and --exponent, or a --calibration that has them, the transmitter's power is estimated
-/// along with its place; with --exponent alone, the power is.
+/// along with its place, and the exponent if the estimator can; with --exponent alone, only the
+/// power.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt locate flight.csv\n  \
                         foxhunt locate uav1.csv uav2.csv --truth 50.0755,14.4378 \
@@ -53,26 +54,25 @@ pub(crate) struct Args {
     /// Recordings: CSV with named columns
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Where the transmitter is, in degrees (WGS84), for the error; the recordings' own truth
-    /// unless given
+    /// The true place of the transmitter in degrees (WGS84), for the error [default: the
+    /// recordings' own truth]
     #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true)]
     truth: Option<LatLon>,
     /// Locate every beacon of the recordings, one after the other
     #[arg(long, conflicts_with = "beacon")]
     every_beacon: bool,
-    /// Track a transmitter that moves: its place at each time, from all that was received before
-    /// and after, by one or several receivers
+    /// Track a moving transmitter: its place at each time, from all receptions before and after, by
+    /// one or several receivers
     #[cfg(feature = "batch")]
     #[arg(long, conflicts_with_all = ["estimator", "every_beacon", "movebank_to", "terrain"])]
     track: bool,
     #[cfg(feature = "batch")]
     #[command(flatten)]
     tracking: tracked::Tracking,
-    /// A list of receptions that are left out: one that a page saved, or JSON lines of your own
-    /// (docs/report.md)
+    /// A list of receptions to leave out: saved by a page, or your own JSON lines (docs/report.md)
     #[arg(long, value_name = "FILE")]
     ignore: Option<PathBuf>,
-    /// List the rows that fit worst, with file, line and residual; 20 of them unless given a number
+    /// List the N rows that fit worst, 20 without N, with file, line and residual
     #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "20",
           require_equals = true)]
     rows: Option<usize>,
@@ -85,7 +85,7 @@ pub(crate) struct Args {
     views: Views,
 }
 
-/// A place that was found, as JSON has it.
+/// A located place in JSON.
 #[derive(Debug, Serialize)]
 struct Report {
     estimator: String,
@@ -97,18 +97,18 @@ struct Report {
     nees: Option<f64>,
     observations: usize,
     rejected: usize,
-    /// How many receptions were left out by --ignore.
+    /// Number of receptions left out by --ignore.
     ignored: usize,
     /// The probability on the border of the area that was searched, for estimators with one.
     border_mass: Option<f64>,
-    /// What explains the receptions, for estimators that weigh explanations.
+    /// Explanation of the receptions, for estimators that weigh explanations.
     explanation: Option<Explanation>,
-    /// What the bearings of each place have in common, where some place has several.
+    /// Errors common to the bearings of each place, if some place has several.
     common_errors: Option<CommonErrors>,
     /// Regions that hold the transmitter with 95 % by the user's recordings, for --conformal.
     #[serde(skip_serializing_if = "Option::is_none")]
     conformal_95: Option<ConformalRegions>,
-    /// Whether the ellipse is a poor picture of the regions.
+    /// True if the ellipse is a poor picture of the regions.
     ellipse_is_poor: bool,
     /// The smallest region that holds the transmitter with 95 %, for estimators with a posterior
     /// density; places are East and North in metres.
@@ -183,11 +183,11 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     show(args, registry, &prepared, vec![found], output)
 }
 
-/// Why there is no table for Movebank.
+/// Reason why there is no table for Movebank.
 const NOT_FOR_MOVEBANK: &str =
-    "--movebank-to: Movebank takes places in degrees and times in UTC alone";
+    "--movebank-to: Movebank takes only places in degrees and times in UTC";
 
-/// Writes the page and the exports, where they were wanted.
+/// Writes the requested page and exports.
 fn show(
     args: &Args,
     registry: &Registry,
@@ -201,7 +201,8 @@ fn show(
     let method = found.first().map_or_else(String::new, |found| found.method.clone());
     let mut overview = Overview::of_recordings(prepared.recordings(), &method);
     let entry = registry.estimator(&method).ok();
-    let (mut beacons, mut tracks) = (Vec::new(), None);
+    let mut beacons = Vec::new();
+    let mut tracks = None;
     for (number, Found { beacon, search, tracks: again, .. }) in found.into_iter().enumerate() {
         prepared.add_to(&mut overview, Some(number), beacon.as_deref())?;
         overview.searches.push(search);
@@ -227,7 +228,7 @@ fn show(
     args.views.write(&overview, tracks.as_ref(), output)
 }
 
-/// Writes what was found for Movebank, where that was wanted.
+/// Writes the places for Movebank, if requested.
 fn to_movebank(args: &Args, prepared: &Prepared, reports: &[Report]) -> Result<(), CliError> {
     let Some(path) = &args.movebank_to else { return Ok(()) };
     let recordings = prepared.recordings();
@@ -252,7 +253,7 @@ fn to_movebank(args: &Args, prepared: &Prepared, reports: &[Report]) -> Result<(
     write_movebank(file, &frame, &fixes).map_err(CliError::failure)
 }
 
-/// Where a beacon is.
+/// Locates one beacon.
 fn one(
     args: &Args,
     registry: &Registry,
@@ -268,7 +269,8 @@ fn one(
     let factors = factors.map_err(CliError::input)?;
     let own = factors.and_then(|factors| factors.regions(&located));
     let rows = prepared.residuals(estimator, &located, &received);
-    let (name, up) = (estimator.name.to_string(), prepared.config().target_up_m);
+    let name = estimator.name.to_string();
+    let up = prepared.config().target_up_m;
     let called = beacon.clone().unwrap_or_else(|| "transmitter".to_owned());
     // Millions of rows are copied for pages and exports alone.
     let shown = if args.views.any() { rows.clone() } else { Vec::new() };
@@ -285,7 +287,7 @@ fn one(
     Ok((report, found))
 }
 
-/// Where each beacon is; one that is not located is reported on standard error.
+/// Locates each beacon; one that cannot be located is reported on standard error.
 fn every(
     args: &Args,
     registry: &Registry,
@@ -427,7 +429,7 @@ fn places(reports: &[Report]) -> String {
     format!("{places}\n{legend}{ignored}{details}")
 }
 
-/// What a row of the table does not show: what explains the levels, regions and rivals.
+/// Returns the details below the table: explanation of the levels, regions, rivals and so on.
 fn details(report: &Report) -> String {
     let whose = report.beacon.as_ref().map_or_else(String::new, |name| format!(" of {name}"));
     let explanation = report.explanation.as_ref().map(|explanation| explained(explanation, &whose));
@@ -445,7 +447,7 @@ fn details(report: &Report) -> String {
         .collect()
 }
 
-/// Lists the remarks, but for those that a table of their own follows.
+/// Lists the remarks, except those that have a table of their own.
 fn remarks_of(remarks: &[Remark], whose: &str) -> String {
     let untold = |remark: &&Remark| !["ellipse-is-poor", "rivals"].contains(&&*remark.code);
     doubts(remarks.iter().filter(untold), whose)
@@ -469,7 +471,7 @@ const DOES_NOT_FIT_P: f64 = 0.01;
 /// Number of rows that are listed unasked.
 const LISTED: usize = 5;
 
-/// Lists the rows that fit worst: so many, or else the few that do not fit or were left out.
+/// Lists the `listed` rows that fit worst, or else the few that do not fit or were left out.
 fn rows_of(rows: &[RowResidual], listed: Option<usize>, whose: &str) -> String {
     let mut worst: Vec<&RowResidual> = rows.iter().collect();
     worst.sort_by(|a, b| a.worst_first(b));
@@ -519,7 +521,7 @@ fn kind(measurand: Measurand) -> &'static str {
     }
 }
 
-/// What explains the levels best, in a sentence.
+/// Returns the best explanation of the levels, in a sentence.
 fn explained(explanation: &Explanation, whose: &str) -> String {
     let Explanation { exponent, dipoles, sigma_db, correlation_lengths_m, own_shares } =
         explanation;
@@ -545,7 +547,7 @@ fn explained(explanation: &Explanation, whose: &str) -> String {
     )
 }
 
-/// What the bearings of each place have in common.
+/// Returns the errors common to the bearings of each place.
 fn in_common(common: &CommonErrors, whose: &str) -> String {
     let mut stations = table(&["station", "east m", "north m", "bearings", "error ° ccw", "±"]);
     for (number_of, station) in (1..).zip(&common.stations) {
@@ -567,7 +569,7 @@ fn in_common(common: &CommonErrors, whose: &str) -> String {
     )
 }
 
-/// The parts of the region that an ellipse does not show.
+/// Returns the parts of the region, which an ellipse does not show.
 fn regions_of(regions: &[Region], whose: &str) -> String {
     if regions.is_empty() {
         return String::new();

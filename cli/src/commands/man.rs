@@ -10,12 +10,11 @@ use crate::{context::Context, error::CliError};
 
 /// Write the manual pages
 ///
-/// Writes a page in roff for the program and for each of its commands, made of what `--help`
-/// prints.
+/// Writes a page in roff for the program and for each of its commands, with the texts of `--help`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt man ~/.local/share/man/man1\n  man foxhunt-hunt")]
 pub(crate) struct Args {
-    /// The folder that foxhunt.1, foxhunt-hunt.1 and so on are written to
+    /// The folder for foxhunt.1, foxhunt-hunt.1 and so on
     #[arg(value_name = "DIR")]
     folder: PathBuf,
 }

@@ -31,7 +31,7 @@ struct DroneMission {
     places: usize,
 }
 
-/// Writes the mission of each drone; that of one of several has the drone's name in its file's.
+/// Writes the mission of each drone. With several drones each file's name has its drone's name.
 pub(super) fn write(
     config: &FlightConfig,
     registry: &Registry,
@@ -42,7 +42,9 @@ pub(super) fn write(
     let format = MissionFormat::of_file(file)
         .map_err(|error| CliError::input(format!("--mission-to {}: {error}", file.display())))?;
     if !(hold_s.is_finite() && hold_s >= 0.0) {
-        return Err(CliError::input(format!("--hold-s is {hold_s}, no time")));
+        return Err(CliError::input(format!(
+            "--hold-s is {hold_s}; it must be finite, zero or more"
+        )));
     }
     let frame = config.site.frame().map_err(CliError::input)?;
     let routes = config.routes(registry).map_err(CliError::input)?;
@@ -69,7 +71,8 @@ pub(super) fn write(
     })
 }
 
-/// The file of one of several drones; what a name of a file cannot hold becomes a hyphen.
+/// Returns the file of one of several drones, with a hyphen for characters that file names cannot
+/// hold.
 fn of_drone(file: &Path, drone: &str) -> PathBuf {
     let plain = |c: char| if c.is_alphanumeric() || c == '_' { c } else { '-' };
     let drone: String = drone.chars().map(plain).collect();

@@ -100,7 +100,7 @@ pub(crate) enum Command {
     /// Fly a hunt on real devices; not in this build
     #[cfg(not(feature = "hardware"))]
     Fly(unavailable::AnyArguments),
-    /// Examine the devices that are plugged in; not in this build
+    /// Check attached devices; not in this build
     #[cfg(not(feature = "hardware"))]
     Devices(unavailable::AnyArguments),
     /// Emulate the devices of a simulated field; not in this build

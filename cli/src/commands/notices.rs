@@ -9,7 +9,7 @@ use crate::output::warn;
 /// A trouble that was away for this time, in seconds, is printed when it comes again.
 const AWAY_S: f64 = 60.0;
 
-/// Prints what people want to know of, and a trouble once while it lasts.
+/// Prints events that people want to know of, and a lasting trouble once.
 #[derive(Debug, Default)]
 pub(super) struct Notices {
     troubles: BTreeMap<String, Trouble>,
@@ -32,7 +32,7 @@ impl Notices {
         }
     }
 
-    /// Prints how often troubles came after they were printed last.
+    /// Prints the counts of troubles since they were printed last.
     pub(super) fn finish(self) {
         for (text, Trouble { since, .. }) in self.troubles {
             if since > 0 {

@@ -16,32 +16,32 @@ use crate::error::CliError;
 /// The terrain whose loss comes off the levels.
 #[derive(Debug, clap::Args)]
 pub(super) struct OverTerrain {
-    /// Take what terrain hides off the levels, by the tiles of this folder: .hgt, or GeoTIFF in
-    /// degrees (docs/terrain.md). For estimators of levels in the order of time, `particle` unless
-    /// one is named
+    /// Correct levels for the loss over the terrain in this folder's tiles: .hgt, or GeoTIFF in
+    /// degrees (docs/terrain.md). Needs an estimator that takes levels in the order of time
+    /// [default: `particle`]
     #[arg(long, value_name = "FOLDER")]
     terrain: Option<PathBuf>,
-    /// What the recordings' heights count from; those above the ellipsoid (alt_m) need `take-off`
+    /// The zero of the recordings' heights; heights above the ellipsoid (alt_m) need `take-off`
     #[arg(long, value_name = "FROM", requires = "terrain", default_value = "ground")]
     up_from: UpFrom,
-    /// What the transmitter sends at, for the loss over the terrain
+    /// The transmitter's frequency, for the loss over the terrain
     #[arg(long, value_name = "MHZ", requires = "terrain", default_value_t = 2440.0)]
     frequency_mhz: f64,
 }
 
-/// What Up counts from in a recording.
+/// Zero of Up in a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum UpFrom {
     /// The ground below the receiver
     Ground,
-    /// The ground at the first place of each drone, as an autopilot counts; of alt_m the ground at
+    /// The ground at the first place of each drone, as autopilots count; for alt_m the ground at
     /// the first place of all, where a receiver stood
     TakeOff,
 }
 
 /// The terrain below receivers.
 pub(super) struct Relief {
-    /// As estimators take it.
+    /// Terrain for estimators.
     pub(super) config: ReliefConfig,
     terrain: SharedTerrain,
     up_from: UpFrom,
@@ -55,7 +55,7 @@ impl OverTerrain {
         self.terrain.is_some()
     }
 
-    /// Reads the tiles about the recordings, as far as the transmitter is looked for at first.
+    /// Reads the tiles around the recordings, as far as the first search for the transmitter goes.
     pub(super) fn read(
         &self,
         recordings: &[Recording],
@@ -101,7 +101,8 @@ impl OverTerrain {
 }
 
 impl Relief {
-    /// Puts the Up of a reception of a recording, counted from 0, above the ground below.
+    /// Replaces the Up of a reception of a recording, counted from 0, by its height above the
+    /// ground below.
     pub(super) fn place(
         &self,
         number: usize,

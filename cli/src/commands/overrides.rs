@@ -8,31 +8,30 @@ use foxhunt::{
 
 use crate::{error::CliError, output::warn};
 
-/// Settings of an estimator that replace those of its name.
+/// Settings that replace an estimator's own.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "The estimator")]
 pub(super) struct Overrides {
-    /// Which components of a reception it uses
+    /// The components of a reception that it uses
     #[arg(long, value_name = "WHICH")]
     components: Option<UsedComponents>,
-    /// σ in metres of each coordinate of a beacon about the formation's start, before the first
-    /// reception
+    /// The prior σ of each coordinate of a beacon about the formation's start, in metres
     #[arg(long, value_name = "M")]
     prior_sigma_m: Option<f64>,
-    /// σ in dB of the reference power, which is then estimated along with the place; 0 where it is
-    /// known
+    /// The prior σ of the reference power in dB, which is then estimated along with the place; 0 if
+    /// it is known
     #[arg(long, value_name = "DB")]
     power_sigma_db: Option<f64>,
-    /// A σ in degrees that is added in squares to that of each bearing: for errors that no turn
-    /// shows, as where whole patterns are turned
+    /// A σ in degrees added in squares to that of each bearing, for errors that no turn shows, such
+    /// as turned patterns
     #[arg(long, value_name = "DEG")]
     bearing_sigma_deg: Option<f64>,
-    /// Use receptions that come at most so many seconds late at their own time
+    /// Fuse receptions at their own time if they come at most this many seconds late
     #[arg(long, value_name = "S")]
     lag_s: Option<f64>,
 }
 
-/// The components of a reception that are used, as the command line has them.
+/// The used components of a reception on the command line.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum UsedComponents {
     /// Level and bearing.

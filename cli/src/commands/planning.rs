@@ -6,10 +6,10 @@ use foxhunt::{
 
 use crate::error::CliError;
 
-/// What decides where the drones listen, if it is not the scenario's own planner.
+/// Planner that replaces the scenario's own.
 #[derive(Debug, clap::Args)]
 pub(super) struct Planning {
-    /// The planner; the scenario's own unless given (`foxhunt list planners` describes them)
+    /// The planner (`foxhunt list planners` describes them) [default: the scenario's own]
     #[arg(long, value_name = "NAME")]
     planner: Option<String>,
 }
@@ -24,7 +24,7 @@ impl Planning {
         entry.transpose().map_err(CliError::input)
     }
 
-    /// Its name, or that it is the scenario's own.
+    /// Returns its name, or a note that it is the scenario's own.
     pub(super) fn name(&self) -> &str {
         self.planner.as_deref().unwrap_or(OWN)
     }

@@ -40,42 +40,42 @@ pub(crate) struct Args {
     csv: bool,
     #[command(flatten)]
     search: Search,
-    /// Add up so many pulses before it is decided, and give trains of pulses; 5 to 10 are usual
+    /// Add up this many pulses before each decision, and find trains of pulses; usually 5 to 10
     #[arg(long, value_name = "PULSES")]
     fold: Option<usize>,
-    /// The interval of the trains, or the shortest and the longest; the time that it takes grows
-    /// with the range [default: 0.5,3]
+    /// The interval of the trains in seconds, or the shortest and the longest; run time grows with
+    /// the range [default: 0.5,3]
     #[arg(long, value_name = "FROM[,TO]", value_parser = intervals, requires = "fold")]
     interval_s: Option<[f64; 2]>,
-    /// How fast a carrier may drift, up or down, in hertz a second [default: 1]
+    /// The largest drift of a carrier, up or down, in hertz per second [default: 1]
     #[arg(long, value_name = "HZ", requires = "fold")]
     drift_hz_per_s: Option<f64>,
 }
 
-/// What is searched in samples.
+/// Settings of the search for pulses.
 #[derive(Debug, clap::Args)]
 pub(super) struct Search {
     /// Samples per second; SigMF and WAV have their own
     #[arg(long, value_name = "HZ")]
     pub(super) rate_hz: Option<f64>,
-    /// The frequency in the middle; without it frequencies are about the middle, unless SigMF has
+    /// The centre frequency in hertz; without it frequencies are about the middle, unless SigMF has
     /// it
     #[arg(long, value_name = "HZ", allow_hyphen_values = true)]
     pub(super) center_hz: Option<f64>,
-    /// The format of raw samples, where the extension does not give it: cu8, cs8, cs16, cf32
+    /// The format of raw samples, if the extension does not give it: cu8, cs8, cs16, cf32
     #[arg(long, value_parser = format)]
     pub(super) format: Option<SampleFormat>,
-    /// The lowest and the highest frequency to search [default: the whole band]
+    /// The lowest and the highest frequency to search, in hertz [default: the whole band]
     #[arg(long, value_name = "FROM,TO", value_parser = band, allow_hyphen_values = true)]
     band_hz: Option<[f64; 2]>,
-    /// How long pulses are; several widths are searched at once [default: 2.5,5,10,20,40, or 20
-    /// with --fold]
+    /// The widths of pulses in milliseconds, searched at once [default: 2.5,5,10,20,40, or 20 with
+    /// --fold]
     #[arg(long, value_name = "MS", value_delimiter = ',')]
     width_ms: Option<Vec<f64>>,
-    /// How many times an hour noise may be taken for a pulse
+    /// The number of pulses per hour that noise alone may give
     #[arg(long, value_name = "COUNT", default_value_t = 1.0)]
     pub(super) false_alarms_per_hour: f64,
-    /// The power of a tone at full scale; without it levels are in dB of full scale
+    /// The power of a full-scale tone in dBm; without it levels are in dB of full scale
     #[arg(long, value_name = "DBM", allow_hyphen_values = true)]
     pub(super) full_scale_dbm: Option<f64>,
 }
@@ -114,7 +114,7 @@ impl Search {
     }
 }
 
-/// Intervals that are searched unless one is given, in seconds: the range of most tags.
+/// Default range of intervals, in seconds: that of most tags.
 const INTERVALS_S: [f64; 2] = [0.5, 3.0];
 
 fn intervals(text: &str) -> Result<[f64; 2], String> {
@@ -125,7 +125,7 @@ fn intervals(text: &str) -> Result<[f64; 2], String> {
 }
 
 fn format(name: &str) -> Result<SampleFormat, String> {
-    SampleFormat::of_name(name).ok_or_else(|| "none of cu8, cs8, cs16, cf32".to_owned())
+    SampleFormat::of_name(name).ok_or_else(|| "not one of cu8, cs8, cs16, cf32".to_owned())
 }
 
 fn band(text: &str) -> Result<[f64; 2], String> {
@@ -134,12 +134,12 @@ fn band(text: &str) -> Result<[f64; 2], String> {
     two.ok_or_else(|| "not two numbers with a comma between".to_owned())
 }
 
-/// The pulses of a file, as JSON has them.
+/// The pulses of a file in JSON.
 #[derive(Debug, Serialize)]
 struct Report {
     file: String,
     rate_hz: f64,
-    /// Without it frequencies are about the middle of the band.
+    /// Centre frequency; without it frequencies are about the middle of the band.
     center_hz: Option<f64>,
     /// Searched time without gaps, in seconds.
     searched_s: f64,
@@ -152,7 +152,7 @@ struct Report {
     /// Trains found with --fold; `train` of a pulse is an index here.
     #[serde(skip_serializing_if = "Option::is_none")]
     trains: Option<Vec<FoundTrain>>,
-    /// In the order of time.
+    /// Pulses in the order of time.
     pulses: Vec<Found>,
 }
 
@@ -235,8 +235,8 @@ impl PulseSearch {
         }
     }
 
-    /// Takes what was found: pulses with the rate of false alarms and the place of their trains,
-    /// of which `before` came before.
+    /// Takes the findings: pulses with the rate of false alarms and the index of their trains, of
+    /// which `before` came before.
     fn take(&mut self, before: usize) -> Taken {
         match self {
             Self::Single(_, found) => {
@@ -259,7 +259,7 @@ impl PulseSearch {
 /// Findings since the last call.
 #[derive(Debug, Default)]
 struct Taken {
-    /// With the false alarms an hour and the place of the train.
+    /// Pulses with their false alarms per hour and the index of their train.
     pulses: Vec<(Pulse, f64, Option<usize>)>,
     trains: Vec<Train>,
 }

@@ -5,14 +5,14 @@ use foxhunt::campaign::Repetition;
 
 use crate::{output::Output, progress::Progress};
 
-/// How often something is run, and with which seeds.
+/// Runs, their seeds and the jobs that they share.
 #[derive(Debug, clap::Args)]
 pub(super) struct Runs {
     /// The number of runs of each contender
     #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..))]
     runs: u32,
-    /// The number of runs at the same time; the number of processors unless given. The result does
-    /// not depend on it
+    /// The number of runs at the same time [default: the number of processors]; the result does not
+    /// depend on it
     #[arg(long, value_name = "J", value_parser = value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
     /// The seed of the first run; run i has this plus i

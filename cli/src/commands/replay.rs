@@ -38,15 +38,14 @@ pub(crate) struct Args {
     /// Another estimator than the log's own
     #[arg(long, value_name = "NAME")]
     estimator: Option<String>,
-    /// A list of receptions that are left out: one that a page saved, or JSON lines of your own
-    /// (docs/report.md)
+    /// A list of receptions to leave out: saved by a page, or your own JSON lines (docs/report.md)
     #[arg(long, value_name = "FILE")]
     ignore: Option<PathBuf>,
     #[command(flatten)]
     views: Views,
 }
 
-/// A replay, as JSON has it.
+/// A replay in JSON.
 #[derive(Debug, Serialize)]
 struct Report {
     scenario: String,
@@ -56,8 +55,7 @@ struct Report {
     logged_estimator: String,
     /// Estimator of the replay.
     estimator: String,
-    /// True if the two are the same and nothing is left out, so that every estimate has to be the
-    /// same.
+    /// True if the two are the same and nothing is left out: every estimate must then be the same.
     own: bool,
     /// Number of receptions left out.
     ignored: usize,

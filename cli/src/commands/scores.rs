@@ -15,7 +15,7 @@ use crate::error::CliError;
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Answer {
     pub(super) estimator: String,
-    /// Absent where it found no place, for the reason of `failure`.
+    /// Error in metres; absent if it found no place, for the reason of `failure`.
     pub(super) error_m: Option<f64>,
     pub(super) nees: Option<f64>,
     /// True if the 95 % ellipse holds the truth.
@@ -59,27 +59,27 @@ pub(super) struct Summary {
     /// Interval that holds the share of ellipses that hold the truth with 95 % (Clopper & Pearson
     /// 1934).
     pub(super) coverage_interval: Option<[f64; 2]>,
-    /// Number of 95 % regions, as they are shown, that hold the truth, of how many.
+    /// Number of shown 95 % regions that hold the truth, and number of all.
     pub(super) in_regions_95: [usize; 2],
     /// The interval of `coverage_interval` for the regions.
     pub(super) region_interval: Option<[f64; 2]>,
-    /// Number of answers without a remark whose 95 % region holds the truth, of how many.
+    /// Number of answers without a remark whose 95 % region holds the truth, and number of all.
     pub(super) unremarked_95: [usize; 2],
     /// The interval of `coverage_interval` for the answers without a remark.
     pub(super) unremarked_interval: Option<[f64; 2]>,
-    /// Number of ellipses by the user's recordings that hold the truth, of how many.
+    /// Number of ellipses by the user's recordings that hold the truth, and number of all.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) in_conformal_ellipses_95: Option<[usize; 2]>,
     /// The interval of `coverage_interval` for these ellipses.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) conformal_ellipse_interval: Option<[f64; 2]>,
-    /// Number of circles by the user's recordings that hold the truth, of how many.
+    /// Number of circles by the user's recordings that hold the truth, and number of all.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) in_conformal_circles_95: Option<[usize; 2]>,
     /// The interval of `coverage_interval` for these circles.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) conformal_circle_interval: Option<[f64; 2]>,
-    /// In how many fixes the estimator that is judged first is nearer than this one.
+    /// Number of fixes in which the estimator judged first is nearer than this one.
     pub(super) first_is_nearer: Option<usize>,
 }
 
@@ -115,7 +115,7 @@ impl Answer {
         }
     }
 
-    /// Records why there is no place.
+    /// Records the reason why there is no place.
     pub(super) fn failed(estimator: &str, reason: String) -> Self {
         Self {
             estimator: estimator.to_owned(),
@@ -238,19 +238,20 @@ impl Held {
         self.inside += usize::from(held);
     }
 
-    /// Returns how many hold the truth, and of how many.
+    /// Returns the number of regions that hold the truth, and of all.
     fn of(&self) -> [usize; 2] {
         [self.inside, self.coverage.count()]
     }
 
-    /// Returns how many hold the truth, and of how many; `None` of none.
+    /// Returns the number of regions that hold the truth, and of all; `None` without regions.
     fn of_any(&self) -> Option<[usize; 2]> {
         Some(self.of()).filter(|[_, count]| *count > 0)
     }
 }
 
-/// Interval of a median: the order statistics between which it lies with 95 %, as the number of
-/// values below it is binomial with a half. `None` for fewer than six values, for which none does.
+/// Returns the interval of a median: the order statistics between which it lies with 95 %, as the
+/// number of values below it is binomial with a half. `None` for fewer than six values, which are
+/// too few.
 fn median_interval(values: &mut [f64]) -> Option<[f64; 2]> {
     values.sort_by(f64::total_cmp);
     // Twice the largest number of values that are below the median with at most 2.5 %.

@@ -6,10 +6,11 @@ use foxhunt::{
 use super::{calibration::Calibration, extraction::Extraction, overrides::Overrides};
 use crate::error::CliError;
 
-/// What a flown hunt has otherwise than its scenario, besides the planner.
+/// Settings that replace a scenario's own, besides the planner.
 #[derive(Debug, clap::Args)]
 pub(super) struct Settings {
-    /// Source that all drones listen with; the scenario's own unless given (`foxhunt list sources`)
+    /// The source that all drones listen with (`foxhunt list sources`) [default: the scenario's
+    /// own]
     #[arg(long, value_name = "NAME")]
     source: Option<String>,
     #[command(flatten)]

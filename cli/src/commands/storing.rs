@@ -14,17 +14,17 @@ use foxhunt::{
 use super::choice;
 use crate::error::CliError;
 
-/// The program as a store knows it: what another version flew is another campaign.
+/// The program's name in a store; runs of another version are another campaign.
 const PROGRAM: &str = concat!("foxhunt ", env!("CARGO_PKG_VERSION"));
 
-/// Where the runs of a campaign are kept, and which part of them is flown here.
+/// Store of a campaign's runs, and the part of them flown here.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "A store of runs")]
 pub(super) struct Storing {
-    /// A file that every run is kept in as it ends; runs that it holds already are not flown again
+    /// Keep every run in this file as it ends; runs that it already holds are not flown again
     #[arg(long, value_name = "FILE", conflicts_with = "hunts_to")]
     store: Option<PathBuf>,
-    /// Keep the log of every hunt, too; runs that are there already get none
+    /// Keep the log of every hunt, too; runs already in the store get no log
     #[arg(long, requires = "store")]
     store_logs: bool,
     /// Fly part K of N of the runs, K from 1, or `auto`: K and N from SLURM, Kubernetes or MPI
@@ -103,7 +103,7 @@ fn create(path: &Path) -> Result<Store, CliError> {
     Store::create(path).map_err(reading)
 }
 
-/// The exit code of a store that went wrong; `scenario` is what was flown.
+/// Returns the error of a store that went wrong; `scenario` was flown.
 pub(super) fn error(error: StoreError, scenario: &str) -> CliError {
     match error {
         StoreError::Simulation(error) => choice::simulation_error(error, scenario),
@@ -134,7 +134,7 @@ fn of_environment(variable: impl Fn(&str) -> Option<String>) -> Result<Shard, Cl
         let Some(given) = variable(number) else { continue };
         let whole = |name: &str, text: &str| {
             text.trim().parse::<u32>().map_err(|_| {
-                CliError::input(format!("--shard auto: {name} is {text:?}, no whole number"))
+                CliError::input(format!("--shard auto: {name} is {text:?}, not a whole number"))
             })
         };
         let missing = || {

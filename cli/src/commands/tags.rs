@@ -12,7 +12,7 @@ use crate::{
     table::{number, table},
 };
 
-/// Give recorded pulses to the tags that sent them
+/// Assign recorded pulses to tags
 ///
 /// Finds the trains of pulses in a list that a detector wrote: known tags of a table by the gaps of
 /// their bursts or by frequency, width and interval, and unknown ones by the interval they show.
@@ -25,23 +25,23 @@ use crate::{
 pub(crate) struct Args {
     /// A list of pulses: CSV with named columns
     pulses: PathBuf,
-    /// A table of known tags: CSV with the columns name, interval_s and at will frequency_hz,
+    /// A table of known tags: CSV with the columns name, interval_s and optionally frequency_hz,
     /// width_s, gaps_ms, other_interval_s; or one of SensorGnome
     #[arg(long, value_name = "FILE")]
     tags: Option<PathBuf>,
     /// Print each pulse with the names of its tags, as CSV
     #[arg(long)]
     csv: bool,
-    /// The shortest and the longest interval of unknown tags, in seconds
+    /// The shortest and the longest interval of unknown tags, in seconds [default: 0.2,5]
     #[arg(long, value_name = "FROM,TO", value_parser = from_to)]
     intervals_s: Option<[f64; 2]>,
-    /// How far an interval may be off that of the table, as a share of it
+    /// The tolerance of intervals, as a share of the table's [default: 0.01]
     #[arg(long, value_name = "SHARE")]
     interval_tolerance: Option<f64>,
-    /// The standard deviation of a pulse's measured frequency, in hertz
+    /// The standard deviation of a pulse's measured frequency, in hertz [default: 30]
     #[arg(long, value_name = "HZ")]
     frequency_sigma_hz: Option<f64>,
-    /// How far a carrier may be off the table's frequency, in hertz, one standard deviation
+    /// The standard deviation of carriers about the table's frequencies, in hertz [default: 100]
     #[arg(long, value_name = "HZ")]
     frequency_tolerance_hz: Option<f64>,
 }

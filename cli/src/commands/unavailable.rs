@@ -3,7 +3,7 @@ use crate::{error::CliError, hints};
 /// The arguments of a command that is not in this build: anything.
 #[derive(Debug, clap::Args)]
 pub(crate) struct AnyArguments {
-    /// Whatever the command takes.
+    /// Arguments of the command.
     #[arg(
         trailing_var_arg = true,
         allow_hyphen_values = true,

@@ -29,11 +29,11 @@ pub(super) struct Exports {
     /// .geojson, .kml, .gpx, .csv, .cot (Cursor on Target) or .mcap; may be given several times
     #[arg(long = "export", value_name = "FILE")]
     exported: Vec<PathBuf>,
-    /// Where the zero of local metres is on Earth (WGS84), for --export and for the map of --tiles,
-    /// where that is not known
+    /// The place of the local origin on Earth (WGS84), for --export and the map of --tiles, if it
+    /// is not known
     #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true)]
     origin: Option<LatLon>,
-    /// The UTC of the time 0, for --export, where that is not known
+    /// The UTC of the time 0, for --export, if it is not known
     #[arg(long, value_name = "YYYY-MM-DDTHH:MM:SS", value_parser = utc, requires = "exported")]
     start_utc: Option<f64>,
 }
@@ -41,14 +41,14 @@ pub(super) struct Exports {
 /// A page and files for other programs.
 #[derive(Debug, clap::Args)]
 pub(super) struct Views {
-    /// Write a page that shows it in any browser: one file, without a network
+    /// Write a page for any browser: one file, without a network
     #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
     #[command(flatten)]
     exports: Exports,
 }
 
-/// UTC as the command line has it.
+/// Parses a time in UTC.
 fn utc(text: &str) -> Result<f64, &'static str> {
     utc_seconds(text).ok_or("it must be YYYY-MM-DDTHH:MM:SS")
 }
@@ -66,7 +66,7 @@ impl Exports {
     /// `on_map` is true if something else than exports needs the origin.
     pub(super) fn check(&self, on_map: bool) -> Result<(), CliError> {
         if self.origin.is_some() && self.exported.is_empty() && !on_map {
-            return Err(CliError::input("--origin: of use with --export or --tiles alone"));
+            return Err(CliError::input("--origin: only for --export or --tiles"));
         }
         for file in &self.exported {
             Format::of_file(file).map_err(|error| CliError::input(format!("--export: {error}")))?;
@@ -80,8 +80,8 @@ impl Exports {
         self.origin.map(|origin| origin.frame().origin())
     }
 
-    /// Refuses formats that need more than will be known, before any work is done: where the zero
-    /// of local metres is, and when the beginning was.
+    /// Refuses formats that need an origin of local metres or a start in UTC that will be unknown,
+    /// before any work is done.
     pub(super) fn check_known(&self, origin: bool, start: bool) -> Result<(), CliError> {
         for file in &self.exported {
             let format = Format::of_file(file).and_then(|format| {
@@ -135,13 +135,12 @@ impl Views {
         self.exports.check(false)
     }
 
-    /// Refuses formats that need more than is known: where the zero of local metres is, and when
-    /// the beginning was.
+    /// Refuses formats that need an origin of local metres or a start in UTC that is unknown.
     pub(super) fn check_known(&self, origin: bool, start: bool) -> Result<(), CliError> {
         self.exports.check_known(origin, start)
     }
 
-    /// Writes what was wanted.
+    /// Writes the requested page and files.
     pub(super) fn write(
         &self,
         overview: &Overview,

@@ -34,7 +34,7 @@ fn a_node_names_what_is_missing() {
     foxhunt(with(&missing)).failed(2, &["none.key"]);
     foxhunt(with(&["none.toml", "--over", "mqtt", "--unsigned"])).failed(2, &["none.toml"]);
     let port = ["--simulate", "pritzl-6.1", "--over", "mqtt", "--unsigned", "--broker", "h:x"];
-    foxhunt(with(&port)).failed(2, &["\"x\" is no port"]);
+    foxhunt(with(&port)).failed(2, &["\"x\" is not a port"]);
 }
 
 #[test]

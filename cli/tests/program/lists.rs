@@ -1,4 +1,4 @@
-//! Lists of what has a name.
+//! `list`: names and descriptions.
 
 use serde_json::Value;
 

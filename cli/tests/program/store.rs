@@ -98,7 +98,7 @@ fn kill_and_go_on(name: &str, runs: &str, kills: usize) {
         peaks_kib.push(killed.unwrap_or_else(|| panic!("it had ended before line {lines}")));
         // Whatever is there is whole: it can be read, and has no half of a run.
         let held = foxhunt(["--json".as_ref(), "results".as_ref(), store.as_os_str()]);
-        let none_yet = held.code == 2 && held.stderr.contains("nothing that fits");
+        let none_yet = held.code == 2 && held.stderr.contains("no runs fit");
         assert!(held.code == 0 || none_yet, "{held:?}");
     }
     let (resumed, peak) = watched(&stored);
@@ -233,10 +233,9 @@ fn results_are_shown_compared_and_written() {
     assert!(replayed["compared"].as_u64() > Some(0), "{replayed}");
     results(&chosen[2..]).failed(2, &["2 contenders", "ukf-pritzl2018@"]);
 
-    for (args, texts) in [
-        (&["--seeds", "5..2"][..], &["A..B"][..]),
-        (&["--planner", "orbit"], &["nothing that fits"]),
-    ] {
+    for (args, texts) in
+        [(&["--seeds", "5..2"][..], &["A..B"][..]), (&["--planner", "orbit"], &["no runs fit"])]
+    {
         results(args).failed(2, texts);
     }
     foxhunt(["results"]).failed(2, &["FILE"]);

@@ -1,4 +1,4 @@
-//! `tags`: pulses given to the tags that sent them.
+//! `tags`: pulses assigned to tags.
 
 use std::fmt::Write as _;
 

@@ -24,7 +24,7 @@ pub(super) struct Args {
     scenario: String,
     #[command(flatten)]
     runs: Runs,
-    /// An estimator, again for each more; the scenario's own unless given
+    /// An estimator; may be repeated [default: the scenario's own]
     #[arg(long, value_name = "NAME")]
     estimator: Vec<String>,
     #[command(flatten)]

@@ -20,7 +20,7 @@ pub(super) struct Args {
     trial: String,
     #[command(flatten)]
     runs: Runs,
-    /// An estimator, again for each more; the trial's own unless given
+    /// An estimator; may be repeated [default: the trial's own]
     #[arg(long, value_name = "NAME")]
     estimator: Vec<String>,
 }

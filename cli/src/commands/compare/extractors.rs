@@ -22,27 +22,27 @@ use crate::{
                         foxhunt compare extractors bearing-reflector --runs 2000 \
                         --antenna panel.msi")]
 pub(super) struct Args {
-    /// What is wrong with the turns (`foxhunt list cases` describes them)
+    /// The case that turns are drawn from (`foxhunt list cases` describes them)
     #[arg(default_value = DEFAULT_CASE, value_parser = bearing_cases().map(|case| case.name))]
     case: String,
     #[command(flatten)]
     runs: Runs,
-    /// An extractor, again for each more; all of them unless given
+    /// An extractor; may be repeated [default: all]
     #[arg(long, value_name = "NAME")]
     extractor: Vec<String>,
-    /// The antenna of the turns, which those extractors are given that take one: reference-patch,
-    /// isotropic, dipole, cardioid, patch, yagi, or a file (msi, pln, csv)
+    /// The antenna of the turns, also for extractors that take one: reference-patch, isotropic,
+    /// dipole, cardioid, patch, yagi, or a file (msi, pln, csv)
     #[arg(long, value_name = "NAME|FILE")]
     antenna: Option<String>,
 }
 
-/// The case that is drawn unless one is named.
+/// Default case.
 const DEFAULT_CASE: &str = "bearing-clean";
 
 pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     let case: BearingCase = bearing_case_named(&args.case)
-        .ok_or_else(|| CliError::input(format!("{:?} is no case", args.case)))?;
+        .ok_or_else(|| CliError::input(format!("{:?} is not a case", args.case)))?;
     let extractors: Vec<ExtractorEntry> = if args.extractor.is_empty() {
         registry.extractors().to_vec()
     } else {

@@ -10,7 +10,7 @@ use crate::{context::Context, error::CliError};
 /// Compare estimators, extractors, antennas or planners
 ///
 /// Runs every contender on the same seeds. `foxhunt campaign` compares estimators in flown hunts;
-/// `compare estimators` does on drawn bearings, which is much faster.
+/// `compare estimators` uses drawn bearings, which is much faster.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
                         foxhunt compare estimators isaacs-static --runs 1000\n  \
@@ -22,7 +22,7 @@ pub(crate) struct Args {
     what: What,
 }
 
-/// What is compared.
+/// Kind of contenders.
 #[derive(Debug, clap::Subcommand)]
 enum What {
     Estimators(estimators::Args),

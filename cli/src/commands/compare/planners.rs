@@ -17,8 +17,7 @@ use crate::{
 /// Compare planners in flown hunts
 ///
 /// Flies every scenario with every planner, and compares each planner with the reference's, run by
-/// run: how long until the 95 % ellipse's semi-major axis is below 3 m, how far the drones fly, how
-/// large the errors are.
+/// run: the time until the 95 % ellipse's semi-major axis is below 3 m, the path and the errors.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt compare planners --runs 100 --estimator grid\n  \
                         foxhunt compare planners far-start --runs 100 --planner information \
@@ -29,10 +28,10 @@ pub(super) struct Args {
     scenarios: Vec<String>,
     #[command(flatten)]
     runs: Runs,
-    /// A planner that is compared with pritzl2018, again for each more; all of them unless given
+    /// A planner to compare with pritzl2018; may be repeated [default: all]
     #[arg(long, value_name = "NAME")]
     planner: Vec<String>,
-    /// The estimator; each scenario's own unless given
+    /// The estimator [default: each scenario's own]
     #[arg(long, value_name = "NAME")]
     estimator: Option<String>,
     /// Print two tables in Markdown, for documents: their rows are as wide as they need

@@ -36,7 +36,7 @@ pub(crate) struct Args {
     device: Device,
 }
 
-/// What is emulated.
+/// Emulated device.
 #[derive(Debug, clap::Subcommand)]
 enum Device {
     Xbee(xbee::Args),
@@ -47,11 +47,11 @@ enum Device {
     Field(field::Args),
 }
 
-/// The farthest that a field's time falls behind, in seconds of the wall: on a busy computer it
-/// runs slower, rather than past the heartbeats of whoever flies in it.
+/// Maximum lag of a field's time behind the wall clock, in seconds. On a busy computer the field
+/// then runs slower, so that its clients miss no heartbeats.
 const MOST_BEHIND_S: f64 = 0.1;
 
-/// A device in the result, as JSON has it.
+/// A device in the JSON result.
 #[derive(Serialize)]
 struct Announced<'a> {
     device: &'static str,

@@ -12,22 +12,22 @@ use crate::error::CliError;
 /// The arguments of all emulated devices.
 #[derive(Debug, clap::Args)]
 pub(super) struct Field {
-    /// The field that it works in: a built-in scenario or a TOML file
+    /// The field of the device: a built-in scenario or a TOML file
     #[arg(long, value_name = "SCENARIO", default_value = DEFAULT_SCENARIO)]
     pub(super) scenario: String,
-    /// Which of the scenario's drones carries it, counted from 0
+    /// The scenario's drone that carries it, counted from 0
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) drone: usize,
-    /// The seed of everything that is drawn at random
+    /// The seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(super) seed: u64,
-    /// How much faster than the clock on the wall the device's time runs, for programs that know it
+    /// The speed of the device's time relative to the wall clock, for programs that know it
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = positive)]
     pub(super) speed: f64,
-    /// End after so many seconds of the field's time
+    /// End after this time of the field, in seconds
     #[arg(long = "for", value_name = "S", value_parser = positive)]
     pub(super) duration_s: Option<f64>,
-    /// Where to put a symbolic link to the serial port; what is there is replaced if it is a link
+    /// A symbolic link to the serial port; an existing link is replaced
     #[arg(long, value_name = "PATH")]
     pub(super) link: Option<PathBuf>,
 }
@@ -41,7 +41,8 @@ pub(super) struct Placed {
     pub(super) emulator: Box<dyn Emulator>,
 }
 
-/// Links to the pseudo-terminal of a device where one is given; what names it then.
+/// Links to the pseudo-terminal of a device if a link is given; returns the link's name, or else
+/// the port's.
 pub(super) fn linked(port: &Path, link: Option<&Path>) -> Result<String, CliError> {
     let Some(link) = link else { return Ok(port.display().to_string()) };
     let replaced = match fs::symlink_metadata(link) {

@@ -17,14 +17,14 @@ use crate::{
     output::warn,
 };
 
-/// All devices of all drones, and the flight that meets them
+/// All devices of all drones, and a flight's file for them
 ///
-/// Writes a flight's file that `foxhunt fly` takes, with every port where the devices are.
+/// Writes a flight's file for `foxhunt fly`, with the port of every device.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     #[command(flatten)]
     pub(super) field: Field,
-    /// The flight's file that is written
+    /// The flight's file to write
     #[arg(long, value_name = "FILE", default_value = "out/field.toml")]
     config: PathBuf,
     /// A TOML file with the faults and their times (docs/flying.md)

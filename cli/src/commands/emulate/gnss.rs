@@ -19,14 +19,14 @@ pub(super) struct Args {
     /// The protocol
     #[arg(long, value_enum, default_value_t = Kind::Nmea)]
     kind: Kind,
-    /// Where gpsd listens
+    /// The address at which gpsd listens
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:2947")]
     listen: String,
-    /// Where the field's zero is on Earth: degrees North, degrees East, metres above the ellipsoid
+    /// The place of the field's zero: degrees North, degrees East, metres above the ellipsoid
     #[arg(long, value_name = "LAT,LON,ALT", value_parser = place_on_earth,
         allow_hyphen_values = true, default_value = "50.1,14.5,250")]
     origin: Geodetic,
-    /// What its fix rests on; its errors are as large as that has them
+    /// The quality of its fix, which sets the size of its errors
     #[arg(long, value_enum, default_value_t = Quality::Autonomous)]
     quality: Quality,
     /// The number of fixes per second

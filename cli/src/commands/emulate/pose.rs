@@ -9,15 +9,15 @@ use foxhunt::{
 use super::device::{Field, Placed};
 use crate::error::CliError;
 
-/// Where a drone is that another program flies.
+/// Place of a drone that another program flies.
 #[derive(Debug, clap::Args)]
 pub(super) struct Pose {
-    /// Go where the telemetry of a vehicle has it, such as an autopilot's own simulator: MAVLink
-    /// that comes in here, such as udpin:127.0.0.1:14551; nothing is sent back
+    /// Follow the telemetry of a vehicle, such as an autopilot's own simulator: MAVLink received at
+    /// this endpoint, such as udpin:127.0.0.1:14551; nothing is sent back
     #[arg(long = "pose", value_name = "ENDPOINT")]
     from: Option<Endpoint>,
-    /// Where the field's zero is, in degrees North and East [default: where the vehicle first has
-    /// a good position]
+    /// The place of the field's zero, in degrees North and East [default: the vehicle's first good
+    /// position]
     #[arg(long, value_name = "LAT,LON", value_parser = origin, requires = "from",
         allow_hyphen_values = true)]
     origin: Option<MavlinkOrigin>,
@@ -28,7 +28,7 @@ pub(super) struct Pose {
 
 fn origin(text: &str) -> Result<MavlinkOrigin, String> {
     let (lat, lon) = text.split_once(',').ok_or("two numbers, such as -35.363262,149.165237")?;
-    let number = |text: &str| text.trim().parse().map_err(|_| format!("{text:?} is no number"));
+    let number = |text: &str| text.trim().parse().map_err(|_| format!("{text:?} is not a number"));
     let lat_deg = number(lat)?;
     let lon_deg = number(lon)?;
     Geodetic::new(lat_deg, lon_deg, 0.0).map_err(|error| error.to_string())?;
@@ -36,7 +36,7 @@ fn origin(text: &str) -> Result<MavlinkOrigin, String> {
 }
 
 impl Pose {
-    /// The vehicle that the device goes with, if it does.
+    /// Returns the vehicle that carries the device, if there is one.
     pub(super) fn place(&self, field: &Field, world: &World) -> Result<Option<Placed>, CliError> {
         let Some(from) = &self.from else { return Ok(None) };
         if field.speed.to_bits() != 1.0_f64.to_bits() {

@@ -19,8 +19,8 @@ use crate::error::{CliError, InFile};
 /// An RTL-SDR behind `rtl_tcp`, with everything that is on air
 ///
 /// Serves samples at a TCP port as `rtl_tcp` does: the pulses of the scenario's tags with the power
-/// that the drone's antenna receives, noise, and interferers. With --to it writes them into a file
-/// instead, quicker than they would come.
+/// that the drone's antenna receives, noise, and interferers. With --to it writes them to a file
+/// instead, faster than real time.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt emulate rtl-tcp --scenario vhf-tag\n  \
                         foxhunt emulate rtl-tcp --scenario vhf-tag --to tag.cu8 --for 30\n  \
@@ -31,17 +31,18 @@ pub(super) struct Args {
     pub(super) field: Field,
     #[command(flatten)]
     pub(super) pose: Pose,
-    /// Where it listens
+    /// The address at which it listens
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:1234")]
     listen: String,
     /// A TOML file with the receiver's noise and oscillator, drift, interferers
     /// (docs/devices/receivers.md)
     #[arg(long, value_name = "FILE")]
     receiver: Option<PathBuf>,
-    /// Write what is sent of each tag to this file, as CSV: the truth that a detector has to find
+    /// Write the pulses of each tag to this file as CSV: the truth for a detector
     #[arg(long, value_name = "FILE")]
     pub(super) pulses: Option<PathBuf>,
-    /// Write samples to this file and serve nobody: .cu8, or .sigmf-meta with .sigmf-data beside it
+    /// Write samples to this file instead of serving clients: .cu8, or .sigmf-meta with .sigmf-data
+    /// beside it
     #[arg(long, value_name = "FILE", requires = "duration_s",
         conflicts_with_all = ["listen", "from"])]
     to: Option<PathBuf>,
@@ -49,10 +50,10 @@ pub(super) struct Args {
     #[arg(long, value_name = "HZ", default_value_t = 250_000, requires = "to",
         value_parser = clap::value_parser!(u32).range(1..=4_000_000))]
     pub(super) rate_hz: u32,
-    /// The frequency in the middle of the file's band [default: 20 kHz below the first beacon]
+    /// The centre frequency of the file, in hertz [default: 20 kHz below the first beacon]
     #[arg(long, value_name = "HZ", requires = "to", value_parser = hertz)]
     pub(super) center_hz: Option<u32>,
-    /// The gain with which the file is sampled, in dB
+    /// The gain of the file's samples, in dB
     #[arg(
         long,
         value_name = "DB",
@@ -87,7 +88,7 @@ impl Args {
     }
 }
 
-/// The list of what is sent.
+/// List of the sent pulses.
 #[derive(Debug)]
 pub(super) struct PulseList {
     path: PathBuf,
@@ -129,7 +130,7 @@ impl PulseList {
     }
 }
 
-/// A server that keeps the list of what is sent.
+/// Server that writes the list of the sent pulses.
 struct Listed {
     server: EmulatedRtlTcp<TcpServerStream>,
     list: Option<PulseList>,

@@ -113,7 +113,7 @@ fn data_file(to: &Path) -> Result<PathBuf, CliError> {
         Some("cu8" | "bin") => Ok(to.to_owned()),
         Some("sigmf-meta") => Ok(to.with_extension("sigmf-data")),
         _ => {
-            let text = format!("--to {}: its extension is none of cu8, sigmf-meta", to.display());
+            let text = format!("--to {}: its extension must be cu8 or sigmf-meta", to.display());
             Err(CliError::input(text))
         }
     }

@@ -17,10 +17,10 @@ pub(super) struct Args {
     pub(super) field: Field,
     #[command(flatten)]
     pub(super) pose: Pose,
-    /// The play of its gear in degrees
+    /// The backlash of its gear, in degrees
     #[arg(long, value_name = "DEG", default_value_t = 3.0)]
     backlash_deg: f64,
-    /// Where the antenna looks at the beginning, in degrees counter-clockwise from the nose
+    /// The initial direction of the antenna, in degrees counter-clockwise from the nose
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true)]
     start_deg: f64,
     /// The Arduino's pin of a home switch, which opens at the nose and closes 8 degrees before it

@@ -15,20 +15,19 @@ use crate::error::CliError;
 
 /// An autopilot that speaks MAVLink: ArduCopter, or PX4
 ///
-/// Speaks to a UDP port of this machine, as the autopilots' own simulators do. Its drone begins on
+/// Sends to a UDP port of this machine, as the autopilots' own simulators do. Its drone begins on
 /// the ground.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     #[command(flatten)]
     pub(super) field: Field,
-    /// The UDP port of this machine that it speaks to; 14550, and 10 more for every drone, unless
-    /// given
+    /// The UDP port of this machine that it sends to [default: 14550, and 10 more for every drone]
     #[arg(long, value_name = "PORT")]
     port: Option<u16>,
-    /// Behave as PX4 does, not as ArduCopter
+    /// Behave like PX4, not like ArduCopter
     #[arg(long)]
     px4: bool,
-    /// Its system number; 1 for drone 0, unless given
+    /// Its system number [default: 1 plus the drone's number]
     #[arg(long, value_name = "N")]
     system_id: Option<u8>,
     /// The latitude of the field's origin, in degrees

@@ -21,12 +21,12 @@ pub(super) struct Args {
     /// Its API mode (AP): 0 transparent, 1 plain frames, 2 escaped frames
     #[arg(long, value_name = "AP", default_value_t = 1, value_parser = clap::value_parser!(u8).range(0..=2))]
     api: u8,
-    /// What its firmware speaks
+    /// The protocol of its firmware
     #[arg(long, value_enum, default_value_t = Firmware::Zigbee)]
     firmware: Firmware,
 }
 
-/// What a firmware speaks.
+/// Protocol of a firmware.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Firmware {
     Zigbee,

@@ -19,9 +19,9 @@ use crate::error::CliError;
 pub(super) enum Came {
     /// Samples, the first of which has this index.
     Samples(u64),
-    /// None at present.
+    /// No samples at present.
     Nothing,
-    /// There are no more.
+    /// End of the samples.
     End,
 }
 
@@ -62,7 +62,7 @@ pub(super) trait Input {
 
     fn losses(&self) -> Losses;
 
-    /// Takes the news about it, if there are any.
+    /// Takes news about the source, if there is any.
     fn news(&mut self) -> Option<String> {
         None
     }
@@ -78,7 +78,7 @@ pub(super) fn open(args: &Args) -> Result<Box<dyn Input>, CliError> {
     }
     for (given, flag) in [(args.gain_db.is_some(), "--gain-db"), (args.ppm.is_some(), "--ppm")] {
         if given {
-            let text = format!("{flag}: only receivers are set, those of tcp: and soapy:");
+            let text = format!("{flag}: only for receivers, tcp: and soapy:");
             return Err(CliError::input(text));
         }
     }
@@ -101,7 +101,7 @@ struct Recorded {
     rate_hz: f64,
     center_hz: Option<f64>,
     rounding_noise: f64,
-    /// Until the file's first sample is in, nothing is lost.
+    /// Index after the last sample; before the first one nothing counts as lost.
     next: Option<u64>,
     losses: Losses,
     chunks: Receiver<Chunk>,
@@ -171,7 +171,7 @@ mod live {
     use super::{Args, CliError, Input};
 
     pub(super) fn open(args: &Args) -> Result<Box<dyn Input>, CliError> {
-        let text = "this build has no drivers; one with the feature hardware has them";
+        let text = "it needs a build with the feature hardware";
         Err(CliError::input(format!("{}: {text}", args.source)))
     }
 }
@@ -208,11 +208,11 @@ mod live {
         fn losses(&self) -> SampleLosses;
     }
 
-    /// Reason why nothing comes.
+    /// Reason why no samples come.
     enum Failure {
-        /// It may come again.
+        /// Passing failure: samples may come again.
         Passing(String),
-        /// It never will.
+        /// Final failure: no samples will come.
         Final(CliError),
     }
 
@@ -228,10 +228,12 @@ mod live {
     pub(super) fn open(args: &Args) -> Result<Box<dyn Input>, CliError> {
         let search = &args.search;
         if search.format.is_some() {
-            return Err(CliError::input("--format: receivers have their own"));
+            return Err(CliError::input(
+                "--format: only for raw samples; receivers have their own",
+            ));
         }
         let needed = |value: Option<f64>, flag: &str| {
-            value.ok_or_else(|| CliError::input(format!("{flag}: a receiver has to be set to one")))
+            value.ok_or_else(|| CliError::input(format!("{flag}: a receiver needs it")))
         };
         let center_hz = needed(search.center_hz, "--center-hz")?;
         let rate_hz = needed(search.rate_hz, "--rate-hz")?;
@@ -364,7 +366,7 @@ mod live {
             _: [f64; 2],
             _: SystemClock,
         ) -> Result<Box<dyn Input>, CliError> {
-            let text = "this build has no SoapySDR; one with the feature soapy has it";
+            let text = "it needs a build with the feature soapy";
             Err(CliError::input(format!("{}: {text}", args.source)))
         }
     }

@@ -39,7 +39,7 @@ use crate::{
 struct Report {
     source: String,
     rate_hz: f64,
-    /// Without it frequencies are about the middle of the band.
+    /// Centre frequency; without it frequencies are about the middle of the band.
     center_hz: Option<f64>,
     /// Searched time without gaps, in seconds.
     searched_s: f64,
@@ -51,7 +51,7 @@ struct Report {
     false_alarms_per_hour: f64,
     lost: Losses,
     tags: Vec<TagRow>,
-    /// Pulses that were given to no tag.
+    /// Number of pulses of no tag.
     others: usize,
     pulses: Vec<Detection>,
 }
@@ -156,8 +156,8 @@ fn view(args: &Args, input: &dyn Input, output: Output<'_>) -> Result<View, CliE
     Ok(View::Screen(Box::new(screen.calibrated(is_calibrated))))
 }
 
-/// Ctrl-C ends it, so that the table is printed and the terminal is as it was; unless it is the
-/// matter of another program.
+/// Handles Ctrl-C, so that the table is printed and the terminal restored; does nothing inside
+/// another program.
 fn stop_on_interrupt(output: Output<'_>) -> Result<Arc<AtomicBool>, CliError> {
     let stop = Arc::new(AtomicBool::new(false));
     if output.is_kept() {

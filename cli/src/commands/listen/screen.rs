@@ -15,10 +15,10 @@ use super::{
 };
 use crate::error::CliError;
 
-/// From one row of the waterfall to the next, in seconds.
+/// Time between two rows of the waterfall, in seconds.
 pub(super) const ROW_S: f64 = 0.25;
 
-/// From one picture to the next.
+/// Time between two pictures.
 const EVERY: Duration = Duration::from_millis(200);
 
 /// Colours of a terminal with 256 of them, from noise to a strong pulse.
@@ -42,7 +42,7 @@ const TABLE_LINES: usize = 4;
 pub(super) struct Screen {
     term: Term,
     title: String,
-    /// The frequencies at the left end and the right, where the centre is known absolute.
+    /// Frequencies at the left and the right end, if the absolute centre is known.
     ends_hz: [f64; 2],
     is_calibrated: bool,
     colours: bool,
@@ -77,7 +77,7 @@ impl Screen {
         Ok(screen)
     }
 
-    /// Levels are in dBm.
+    /// Sets whether levels are in dBm.
     pub(super) fn calibrated(mut self, is_calibrated: bool) -> Self {
         self.is_calibrated = is_calibrated;
         self

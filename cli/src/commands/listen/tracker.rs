@@ -9,7 +9,7 @@ use crate::{
     table::{number, table},
 };
 
-/// From one association to the next, in seconds of the samples.
+/// Time between two associations, in seconds of the samples.
 const EVERY_S: f64 = 2.0;
 
 /// Pulses are associated again while they are no older than this, in seconds, and no more than
@@ -53,7 +53,7 @@ pub(super) struct Tracker {
     config: AssociationConfig,
     /// Pulses that are associated, in the order of their times.
     pulses: Vec<Pulse>,
-    /// Number of pulses left behind.
+    /// Number of pulses no longer associated.
     older: usize,
     /// True if pulses have come since the last association.
     is_stale: bool,
@@ -113,7 +113,7 @@ impl Tracker {
         all.saturating_sub(self.rows.iter().map(|row| row.pulses).sum())
     }
 
-    /// Leaves pulses behind that are older or too many.
+    /// Stops associating pulses that are older or too many.
     fn forget(&mut self, before_s: f64) {
         let old = self.pulses.partition_point(|pulse| pulse.time_s < before_s);
         let old = old.max(self.pulses.len().saturating_sub(MOST_PULSES));
@@ -126,7 +126,7 @@ impl Tracker {
         }
     }
 
-    /// Gives the pulses to their tags.
+    /// Assigns the pulses to their tags.
     pub(super) fn associate(&mut self) {
         self.is_stale = false;
         // A configuration that cannot be was refused before; a list that cannot be has no tags.
@@ -178,7 +178,7 @@ impl Tracker {
         }
     }
 
-    /// The row of a tag: by its name, or by frequency and interval where it has none.
+    /// Returns the row of a tag, by its name or else by frequency and interval.
     fn row_of(&mut self, tag: &Tag, taken: &[usize]) -> usize {
         let known = !tag.names.is_empty();
         let named = known.then(|| name(tag, 0));

@@ -19,7 +19,7 @@ use foxhunt::{
 use super::{LivePlan, Shown, server, shared::Shared};
 use crate::{commands::views::Antennas, error::CliError, output::warn};
 
-/// Maximum number of places for one belief: a long hunt is sent as a whole to who joins late.
+/// Maximum number of places for one belief: a long hunt is sent as a whole to late browsers.
 const PLACES: u32 = 500;
 
 /// Time for browsers to take the last news before the program ends.
@@ -33,14 +33,14 @@ enum Happening {
 
 /// A hunt that is shown while it goes on.
 pub(in crate::commands) struct LiveView {
-    /// None once the hunt is over.
+    /// Sender of turns and events; `None` once the hunt is over.
     happenings: Option<Sender<Happening>>,
     shared: Arc<Shared>,
     until_done: bool,
     address: String,
     /// Number of turns that were shown.
     turns: Cell<usize>,
-    /// Ends when the server does.
+    /// Closed when the server ends.
     ended: Receiver<()>,
 }
 
@@ -114,13 +114,13 @@ impl LiveView {
         }
     }
 
-    /// Returns true if somebody who has the token has broken the flight off since the last call.
+    /// Returns true if a viewer with the token has broken the flight off since the last call.
     pub(in crate::commands) fn is_broken_off(&self) -> bool {
         self.shared.take_break_off()
     }
 
-    /// Goes on serving the page of a hunt that is over until `interrupted`, or ends at once where
-    /// that was wanted.
+    /// Serves the page of a hunt that is over until `interrupted`, or ends at once if that was
+    /// requested.
     pub(in crate::commands) fn stay(mut self, interrupted: impl Fn() -> bool) {
         self.happenings = None;
         if self.until_done {
@@ -135,7 +135,7 @@ impl LiveView {
     }
 }
 
-/// Puts together what is new, as long as anything happens.
+/// Adds the news for browsers, as long as anything happens.
 fn follow(
     mut reader: OverviewReader<'_>,
     happened: &Receiver<Happening>,
@@ -164,13 +164,13 @@ fn follow(
     Ok(())
 }
 
-/// A name that another run of the program does not have.
+/// Returns a name that no other run of the program has.
 fn run_name() -> String {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     format!("{:x}", now.as_nanos())
 }
 
-/// Prints where the page is, and what others see of it.
+/// Prints the address of the page, and what others see of it.
 fn announce(shared: &Shared, address: std::net::SocketAddr) {
     let query = if shared.token.is_some() { "?token=…" } else { "" };
     warn(&format!("live view: http://{address}/{query}"));

@@ -32,11 +32,11 @@ use foxhunt::{
 
 use crate::{error::CliError, hints};
 
-/// Whether and where a hunt is shown while it goes on.
+/// Arguments of the live view of a hunt.
 #[derive(Debug, clap::Args)]
 pub(super) struct LiveArgs {
-    /// Show the hunt in browsers while it goes on, at http://127.0.0.1:8017 unless another address
-    /// is given; one that others can reach needs a token
+    /// Show the hunt in browsers while it goes on [default address: 127.0.0.1:8017]; an address
+    /// that others can reach needs a token
     #[arg(
         long,
         value_name = "ADDRESS:PORT",
@@ -45,15 +45,15 @@ pub(super) struct LiveArgs {
         default_missing_value = "127.0.0.1:8017"
     )]
     live: Option<SocketAddr>,
-    /// Who looks at the hunt needs this token; FOXHUNT_LIVE_TOKEN in the environment does the same,
-    /// and is not shown in lists of processes
+    /// A token that viewers need; FOXHUNT_LIVE_TOKEN in the environment does the same, and is not
+    /// shown in lists of processes
     #[arg(long, value_name = "TOKEN", requires = "live")]
     live_token: Option<String>,
     /// End with the hunt; the page is served until Ctrl-C otherwise
     #[arg(long, requires = "live")]
     live_until_done: bool,
-    /// A map below the hunt, of tiles on this computer: a folder with z/x/y.png, an .mbtiles or a
-    /// .pmtiles file of images; the hunt needs an origin in degrees
+    /// A map below the hunt, from tiles on this computer: a folder with z/x/y.png, or an .mbtiles
+    /// or .pmtiles file of images; the hunt needs an origin in degrees
     #[arg(long, value_name = "PATH", requires = "live")]
     tiles: Option<PathBuf>,
 }
@@ -83,7 +83,7 @@ pub(super) struct Shown<'a> {
     pub(super) registry: &'a Registry,
     pub(super) estimator: &'a EstimatorEntry,
     pub(super) extractor: &'a ExtractorConfig,
-    /// True if who has the token may break it off.
+    /// True if viewers with the token may break it off.
     pub(super) orders: bool,
 }
 

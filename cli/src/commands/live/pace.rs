@@ -3,10 +3,10 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// How fast simulated time passes where it is looked at.
+/// Pace of simulated time in the live view.
 #[derive(Debug, clap::Args)]
 pub(in crate::commands) struct PaceArgs {
-    /// With --live: how many simulated seconds pass in one second [default: 20]
+    /// With --live: the simulated seconds that pass in one second [default: 20]
     #[arg(long, value_name = "FACTOR", requires = "live", value_parser = factor)]
     pace: Option<f64>,
 }
@@ -41,7 +41,7 @@ impl Pace {
     }
 }
 
-/// A factor that is above zero.
+/// Parses a positive factor.
 fn factor(text: &str) -> Result<f64, &'static str> {
     let factor = text.parse::<f64>().ok().filter(|factor| factor.is_finite() && *factor > 0.0);
     factor.ok_or("it must be a number above 0")

@@ -64,8 +64,8 @@ fn router(shared: Arc<Shared>) -> Router {
         .with_state(shared)
 }
 
-/// Lets in who may look: everybody on this computer where there is no token, and otherwise who has
-/// it, in the address once and in a cookie from then on.
+/// Admits everybody on this computer if there is no token, and otherwise holders of the token: in
+/// the address once and in a cookie from then on.
 async fn admit(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
     let headers = request.headers();
     let mut response = match &shared.token {
@@ -131,8 +131,8 @@ async fn page(State(shared): State<Arc<Shared>>) -> Html<String> {
     Html(shared.page.clone())
 }
 
-/// A tile of the map; what is no place on it, no image or not there is no content, which browsers
-/// do not report as an error.
+/// Serves a tile of the map. A tile off the map, missing or not an image gives no content, which
+/// browsers do not report as an error.
 async fn tile(
     State(shared): State<Arc<Shared>>,
     Path((zoom, column, row)): Path<(u8, u32, u32)>,
@@ -158,7 +158,7 @@ async fn break_off(State(shared): State<Arc<Shared>>) -> StatusCode {
     StatusCode::ACCEPTED
 }
 
-/// The whole hunt, or what a browser that comes back does not have yet.
+/// Streams the whole hunt, or the part that a returning browser lacks.
 async fn events(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
     if shared.progress.receiver_count() > MOST_BROWSERS {
         return refused(StatusCode::SERVICE_UNAVAILABLE, "too many browsers");
@@ -177,7 +177,7 @@ async fn events(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Respon
     Sse::new(from(shared, begin)).keep_alive(keep_alive).into_response()
 }
 
-/// The news from a number on, as fast as a browser takes them, and the end of the hunt.
+/// Streams the news from a number on, as fast as a browser takes them, and the end of the hunt.
 fn from(shared: Arc<Shared>, begin: usize) -> impl Stream<Item = Result<Event, Infallible>> {
     let progress = shared.progress.subscribe();
     stream::unfold(Some((shared, progress, begin)), |state| async move {

@@ -13,14 +13,14 @@ pub(super) struct Shared {
     pub(super) token: Option<String>,
     pub(super) orders: bool,
     pub(super) tiles: Option<Arc<Tiles>>,
-    /// Name of the run that the numbers of the news belong to: another hunt has others.
+    /// Name of the run that the numbers of the news belong to; another hunt has another name.
     pub(super) run: String,
-    /// Everything that was to be shown since the beginning, in this order. Each browser has its
-    /// place in it, so that none of them is waited for, and who joins late gets all of it.
+    /// All news since the beginning, in order. Each browser has its place in it, so that the hunt
+    /// waits for no browser and late ones get everything.
     news: Mutex<Vec<Arc<str>>>,
-    /// Number of news, and whether they are all.
+    /// Number of news, and if they are complete.
     pub(super) progress: watch::Sender<Progress>,
-    /// True if somebody who has the token breaks the flight off.
+    /// True if a viewer with the token has broken the flight off.
     broken_off: AtomicBool,
 }
 

@@ -10,7 +10,7 @@ use serde::Serialize;
 /// An estimate on Earth and in the local frame.
 #[derive(Debug, Serialize)]
 pub(super) struct Estimated {
-    /// Absent where the recordings are in local metres.
+    /// Latitude; absent if the recordings are in local metres.
     pub(super) lat_deg: Option<f64>,
     pub(super) lon_deg: Option<f64>,
     pub(super) east_m: f64,
@@ -36,7 +36,7 @@ pub(super) struct Found {
     /// Name of the estimator.
     pub(super) method: String,
     pub(super) search: SearchOverview,
-    /// Data with which a page tracks it again, where it is tracked.
+    /// Data with which a page tracks it again, if it is tracked.
     pub(super) tracks: Option<Result<PageLog, NotStrikable>>,
 }
 

@@ -28,14 +28,15 @@ use crate::{
     table::{number, table, text as cell},
 };
 
-/// How a transmitter is tracked.
+/// Settings of tracking.
 #[derive(Debug, clap::Args)]
 pub(super) struct Tracking {
-    /// With --track: how long a time window is, in seconds; what is received in one is of one place
+    /// With --track: the length of a time window in seconds; receptions in one window are of one
+    /// place
     #[arg(long, value_name = "S", default_value_t = 30.0, requires = "track")]
     window_s: f64,
-    /// With --track: over how many seconds shadowing and reflections stay alike; what is received
-    /// within them counts as one reading
+    /// With --track: the time in seconds over which shadowing and reflections stay alike;
+    /// receptions within it count as one reading
     #[arg(long, value_name = "S", default_value_t = 240.0, requires = "track")]
     correlation_s: f64,
     /// With --track: the speeds that the transmitter may have, in m/s
@@ -44,11 +45,11 @@ pub(super) struct Tracking {
     speed_mps: Vec<f64>,
 }
 
-/// A track, as JSON has it.
+/// A track in JSON.
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
     beacon: Option<String>,
-    /// How many receptions were left out by --ignore.
+    /// Number of receptions left out by --ignore.
     ignored: usize,
     places: Vec<Passed>,
     /// The speeds that it may have, in m/s, each with its probability.
@@ -59,10 +60,10 @@ pub(super) struct Report {
     median_error_m: Option<f64>,
     mean_error_m: Option<f64>,
     mean_nees: Option<f64>,
-    /// How many of the ellipses hold the truth, of how many whose truth is known.
+    /// Number of ellipses that hold the truth, and number with a known truth.
     inside_95: Option<[usize; 2]>,
-    /// Where the share of ellipses that hold the truth lies with 95 % (Clopper & Pearson 1934), as
-    /// far as places of different times may be taken for independent.
+    /// 95 % interval of the share of ellipses that hold the truth (Clopper & Pearson 1934), if
+    /// places of different times are independent.
     coverage_interval: Option<[f64; 2]>,
     /// Doubts about the recordings.
     remarks: Vec<Remark>,
@@ -96,7 +97,8 @@ pub(super) fn report(
         correlation_s: tracking.correlation_s,
         speeds_mps: tracking.speed_mps.clone(),
     };
-    let (progress, steps) = (OnceCell::new(), Cell::new(0));
+    let progress = OnceCell::new();
+    let steps = Cell::new(0);
     let watch = |done: usize, most: usize| {
         let count = |count: usize| u64::try_from(count).unwrap_or(u64::MAX);
         let begin = || Progress::new(output, "steps", count(most), true);

@@ -27,20 +27,20 @@ pub(super) struct Args {
     /// The flight: a TOML file (docs/flying.md), the same on all computers
     #[arg(required_unless_present = "simulate", conflicts_with = "simulate")]
     flight: Option<PathBuf>,
-    /// Which drone it is, counted from 0
+    /// The number of the drone, counted from 0
     #[arg(long, value_name = "N")]
     drone: usize,
     /// Fly this drone of a simulated world: a built-in scenario or a TOML file
     #[arg(long, value_name = "SCENARIO")]
     simulate: Option<String>,
-    /// Take the drone if it is in the air already, in the mode that takes orders: after a restart,
-    /// where nobody else flies it
+    /// Take over the drone if it is in the air already, in the mode that takes orders: after a
+    /// restart, if nobody else flies it
     #[arg(long, conflicts_with = "simulate")]
     take_over: bool,
-    /// The seed of everything that the simulated world draws at random
+    /// The seed of the simulated world's random numbers
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Lose so many of the messages that it sends, from 0 to 1, as a rehearsal
+    /// Drop this share of the sent messages, from 0 to 1, as a rehearsal
     #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
     drop: f64,
     #[command(flatten)]
@@ -48,7 +48,7 @@ pub(super) struct Args {
 }
 
 impl Args {
-    /// The link, which loses what it shall.
+    /// Returns the link, with the losses of --drop.
     fn link(&self, clock: impl Clock + 'static) -> Result<Box<dyn DroneLink>, CliError> {
         let link = self.shared.drone(self.drone)?;
         let impairment = Impairment { loss: self.drop, ..Impairment::default() };
@@ -63,7 +63,7 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         (None, Some(file)) => {
             fly(args, &FlightConfig::read(file).map_err(CliError::input)?, context)
         }
-        (None, None) => Err(CliError::input("neither a flight's file nor --simulate")),
+        (None, None) => Err(CliError::input("give a flight's file or --simulate")),
     }
 }
 

@@ -52,7 +52,8 @@ impl Field {
         matches!(self, Self::Flown(_))
     }
 
-    /// The estimator of the command line, or else its own; `file` is where that stands.
+    /// Returns the estimator of the command line, or else the field's own; `file` names the field's
+    /// file.
     pub(super) fn estimator<'a>(
         &self,
         registry: &'a Registry,

@@ -55,13 +55,13 @@ pub(super) struct Args {
     /// The seed of estimators that draw random numbers
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// The estimator; the scenario's own unless given
+    /// The estimator [default: the scenario's own]
     #[arg(long, value_name = "NAME")]
     estimator: Option<String>,
-    /// Where the log is written to
+    /// The file of the log
     #[arg(long, value_name = "FILE", default_value = "out/hunt.jsonl")]
     log: PathBuf,
-    /// Go on from the log if it is there
+    /// Resume from the log if it exists
     #[arg(long)]
     resume: bool,
     #[command(flatten)]
@@ -93,8 +93,8 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let confirms = field.is_flown() && !args.yes;
     if confirms && !io::stdin().is_terminal() {
         return Err(CliError::input(
-            "standard input is no terminal, so that nobody can confirm the take-off; --yes takes \
-             off at once",
+            "standard input is not a terminal, so the take-off cannot be confirmed; use --yes to \
+             take off without asking",
         ));
     }
     let live = args.live.plan()?;
@@ -188,7 +188,7 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     }
 }
 
-/// Conditions waited for before the hunt begins, each reported once.
+/// Conditions that the hunt waits for, each reported once.
 #[derive(Default)]
 struct Waiting {
     text: String,

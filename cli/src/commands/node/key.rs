@@ -7,11 +7,11 @@ use crate::{error::CliError, output::Output};
 
 /// Make the key that all nodes of a team share
 ///
-/// Copy the file to every computer over a channel that you trust, such as scp. Whoever has it can
-/// fly the drones. Only its owner may read it.
+/// Copy the file to every computer over a channel that you trust, such as scp. Anyone who has it
+/// can fly the drones. Only its owner may read it.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// The file; one that is there is not overwritten
+    /// The file to write; an existing one is refused
     file: PathBuf,
 }
 
@@ -28,7 +28,7 @@ pub(super) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     output.result(&Made { key: &made }, |made| format!("key: {}", made.key))
 }
 
-/// The exit code of a key that cannot be had.
+/// Returns the error of a key that cannot be made or read.
 pub(super) fn key_error(error: KeyError) -> CliError {
     match error {
         KeyError::Random(_) => CliError::failure(error),

@@ -25,26 +25,26 @@ impl NodeLog {
         Self { path: path.to_owned(), writer: None, header, events: Vec::new() }
     }
 
-    /// The log that is there, if there is one; without `resume` there must be none.
+    /// Reads the log, if it exists; without `resume` it must not exist.
     pub(super) fn read(path: &Path, resume: bool) -> Result<Option<Log>, CliError> {
         match fs::metadata(path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
             Ok(_) if !resume => Err(CliError::input(format!(
-                "{} is there: go on from it with --resume, or name another one with --log",
+                "{} exists: resume it with --resume, or name another one with --log",
                 path.display()
             ))),
             _ => Log::read(path).map(Some).map_err(CliError::input),
         }
     }
 
-    /// Goes on behind a log that was read.
+    /// Appends to a log that was read.
     pub(super) fn append(path: &Path, log: Log) -> Result<Self, CliError> {
         let writer = LogWriter::append(path).map_err(|error| CliError::writing(path, error))?;
         let Log { header, events, .. } = log;
         Ok(Self { path: path.to_owned(), writer: Some(writer), header, events })
     }
 
-    /// Writes an event down.
+    /// Writes an event.
     pub(super) fn event(&mut self, event: Event) -> Result<(), CliError> {
         self.write(&event).map_err(|error| CliError::writing(&self.path, error))?;
         self.events.push(event);

@@ -29,7 +29,7 @@ pub(crate) struct Args {
     node: Node,
 }
 
-/// Which part.
+/// Part of a hunt.
 #[derive(Debug, clap::Subcommand)]
 enum Node {
     Drone(drone::Args),

@@ -32,28 +32,27 @@ pub(super) struct Shared {
     /// The key of the team (foxhunt node key), with which messages are signed
     #[arg(long, value_name = "FILE", required_unless_present = "unsigned")]
     key: Option<PathBuf>,
-    /// Sign nothing, and follow whoever sends: in a network that nobody else can reach
+    /// Sign nothing, and trust every sender: only in a network that nobody else can reach
     #[arg(long, conflicts_with = "key")]
     unsigned: bool,
-    /// The MQTT broker; port 1883 unless given
+    /// The MQTT broker; port 1883 if none is given
     #[arg(long, value_name = "HOST[:PORT]", default_value = "localhost", value_parser = broker)]
     broker: (String, u16),
-    /// The name at the MQTT broker, where it wants one; the password is $FOXHUNT_MQTT_PASSWORD
+    /// The user name at the MQTT broker, if it needs one; the password is $FOXHUNT_MQTT_PASSWORD
     #[arg(long, value_name = "NAME")]
     broker_user: Option<String>,
-    /// What MQTT topics begin with: teams that share a broker have different ones
+    /// The prefix of MQTT topics; teams that share a broker need different ones
     #[arg(long, value_name = "PREFIX", default_value = "foxhunt")]
     topics: String,
     #[cfg(feature = "ros2")]
-    /// The DDS domain of ROS 2; $ROS_DOMAIN_ID, or else 0, unless given
+    /// The DDS domain of ROS 2 [default: $ROS_DOMAIN_ID, or else 0]
     #[arg(long, value_name = "N")]
     domain_id: Option<u16>,
     #[cfg(feature = "ros1")]
-    /// The master of ROS 1; $ROS_MASTER_URI, or else http://localhost:11311, unless given
+    /// The master of ROS 1 [default: $ROS_MASTER_URI, or else http://localhost:11311]
     #[arg(long, value_name = "URI")]
     master: Option<String>,
-    /// How much faster than the clock on the wall the time of a simulated hunt runs; the same for
-    /// all nodes
+    /// The speed of a simulated hunt relative to the wall clock; the same for all nodes
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = speed)]
     speed: f64,
 }
@@ -72,7 +71,7 @@ impl Shared {
     /// The key of the team, if messages are signed.
     fn key(&self) -> Result<Option<TeamKey>, CliError> {
         if self.unsigned {
-            warn("messages are not signed: whoever reaches the network can fly the drones");
+            warn("messages are not signed: anyone in the network can fly the drones");
         }
         self.key.as_deref().map(TeamKey::read).transpose().map_err(key_error)
     }
@@ -80,7 +79,7 @@ impl Shared {
     fn mqtt(&self) -> Result<MqttConfig, CliError> {
         let login = |user: &String| -> Result<(String, String), CliError> {
             let password = std::env::var("FOXHUNT_MQTT_PASSWORD").map_err(|_| {
-                CliError::input("--broker-user: its password is to be in $FOXHUNT_MQTT_PASSWORD")
+                CliError::input("--broker-user: set its password in $FOXHUNT_MQTT_PASSWORD")
             })?;
             Ok((user.clone(), password))
         };
@@ -111,7 +110,7 @@ impl Shared {
         }
     }
 
-    /// Joins as the one that fuses.
+    /// Joins as the fusion node.
     pub(super) fn fusion(&self, drones: usize) -> Result<Box<dyn FusionLink>, CliError> {
         let key = self.key()?;
         match self.over {
@@ -164,7 +163,7 @@ impl Shared {
 }
 
 /// Period after which faster clocks begin again, in seconds (twelve days), so that they stay near
-/// to the one on the wall.
+/// the wall clock.
 const PERIOD_S: f64 = 1_048_576.0;
 
 /// UNIX time, which may run faster from a moment on that all nodes know.
@@ -219,7 +218,7 @@ impl Stop {
         self.0.load(Ordering::Relaxed)
     }
 
-    /// Waits for a moment; whether to go on.
+    /// Waits for a moment; returns true if the node goes on.
     pub(super) fn goes_on(&self) -> bool {
         rest();
         self.count() == 0
@@ -236,7 +235,7 @@ pub(super) fn rest() {
 pub(super) struct Failures(String);
 
 impl Failures {
-    /// Prints it and goes on, unless the hunt cannot.
+    /// Prints a failure of the link and goes on; returns any other error.
     pub(super) fn report(&mut self, result: Result<(), NetworkError>) -> Result<(), CliError> {
         match result {
             Ok(()) => Ok(()),
@@ -255,11 +254,11 @@ impl Failures {
 
 fn broker(text: &str) -> Result<(String, u16), String> {
     let (host, port) = match text.rsplit_once(':') {
-        Some((host, port)) => (host, port.parse().map_err(|_| format!("{port:?} is no port"))?),
+        Some((host, port)) => (host, port.parse().map_err(|_| format!("{port:?} is not a port"))?),
         None => (text, 1883),
     };
     match host.is_empty() {
-        true => Err("it has no host".into()),
+        true => Err("the host is missing".into()),
         false => Ok((host.to_owned(), port)),
     }
 }

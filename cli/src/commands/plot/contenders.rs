@@ -16,7 +16,7 @@ use crate::{
 /// A comparison of planners.
 #[derive(Debug, clap::Args)]
 pub(super) struct Planners {
-    /// What `foxhunt --json compare planners` has printed
+    /// The output of `foxhunt --json compare planners`
     #[arg(value_name = "JSON")]
     file: PathBuf,
     /// Only this scenario

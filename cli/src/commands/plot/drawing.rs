@@ -53,12 +53,12 @@ pub(super) struct Drawing {
     /// The figure: .svg, or with the feature `png` .png
     #[arg(long = "out", value_name = "FILE")]
     target: Target,
-    /// What is written above it; what it is made of unless given
+    /// The title above the figure [default: made of the inputs]
     #[arg(long, value_name = "TEXT")]
     pub(super) title: Option<String>,
 }
 
-/// A figure that was drawn, as JSON has it.
+/// A drawn figure in JSON.
 #[derive(Debug, Serialize)]
 struct Drawn<'a> {
     file: &'a Path,
@@ -66,7 +66,7 @@ struct Drawn<'a> {
 }
 
 impl Drawing {
-    /// The title of the command line, or this one.
+    /// Returns the title of the command line, or else this one.
     pub(super) fn title(&self, own: &str) -> String {
         self.title.clone().unwrap_or_else(|| own.to_owned())
     }

@@ -20,13 +20,13 @@ use crate::{
     output::warn_once,
 };
 
-/// How logs are read.
+/// Replay of logs.
 #[derive(Debug, clap::Args)]
 struct Replaying {
-    /// Replay the logs through this estimator; through their own unless given
+    /// Replay the logs through this estimator [default: their own]
     #[arg(long, value_name = "NAME")]
     estimator: Option<String>,
-    /// The beacon, where a hunt has several; all of them unless given
+    /// The beacon, if a hunt has several [default: all]
     #[arg(long, value_name = "NAME")]
     beacon: Option<String>,
 }
@@ -149,7 +149,7 @@ pub(super) fn trajectory(args: &OneLog, context: Context<'_>) -> Result<(), CliE
     let Replaying { estimator, beacon } = &args.replaying;
     for (flag, given) in [("--estimator", estimator), ("--beacon", beacon)] {
         if given.is_some() {
-            let text = format!("{flag}: a trajectory is that of the log, with all its beacons");
+            let text = format!("{flag}: a trajectory shows the log's own, with all its beacons");
             return Err(CliError::input(text));
         }
     }
@@ -168,12 +168,12 @@ pub(super) fn cloud(args: &OneLog, context: Context<'_>) -> Result<(), CliError>
     let [only] = searches.as_slice() else {
         let names: Vec<&str> = searches.iter().map(|search| search.name.as_str()).collect();
         let message =
-            format!("a cloud is that of one beacon; choose with --beacon: {}", names.join(", "));
+            format!("a cloud shows one beacon; choose with --beacon: {}", names.join(", "));
         return Err(CliError::input(message));
     };
     if only.search.beliefs.iter().all(|belief| belief.cloud.is_empty()) {
         let method = &overview.method;
-        let message = format!("{method} has no cloud; --estimator particle, for one, has");
+        let message = format!("{method} has no cloud; use --estimator particle");
         return Err(CliError::input(message));
     }
     let own = format!("{} · {}", title(&overview), only.name);

@@ -1,4 +1,4 @@
-//! The figures that papers print.
+//! The figures of papers.
 
 mod contenders;
 mod drawing;
@@ -7,11 +7,10 @@ mod recordings;
 
 use crate::{context::Context, error::CliError};
 
-/// Draw the figures of a paper
+/// Draw figures of hunts, recordings and comparisons
 ///
-/// Draws what hunts, recordings and comparisons have left: each kind of figure is a command of its
-/// own. `docs/figures.md` lists the figures of the two reference documents with the command that
-/// draws each.
+/// Each kind of figure is a command of its own. `docs/figures.md` lists the figures of the two
+/// reference documents with the command that draws each.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt plot error out/hunt.jsonl --out error.svg\n  \
                         foxhunt plot pattern turns.csv --turn 3 --out pattern.svg\n  \
@@ -25,7 +24,7 @@ pub(crate) struct Args {
 /// The kinds of figures.
 #[derive(Debug, clap::Subcommand)]
 enum Kind {
-    /// The drones, their bearings, and how the estimates of a hunt went
+    /// The drones, their bearings, and the estimates of a hunt
     Trajectory(hunts::OneLog),
     /// The error of the estimate after each reception
     Error(hunts::Logs),
@@ -41,9 +40,9 @@ enum Kind {
     Rssi(recordings::Measured),
     /// The errors of bearings, with the fitted mixture of a normal and outliers
     BearingErrors(recordings::Measured),
-    /// How planners compare, of what `compare planners --json` has printed
+    /// The comparison of planners that `compare planners --json` printed
     Planners(contenders::Planners),
-    /// How errors and NEES of the contenders of a store are distributed
+    /// The distributions of errors and NEES of the contenders of a store
     #[cfg(feature = "store")]
     Distributions(contenders::Distributions),
 }

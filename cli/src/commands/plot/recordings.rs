@@ -1,4 +1,4 @@
-//! Figures of recordings and of what logs hold of receptions.
+//! Figures of recordings and of the receptions in logs.
 
 use std::path::PathBuf;
 
@@ -30,7 +30,7 @@ use crate::{
 pub(super) struct OneTurn {
     /// A recording of turns: CSV with named columns
     file: PathBuf,
-    /// Which turn, from 1 in the order of the recording
+    /// The number of the turn, from 1 in the order of the recording
     #[arg(long, value_name = "N", default_value_t = 1)]
     turn: usize,
     #[command(flatten)]
@@ -47,7 +47,7 @@ pub(super) struct Measured {
     /// Recordings (CSV with named columns), or logs of simulated hunts (.jsonl)
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Where the transmitter is, in degrees (WGS84); the recordings' own truth unless given
+    /// The place of the transmitter in degrees (WGS84) [default: the recordings' own truth]
     #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true)]
     truth: Option<LatLon>,
     #[command(flatten)]
@@ -66,7 +66,7 @@ pub(super) fn pattern(args: &OneTurn, context: Context<'_>) -> Result<(), CliErr
     let extractor = args.extraction.build(registry)?;
     let recordings = args.reading.read(std::slice::from_ref(&args.file))?;
     let [recording] = recordings.as_slice() else {
-        return Err(CliError::input("a turn is that of one recording"));
+        return Err(CliError::input("a turn is drawn from one recording"));
     };
     let wanted = args.reading.wanted();
     if wanted.is_some() {
@@ -89,7 +89,7 @@ pub(super) fn pattern(args: &OneTurn, context: Context<'_>) -> Result<(), CliErr
     args.drawing.write(turn_svg(&args.drawing.title(&own), &turn, bearing), context.output)
 }
 
-/// A pair of what is known and what was measured.
+/// Pairs of a known and a measured value.
 type Points = Vec<[f64; 2]>;
 
 impl Measured {
@@ -107,7 +107,7 @@ impl Measured {
         match self.files.iter().filter(|path| is_log(path)).count() {
             0 => {}
             logs if logs == self.files.len() => return self.of_logs(of_log),
-            _ => return Err(CliError::input("logs and recordings are drawn one by one")),
+            _ => return Err(CliError::input("give logs or recordings, not both")),
         }
         let recordings = self.reading.read(&self.files)?;
         let beacons = match self.reading.wanted() {

@@ -38,7 +38,7 @@ pub(super) fn compared_row(one: &SeedBySeed) -> [String; 10] {
     ]
 }
 
-/// A probability; one that four digits do not show is below them.
+/// Formats a probability; one that four digits do not show as `< 0.0001`.
 fn probability(value: Option<f64>) -> String {
     match value {
         Some(value) if value < 1e-4 => "< 0.0001".to_owned(),

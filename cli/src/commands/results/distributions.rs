@@ -14,7 +14,7 @@ pub(in crate::commands) fn titled_distributions(
     let summaries = store.summaries(filter).map_err(reading)?;
     let [summary] = &summaries[..] else {
         return Err(CliError::input(format!(
-            "a picture is that of one campaign, and {} fit; choose with --scenario and --planner",
+            "a picture shows one campaign, and {} fit; choose with --scenario and --planner",
             summaries.len()
         )));
     };
@@ -23,7 +23,7 @@ pub(in crate::commands) fn titled_distributions(
     let names: Vec<&String> = campaign.beacons.iter().filter(wanted).collect();
     let [name] = names[..] else {
         return Err(CliError::input(format!(
-            "a picture is that of one beacon; choose one of {} with --beacon",
+            "a picture shows one beacon; choose one of {} with --beacon",
             campaign.beacons.join(", ")
         )));
     };

@@ -63,7 +63,7 @@ pub(crate) struct Args {
     #[cfg(feature = "parquet")]
     #[arg(long, value_name = "FILE")]
     parquet: Option<PathBuf>,
-    /// Draw how the errors and the NEES of one beacon are distributed, as SVG
+    /// Draw the distributions of the errors and the NEES of one beacon, as SVG
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
     /// Write a page: tables, distributions, and the first estimator compared with the others
@@ -72,15 +72,15 @@ pub(crate) struct Args {
     /// Write the log of the run with this seed; it must be kept (`campaign --store-logs`)
     #[arg(long, value_name = "SEED", requires = "log")]
     log_of: Option<u64>,
-    /// The file that the log is written to
+    /// The file of the log
     #[arg(long, value_name = "FILE", requires = "log_of")]
     log: Option<PathBuf>,
 }
 
-/// Which runs of a store.
+/// Selection of runs of a store.
 #[derive(Debug, clap::Args)]
 pub(super) struct Selection {
-    /// Only this estimator, again for each more; `NAME@DIGEST` where several have the name
+    /// Only this estimator; may be repeated; `NAME@DIGEST` if several have the name
     #[arg(long, value_name = "NAME")]
     estimator: Vec<String>,
     /// Only campaigns with this planner
@@ -107,7 +107,7 @@ impl Selection {
     }
 }
 
-/// What else is done with stores.
+/// Other commands on stores.
 #[derive(Debug, clap::Subcommand)]
 enum Part {
     Merge(MergeArgs),
@@ -122,7 +122,7 @@ struct MergeArgs {
     /// The files of the shards
     #[arg(required = true)]
     shards: Vec<PathBuf>,
-    /// The file that is made
+    /// The file to make
     #[arg(long, value_name = "FILE")]
     to: PathBuf,
 }
@@ -219,7 +219,7 @@ fn fitting(store: &Store, filter: &Filter) -> Result<Vec<Summary>, CliError> {
     let summaries = store.summaries(filter).map_err(reading)?;
     if summaries.is_empty() {
         let file = store.path().display();
-        return Err(CliError::input(format!("{file}: there is nothing that fits")));
+        return Err(CliError::input(format!("{file}: no runs fit")));
     }
     Ok(summaries)
 }
@@ -232,7 +232,7 @@ fn show(store: &Store, filter: &Filter, output: Output) -> Result<(), CliError> 
     })
 }
 
-/// The tables of a campaign, and what of it is there.
+/// Returns the tables of a campaign, and its missing runs.
 fn campaign(summary: &Summary) -> String {
     let campaign = &summary.campaign;
     let digest = campaign.digest.get(..8).unwrap_or_default();

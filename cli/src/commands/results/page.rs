@@ -1,4 +1,4 @@
-//! The page of `results`: what a store holds as one HTML file without scripts.
+//! The page of `results`: the contents of a store as one HTML file without scripts.
 
 use foxhunt::{
     campaign::{BeaconCampaign, EstimatorCampaign},
@@ -56,7 +56,7 @@ const COLUMNS: [&str; 13] = [
 ///
 /// # Errors
 ///
-/// The store cannot be read, or a figure cannot be drawn.
+/// An unreadable store, or a figure that cannot be drawn.
 pub(super) fn page(
     store: &Store,
     filter: &Filter,
@@ -76,7 +76,7 @@ pub(super) fn page(
     Ok(parts.join("\n"))
 }
 
-/// A campaign: what it is, and for each beacon its table and its figure.
+/// Returns a campaign: its description, and for each beacon its table and its figure.
 fn campaign(store: &Store, filter: &Filter, summary: &Summary) -> Result<String, CliError> {
     let campaign = &summary.campaign;
     let mut parts = vec![
@@ -163,7 +163,7 @@ fn table(columns: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
     format!("<div class=\"wide\"><table>\n{head}\n{}\n</table></div>", body.join("\n"))
 }
 
-/// A text as it stands in HTML.
+/// Escapes a text for HTML.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

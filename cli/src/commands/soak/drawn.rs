@@ -26,7 +26,7 @@ use super::{
 };
 use crate::{error::CliError, output::overheard};
 
-/// The command line of a drawn recording: what `judge` and `locate` take.
+/// Command line of a drawn recording: flags of `judge` and `locate`.
 #[derive(Debug, Parser)]
 struct Flags {
     #[arg(long, allow_hyphen_values = true)]
@@ -40,13 +40,13 @@ struct Flags {
 /// Estimators of a draw beside the one that suits it.
 #[derive(Clone, Debug)]
 pub(super) enum Beside<'a> {
-    /// None: the draw is made shorter.
+    /// No other estimator: the draw is made shorter.
     Nothing,
-    /// These, where they use what was received.
+    /// These, if they use what was received.
     Named(Vec<&'a EstimatorEntry>),
 }
 
-/// An answer, and what it took.
+/// An answer and its time.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Timed {
     pub(super) answer: Answer,
@@ -60,7 +60,8 @@ pub(super) struct Judged {
     /// The answers to each fix: the estimator that suits it first.
     pub(super) fixes: Vec<Vec<Timed>>,
     pub(super) bound: Option<Bound>,
-    /// The recording leaves the place open: an answer without a remark is wrong, a refusal right.
+    /// True if the recording leaves the place open: an answer without a remark is wrong, a refusal
+    /// right.
     pub(super) is_open: bool,
     /// Memory that the program held after it, in mebibytes.
     pub(super) held_mib: Option<f64>,

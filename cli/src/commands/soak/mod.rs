@@ -1,4 +1,4 @@
-//! Random flights and recordings for as long as they are let.
+//! Random flights and recordings for hours.
 
 #[cfg(all(unix, feature = "hardware"))]
 mod devices;
@@ -43,7 +43,7 @@ use crate::{
     table::table,
 };
 
-/// Fly random hunts for hours and check what must always hold
+/// Fly random hunts for hours and check invariants
 ///
 /// Each seed draws a fleet with everything that may go wrong, beacons, estimator, extractor,
 /// antenna and planner, and flies it twice; every fourth one draws a recording instead, bends and
@@ -52,8 +52,8 @@ use crate::{
 /// that drones keep separation, airspace and batteries, that estimates are finite and their
 /// covariances positive definite, that flight and replay repeat to the bit, that logs are read
 /// wherever they are cut off, and that memory does not grow. With --recordings it draws recordings
-/// as people make them and judges the estimators instead (docs/judging.md). The exit code is 1
-/// where something did not hold; what is needed to see it again is then in the folder.
+/// as people make them and judges the estimators instead (docs/judging.md). The exit code is 1 if a
+/// check failed; the folder then has the files that show the failure again.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt soak --hours 8\n  \
                         foxhunt soak --runs 1000 --seed 5000\n  \
@@ -61,25 +61,25 @@ use crate::{
                         foxhunt soak --recordings --runs 200 --write worst")]
 #[command(group = clap::ArgGroup::new("length").required(true))]
 pub(crate) struct Args {
-    /// For so many hours
+    /// Run for this time, in hours
     #[arg(long, value_name = "H", group = "length")]
     hours: Option<f64>,
-    /// So many runs
+    /// Run this many runs
     #[arg(long, value_name = "N", group = "length")]
     runs: Option<u64>,
-    /// One flight of a scenario's file, or one recording (.csv), such as an earlier soak has left
+    /// Run one flight of a scenario's file, or one recording (.csv), such as an earlier soak left
     #[arg(long, value_name = "FILE", group = "length")]
     again: Option<PathBuf>,
     /// The seed of the first run; run i has this plus i
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
-    /// The number of runs at the same time; the number of processors unless given
+    /// The number of runs at the same time [default: the number of processors]
     #[arg(long, value_name = "J", value_parser = value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
     /// Print no progress on standard error
     #[arg(long)]
     quiet: bool,
-    /// The folder that the least scenario of each failure is written to
+    /// The folder for the smallest scenario of each failure
     #[arg(long, value_name = "DIR", default_value = "soak")]
     out: PathBuf,
     #[command(flatten)]
@@ -97,7 +97,7 @@ struct Report {
     refused: u64,
     /// Searches that ended.
     searches: u64,
-    /// Estimates that were looked at.
+    /// Checked estimates.
     estimates: u64,
     /// Estimates that were replayed from the logs.
     replayed: u64,
@@ -111,18 +111,18 @@ struct Report {
     read: u64,
     /// Places that were found in them.
     located: u64,
-    /// The most memory that the program held, in mebibytes; absent where it is not known.
+    /// Maximum memory that the program held, in mebibytes; absent if unknown.
     most_memory_mib: Option<f64>,
     /// Runs that failed.
     failures: Vec<Failed>,
 }
 
-/// A run in which something did not hold.
+/// A run in which a check failed.
 #[derive(Debug, Serialize)]
 struct Failed {
     /// Its seed.
     seed: u64,
-    /// Condition that did not hold.
+    /// Failed check.
     what: String,
     /// The command that shows it again.
     again: String,
@@ -159,7 +159,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     };
     let runner = Runner::new(jobs).map_err(CliError::failure)?;
     if args.world.recordings {
-        let why = "--recordings: --runs states how many draws of each class are made";
+        let why = "--recordings needs --runs, the number of draws of each class";
         let runs = args.runs.ok_or_else(|| CliError::input(why))?;
         let draws = (runs, args.seed, &runner);
         return world::run(&args.world, draws, registry, output, !args.quiet);
@@ -236,7 +236,7 @@ impl Report {
     }
 }
 
-/// Writes down what shows a failure again, as small as it gets.
+/// Writes the files that show a failure again, as small as they get.
 fn keep(
     seed: u64,
     failure: &SoakFailure,
@@ -300,12 +300,13 @@ fn again(path: &Path, seed: u64, registry: &Registry, output: Output) -> Result<
     finish(&report, output)
 }
 
-/// Prints the counts; a failure where something did not hold.
+/// Prints the counts; a failure if a check failed.
 fn finish(report: &Report, output: Output) -> Result<(), CliError> {
     output.result(report, text)?;
     match report.failures.len() {
         0 => Ok(()),
-        count => Err(CliError::failure(format!("{count} things did not hold"))),
+        1 => Err(CliError::failure("1 check failed")),
+        count => Err(CliError::failure(format!("{count} checks failed"))),
     }
 }
 

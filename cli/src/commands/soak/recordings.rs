@@ -39,7 +39,7 @@ impl Random {
         mixed ^ (mixed >> 31)
     }
 
-    /// Evenly in [0, 1).
+    /// Draws a number uniformly from [0, 1).
     fn share(&mut self) -> f64 {
         f64::from(u32::try_from(self.next() >> 32).unwrap_or(0)) / 2.0_f64.powi(32)
     }
@@ -48,7 +48,7 @@ impl Random {
         least + (most - least) * self.share()
     }
 
-    /// Below `end`, or 0.
+    /// Draws an index below `end`, or 0.
     fn below(&mut self, end: usize) -> usize {
         let end = u64::try_from(end).unwrap_or(u64::MAX).max(1);
         usize::try_from(self.next() % end).unwrap_or(0)
@@ -191,7 +191,7 @@ fn clean(random: &mut Random) -> String {
     text
 }
 
-/// Does one thing to a text that a broken card or a careless hand might do.
+/// Damages a text once, as a broken card or a careless hand might.
 fn bend(text: &mut Vec<u8>, random: &mut Random) {
     let mut lines: Vec<Vec<u8>> = text.split(|byte| *byte == b'\n').map(<[u8]>::to_vec).collect();
     let one = random.below(lines.len());

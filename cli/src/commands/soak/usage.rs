@@ -3,11 +3,11 @@ use std::{
     time::{SystemTime, UNIX_EPOCH},
 };
 
-/// Watches how much memory the program holds, where the system has it in a file.
+/// Watches the memory that the program holds, where the system has it in a file.
 #[derive(Debug, Default)]
 pub(super) struct Memory {
     looks: u64,
-    /// The most that it held while the first runs warmed up.
+    /// Maximum while the first runs warmed up.
     warm_mib: f64,
     most_mib: f64,
     is_reported: bool,
@@ -20,7 +20,7 @@ const WARM_RUNS: u64 = 200;
 const ROOM_MIB: f64 = 192.0;
 
 impl Memory {
-    /// Looks at the memory; how much it has grown where that is too much, once.
+    /// Checks the memory; returns the growth once, if it is too large.
     pub(super) fn grown(&mut self, jobs: usize) -> Option<String> {
         let held = held_mib()?;
         self.looks += 1;

@@ -34,27 +34,27 @@ use crate::{
 /// Flags of `soak --recordings`.
 #[derive(Debug, clap::Args)]
 pub(super) struct World {
-    /// Draw recordings as people make them, by class, each with its truth, locate with each through
-    /// a file, and judge the estimators: --runs counts the draws of each class
+    /// Draw recordings as people make them, by class, locate with each through a file, and judge
+    /// the estimators by the truth: --runs counts the draws of each class
     #[arg(long, conflicts_with = "out")]
     pub(super) recordings: bool,
-    /// The classes that are drawn; all but the one of the largest recordings unless given
+    /// The classes to draw [default: all but the one of the largest recordings]
     #[arg(long = "class", value_name = "NAME", value_delimiter = ',', requires = "recordings")]
     classes: Vec<String>,
-    /// The estimators beside the one that suits a recording: names, or `all`; the simple ways that
-    /// people use and `batch-multistart` unless given
+    /// The estimators beside the one that suits a recording: names, or `all` [default: simple
+    /// methods and `batch-multistart`]
     #[arg(long, value_name = "NAME|all", value_delimiter = ',', requires = "recordings")]
     against: Vec<String>,
     /// Write the worst draw of each class to this folder, whole and cut down to the rows that still
     /// fail, with the commands that show it
     #[arg(long, value_name = "DIR", requires = "recordings")]
     write: Option<PathBuf>,
-    /// The folder of real recordings, some of which are cut and thinned; FOXHUNT_DATA unless given
+    /// The folder of real recordings, some of which are cut and thinned [default: $FOXHUNT_DATA]
     #[arg(long, value_name = "DIR", requires = "recordings")]
     data: Option<PathBuf>,
 }
 
-/// Ways that people use where they have nothing else.
+/// Simple methods, for comparison.
 const SIMPLE: [&str; 6] = [
     "strongest",
     "weighted-centroid",
@@ -64,13 +64,13 @@ const SIMPLE: [&str; 6] = [
     "pseudolinear",
 ];
 
-/// Estimator that stands beside these unless others are named.
+/// Estimator beside these by default.
 const USUAL: &str = "batch-multistart";
 
 /// Name that stands for every estimator.
 const ALL: &str = "all";
 
-/// All classes, as JSON has it.
+/// All classes in JSON.
 #[derive(Debug, Serialize)]
 struct Report {
     /// Seed of the first draw of each class.
@@ -78,7 +78,7 @@ struct Report {
     /// Draws of each class.
     runs: u32,
     classes: Vec<ClassReport>,
-    /// Classes that were not drawn, as the real recordings are not there.
+    /// Classes not drawn, as the real recordings are missing.
     skipped: Vec<&'static str>,
     worst: Vec<Worst>,
 }
@@ -88,7 +88,7 @@ struct Report {
 struct ClassReport {
     class: &'static str,
     about: &'static str,
-    /// The recordings leave the place open, so that a refusal is right.
+    /// True if the recordings leave the place open, so that a refusal is right.
     is_open: bool,
     /// The median error that an estimate at the bound of each draw has, where draws have one.
     bound_m: Option<f64>,
@@ -127,7 +127,7 @@ struct Worst {
     again: String,
     /// The command over the files that were written.
     command: Option<String>,
-    /// The command over the rows that are left of it, the number of these rows and of all.
+    /// The command over its remaining rows, their number and the number of all.
     least: Option<(String, [usize; 2])>,
 }
 
@@ -145,7 +145,7 @@ pub(super) fn run(
     let data = world.data.clone().or_else(|| env::var_os("FOXHUNT_DATA").map(PathBuf::from));
     let data = data.as_deref();
     if let Some(missing) = data.filter(|folder| !folder.is_dir()) {
-        return Err(CliError::input(format!("--data: {} is no folder", missing.display())));
+        return Err(CliError::input(format!("--data: {} is not a folder", missing.display())));
     }
     let scratch = Scratch::new()?;
     let (drawn, skipped): (Vec<Class>, Vec<Class>) =
@@ -205,7 +205,7 @@ impl World {
     }
 }
 
-/// Returns the classes of names; all that do not take minutes without names.
+/// Returns the named classes; without names all that do not take minutes.
 fn chosen(names: &[String]) -> Result<Vec<Class>, CliError> {
     let all = classes();
     if names.is_empty() {
@@ -214,7 +214,7 @@ fn chosen(names: &[String]) -> Result<Vec<Class>, CliError> {
     let of = |name: &String| {
         all.iter().find(|class| class.name == *name).copied().ok_or_else(|| {
             let known: Vec<&str> = all.iter().map(|class| class.name).collect();
-            CliError::input(format!("--class: {name:?} is none of {}", known.join(", ")))
+            CliError::input(format!("--class: {name:?} is not one of {}", known.join(", ")))
         })
     };
     names.iter().map(of).collect()
@@ -273,11 +273,11 @@ impl ClassReport {
         Ok(report)
     }
 
-    /// Lists what the estimator that suits each draw falls short of: `silent`, an answer without a
-    /// remark whose NEES is above 30, or where the place is open; `coverage`, a share of 95 %
-    /// regions that is below 0.9 or above 0.99 beyond chance; `error` and `bound`, a median error
-    /// above 1.1 times that of the best simple way, or 1.3 times the bound; `refused`, half of the
-    /// recordings or more where the place is not open.
+    /// Lists the criteria that the estimator which suits each draw misses: `silent`, an answer
+    /// without a remark whose NEES is above 30, or where the place is open; `coverage`, a share of
+    /// 95 % regions that is below 0.9 or above 0.99 beyond chance; `error` and `bound`, a median
+    /// error above 1.1 times that of the best simple method, or 1.3 times the bound; `refused`,
+    /// half of the recordings or more where the place is not open.
     fn lost(&self) -> Vec<&'static str> {
         let scores = &self.default.scores;
         let median_m = scores.median_error_m.unwrap_or(0.0);
@@ -294,8 +294,8 @@ impl ClassReport {
         all.into_iter().filter(|(_, applies)| *applies).map(|(what, _)| what).collect()
     }
 
-    /// Returns the row with the least median error among the simple ways, or among the others; rows
-    /// that answer less than nine times in ten do not count.
+    /// Returns the row with the least median error among the simple methods, or among the others;
+    /// rows that answer less than nine times in ten do not count.
     fn best(&self, is_simple: bool) -> Option<&Row> {
         let answers = |row: &Row| row.scores.fixes - row.scores.failed;
         let most = self.estimators.iter().map(answers).max().unwrap_or(0);
@@ -384,8 +384,8 @@ fn written(drawn: &DrawnRecording, folder: &Path) -> Result<String, CliError> {
     Ok(command)
 }
 
-/// Leaves out rows of a draw as long as it fails in the same way, and returns how many of how many
-/// are left.
+/// Leaves out rows of a draw as long as it fails in the same way, and returns the numbers of
+/// remaining rows and of all.
 fn shorter(
     drawn: &DrawnRecording,
     draws: &Draws<'_>,

@@ -8,7 +8,7 @@ use crate::hints;
 pub(super) enum TilesError {
     #[error("cannot be read")]
     Read(#[from] io::Error),
-    #[error("there is no tile z/x/y.png in it, nor .jpg, .jpeg, .webp or .avif")]
+    #[error("it has no tile z/x/y.png, .jpg, .jpeg, .webp or .avif")]
     NoTiles,
     #[error("it is neither a folder of tiles z/x/y, nor MBTiles, nor PMTiles")]
     Unknown,
@@ -16,12 +16,12 @@ pub(super) enum TilesError {
     NoImages(String),
     #[error("it is cut short: {length} bytes of {needed}")]
     CutShort { length: u64, needed: u64 },
-    #[error("the zoom levels {0} to {1} are none of a map")]
+    #[error("the zoom levels {0} to {1} are out of range")]
     Zooms(i64, i64),
     #[cfg(feature = "store")]
-    #[error("it is no MBTiles, or damaged")]
+    #[error("it is not an MBTiles file, or damaged")]
     Sqlite(#[from] rusqlite::Error),
-    #[error("it is no PMTiles, or damaged")]
+    #[error("it is not a PMTiles file, or damaged")]
     PmTiles(#[from] ::pmtiles::PmtError),
     #[cfg(not(feature = "store"))]
     #[error("MBTiles need a build with the feature store: {}", hints::build("live,store"))]

@@ -35,7 +35,7 @@ impl fmt::Debug for Tiles {
 }
 
 impl Tiles {
-    /// Opens a map; what is wrong with it is refused before anything flies.
+    /// Opens a map; a faulty one is refused before anything flies.
     pub(in crate::commands) fn open(path: &Path) -> Result<Self, CliError> {
         let opened = if path.is_dir() { folder::open(path) } else { file(path) };
         let (source, about) = opened.map_err(|error| {
@@ -58,7 +58,7 @@ impl Tiles {
     }
 }
 
-/// A file, by how it begins.
+/// Opens a file by its first bytes.
 fn file(path: &Path) -> Opened {
     let mut begin = Vec::new();
     let _ = fs::File::open(path)?.take(16).read_to_end(&mut begin)?;

@@ -24,8 +24,8 @@ struct PmTiles {
     runtime: Mutex<Runtime>,
 }
 
-/// A file that is read when a tile is needed. One that is mapped into memory would end the program
-/// where the medium is pulled out.
+/// File that is read when a tile is needed. A file mapped into memory would end the program if the
+/// medium is pulled out.
 struct Plain {
     file: Mutex<File>,
     length: u64,

@@ -5,13 +5,13 @@ use super::{
     tile::{DEEPEST, TileAt},
 };
 
-/// A place where tiles lie.
+/// Source of tiles.
 pub(super) trait TileSource: Send + Sync {
-    /// The bytes of a tile, if it is there and can be read.
+    /// Returns the bytes of a tile, if it exists and can be read.
     fn tile(&self, at: TileAt) -> Option<Vec<u8>>;
 }
 
-/// A map that was opened, or why not.
+/// An opened map, or the reason why it cannot be opened.
 pub(super) type Opened = Result<(Box<dyn TileSource>, LiveTiles), TilesError>;
 
 /// The zoom levels of a map, the least and the greatest.

@@ -1,18 +1,18 @@
-/// More zoom levels than any map has.
+/// Maximum zoom level; no map has as many.
 pub(super) const DEEPEST: u8 = 30;
 
 /// A tile of the map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::commands::live) struct TileAt {
     pub(super) zoom: u8,
-    /// From the West.
+    /// Column, counted from the West.
     pub(super) column: u32,
-    /// From the North.
+    /// Row, counted from the North.
     pub(super) row: u32,
 }
 
 impl TileAt {
-    /// A tile, where there can be one.
+    /// Returns the tile, if it can exist.
     pub(in crate::commands::live) fn new(zoom: u8, column: u32, row: u32) -> Option<Self> {
         let side = 1_u32.checked_shl(zoom.into()).filter(|_| zoom <= DEEPEST)?;
         (column < side && row < side).then_some(Self { zoom, column, row })
@@ -23,11 +23,11 @@ impl TileAt {
 #[derive(Debug, PartialEq, Eq)]
 pub(in crate::commands::live) struct Tile {
     pub(in crate::commands::live) bytes: Vec<u8>,
-    /// Its type, as HTTP has it.
+    /// Media type for HTTP.
     pub(in crate::commands::live) content_type: &'static str,
 }
 
-/// The type of an image by how it begins, whatever its name is.
+/// Returns the media type of an image by its first bytes, whatever its name is.
 pub(super) fn image_type(bytes: &[u8]) -> Option<&'static str> {
     let at = |from: usize, what: &[u8]| bytes.get(from..).is_some_and(|b| b.starts_with(what));
     match () {
