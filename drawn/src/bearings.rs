@@ -27,12 +27,12 @@ pub(super) fn compass_deg(from: [f64; 2], to: [f64; 2]) -> f64 {
     direction_deg([from[0], from[1], 0.0], [to[0], to[1], 0.0])
 }
 
-/// Wraps degrees to those of the compass, in tenths.
+/// Wraps degrees to [0, 360), rounded to tenths.
 fn compass(deg: f64) -> f64 {
     wrapped(deg, 10.0)
 }
 
-/// Wraps degrees to those of the compass, in parts of which `parts` are a degree.
+/// Wraps degrees to [0, 360), rounded to 1/`parts` of a degree.
 fn wrapped(deg: f64, parts: f64) -> f64 {
     (deg.rem_euclid(360.0) * parts).round() / parts % 360.0
 }
@@ -173,7 +173,7 @@ pub(super) fn misstated(random: &mut Random) -> Scene {
     Scene::of(rows)
 }
 
-/// A third of the bearings are those of a reflection, which each place has in another direction.
+/// A third of the bearings point to a reflection, in another direction at each place.
 pub(super) fn two_modes(random: &mut Random) -> Scene {
     let (places, from) = about(random, 5, 12);
     let mut rows = taken(random, &places, from, 5.0);

@@ -169,7 +169,7 @@ impl Scene {
     }
 }
 
-/// Writes a number with so many decimals at most.
+/// Writes a number with at most `decimals` decimals.
 fn number(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()

@@ -41,18 +41,18 @@ pub struct EstimatorConfig {
     /// power; known where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exponent_sigma: Option<f64>,
-    /// How the beacon moves, where it does; it stays where absent.
+    /// Motion of the beacon; it stays where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moving: Option<MovingConfig>,
-    /// A reception that comes at most so many seconds late is used at its own time; one that comes
-    /// late is used as if it were new where absent.
+    /// Greatest delay, in seconds, at which a late reception is used at its own time; where absent,
+    /// a late reception is used as if it were new.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lag_s: Option<f64>,
-    /// The filter begins after so many observations, from what a grid made of these; at once
+    /// Number of observations after which the filter begins, from what a grid made of them; at once
     /// where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start_on_grid: Option<u32>,
-    /// How receptions are put to it; everything as it was read unless given.
+    /// Way in which receptions are put to it; everything as it was read unless given.
     #[serde(default)]
     pub track: TrackConfig,
 }
@@ -75,7 +75,8 @@ const POWER_DRIFT: f64 = 0.02;
 const EXPONENT_DRIFT: f64 = 0.001;
 
 impl EstimatorConfig {
-    /// What it believes before the first reception, of what the hunt believes.
+    /// Returns its belief before the first reception: the hunt's, with a σ of its own where it has
+    /// one.
     ///
     /// # Errors
     ///

@@ -15,20 +15,20 @@ use serde::{Deserialize, Serialize};
 
 use crate::BoxedEstimator;
 
-/// How a target moves, of any kind: filters are compiled once for each size of state.
+/// Motion model of any kind: filters are compiled once for each size of state.
 pub type AnyMotion<const N: usize> = Arc<dyn MotionModel<N>>;
 
-/// What a receiver measures, of any kind.
+/// Measurement model of any kind.
 pub type AnyModel<const N: usize, const M: usize> = Arc<dyn MeasurementModel<N, M>>;
 
-/// What is believed before the first observation, where two moments are not all of it.
+/// Belief before the first observation, which two moments may not describe fully.
 ///
 /// An [`Estimate`] is one: a Gaussian.
 pub trait Prior<const N: usize> {
     /// Its first two moments.
     fn moments(&self) -> Estimate<N>;
 
-    /// Whether the moments are all there is.
+    /// Returns true if the moments describe it fully.
     fn is_gaussian(&self) -> bool;
 
     /// A state drawn from it.
@@ -85,26 +85,26 @@ impl<const N: usize> Prior<N> for Estimate<N> {
 pub enum FilterConfig {
     /// The extended Kalman filter.
     Ekf {
-        /// What keeps outliers out.
+        /// Gate against outliers.
         gate: GateConfig,
-        /// How often an update is linearised, each time about its own posterior.
+        /// Maximum number of linearisations of an update, each about its own posterior.
         #[serde(default = "once")]
         iterations: u32,
     },
     /// The cubature Kalman filter.
     Cubature {
-        /// What keeps outliers out.
+        /// Gate against outliers.
         gate: GateConfig,
         /// Outliers; none where absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         outliers: Option<OutlierConfig>,
-        /// How often an update is linearised, each time about its own posterior.
+        /// Maximum number of linearisations of an update, each about its own posterior.
         #[serde(default = "once")]
         iterations: u32,
     },
     /// The unscented Kalman filter.
     Ukf {
-        /// What keeps outliers out.
+        /// Gate against outliers.
         gate: GateConfig,
         /// α: how far the sigma points lie from the mean.
         alpha: f64,
@@ -112,76 +112,76 @@ pub enum FilterConfig {
         beta: f64,
         /// κ: the secondary scaling.
         kappa: f64,
-        /// How often an update is linearised, each time about its own posterior.
+        /// Maximum number of linearisations of an update, each about its own posterior.
         #[serde(default = "once")]
         iterations: u32,
     },
     /// A sum of Gaussians, each run by a cubature filter.
     GaussianSum {
-        /// How many there are along each axis of the prior.
+        /// Number of Gaussians along each axis of the prior.
         parts: usize,
         /// Outliers; none where absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         outliers: Option<OutlierConfig>,
-        /// How often an update is linearised, each time about its own posterior.
+        /// Maximum number of linearisations of an update, each about its own posterior.
         #[serde(default = "once")]
         iterations: u32,
     },
     /// Two extended Kalman filters, each from one half of the prior, weighed by their evidence.
     DualEkf {
-        /// Number of linearisations of an update, each about its own posterior.
+        /// Maximum number of linearisations of an update, each about its own posterior.
         #[serde(default = "once")]
         iterations: u32,
     },
     /// A bank of cubature filters in a row along the first bearing.
     RangeParameterised {
-        /// How many there are.
+        /// Number of filters.
         parts: usize,
-        /// How often an update is linearised, each time about its own posterior.
+        /// Maximum number of linearisations of an update, each about its own posterior.
         #[serde(default = "once")]
         iterations: u32,
     },
     /// Interacting multiple models: the motion that is given, and standing still.
     Imm {
-        /// How long the target stays still, and how long it moves, on average in seconds.
+        /// Mean durations in seconds for which the target stays still, and for which it moves.
         sojourn_s: [f64; 2],
         /// The random walk of a still target, in metres per √second.
         still_drift: f64,
-        /// How often an update is linearised, each time about its own posterior.
+        /// Maximum number of linearisations of an update, each about its own posterior.
         #[serde(default = "once")]
         iterations: u32,
     },
-    /// The most probable place, solved anew over all observations after each.
+    /// The most probable place, solved over all observations so far after each of them.
     #[cfg(feature = "batch")]
     Batch {
-        /// What a residual costs.
+        /// Cost of a residual.
         loss: Loss,
     },
     /// Recursive Bayes over the cells of an area.
     Grid {
         /// Cells along each side; twice as many where the belief needs them.
         side: usize,
-        /// How far σ of a measurement's first component, the level, may be from its stated value:
-        /// the standard deviation of its logarithm. Exact where absent.
+        /// Spread of σ of a measurement's first component, the level, about its stated value: the
+        /// standard deviation of its logarithm. Exact where absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         level_noise_spread: Option<f64>,
     },
     /// The particle filter: bootstrap proposals, regularised resampling.
     Particle {
-        /// How many particles, at the most where their number adapts.
+        /// Number of particles; the maximum where the number adapts.
         count: usize,
-        /// How many there are follows from the bins of this side, in the state's units, that the
-        /// belief occupies; fixed where absent.
+        /// Side of the bins, in the state's units: the number of particles follows from how many
+        /// bins the belief occupies. Fixed where absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         adaptive_bin: Option<f64>,
-        /// Particles are drawn anew at every step, multinomially, and not spread (Gordon, Salmond &
-        /// Smith 1993), instead of when few of them count.
+        /// True if particles are resampled at every step, multinomially, and not spread (Gordon,
+        /// Salmond & Smith 1993), instead of when few of them count.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         every_step: bool,
     },
     /// A cloud of places, each with a Gaussian of the reference power, which has to be unknown.
     RaoBlackwellised {
-        /// How many particles.
+        /// Number of particles.
         count: usize,
     },
 }
@@ -214,12 +214,12 @@ impl OutlierConfig {
     }
 }
 
-/// What keeps outliers out, chosen at run time.
+/// Gate against outliers, chosen at run time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum GateConfig {
-    /// Nothing.
+    /// No gate.
     Open,
     /// A gate that lets in this share of what a consistent filter sees.
     Probability(f64),
@@ -413,7 +413,7 @@ impl FilterConfig {
         Ok(Some(GridConfig { cliffs: true, ..grid_config(side, level_noise_spread)? }))
     }
 
-    /// The filter with another gate, where it has one.
+    /// Sets the gate, where the filter has one.
     #[must_use]
     pub fn with_gate(mut self, other: GateConfig) -> Self {
         if let Self::Ekf { gate, .. } | Self::Cubature { gate, .. } | Self::Ukf { gate, .. } =
@@ -424,7 +424,7 @@ impl FilterConfig {
         self
     }
 
-    /// The filter with so many particles, where it has particles.
+    /// Sets the number of particles, where the filter has particles.
     #[must_use]
     pub fn with_particles(mut self, particles: usize) -> Self {
         if let Self::Particle { count, .. } | Self::RaoBlackwellised { count } = &mut self {

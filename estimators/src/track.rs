@@ -8,11 +8,11 @@ use foxhunt_filters::consistency::{Monitored, NisHealth, NisWatchdog, Whiteness}
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
-/// How receptions are put to an estimator.
+/// Way in which receptions are put to an estimator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrackConfig {
-    /// What a prediction's Δt counts; by default seconds.
+    /// Quantity that a prediction's Δt counts; by default seconds.
     pub time_step: TimeStep,
     /// σ of the level in dB while the first formation position of a beacon is measured; the
     /// reading's own where absent, as by default.
@@ -21,9 +21,9 @@ pub struct TrackConfig {
     /// σ of the level in dB after that; the reading's own where absent, as by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rss_sigma_db: Option<f64>,
-    /// What is done with a reception without a bearing; by default its level is used.
+    /// Use of a reception without a bearing; by default its level is used.
     pub without_bearing: WithoutBearing,
-    /// Which of level and bearing are used; by default both.
+    /// Components that are used: level, bearing or both; by default both.
     pub components: Components,
 }
 
@@ -82,7 +82,7 @@ impl TrackConfig {
     }
 }
 
-/// What a prediction's Δt counts.
+/// Quantity that a prediction's Δt counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TimeStep {
@@ -93,18 +93,18 @@ pub enum TimeStep {
     PerReception,
 }
 
-/// What is done with a reception without a bearing.
+/// Use of a reception without a bearing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum WithoutBearing {
     /// Its level is used.
     #[default]
     UseLevel,
-    /// Nothing: it makes no step at all.
+    /// It is not used, and makes no step at all.
     Discard,
 }
 
-/// Which of level and bearing an estimator is given.
+/// Components that an estimator is given: level, bearing or both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Components {
@@ -130,7 +130,7 @@ pub struct Track {
     steps: u32,
     watchdog: NisWatchdog,
     health: NisHealth,
-    /// Whether the last reception was the one at which the filter began to count as diverged.
+    /// True if the filter began to count as diverged at the last reception.
     alarm: bool,
 }
 
@@ -238,13 +238,13 @@ impl Track {
         Ok(TrackStep::Updated { correction, degrees_of_freedom: degrees })
     }
 
-    /// What its estimator measures.
+    /// Returns the quantities that its estimator measures.
     #[must_use]
     pub fn quantities(&self) -> Vec<Quantity> {
         self.estimator.quantities()
     }
 
-    /// What is believed of the beacon's place.
+    /// Returns the belief of the beacon's place.
     #[must_use]
     pub fn belief(&self) -> &dyn Belief {
         self.estimator.as_belief()
@@ -280,7 +280,7 @@ impl Track {
         self.estimator.add_innovations_to(whiteness);
     }
 
-    /// How many receptions went through the estimator, rejected ones included.
+    /// Returns the number of receptions that went through the estimator, rejected ones included.
     #[must_use]
     pub fn steps(&self) -> u32 {
         self.steps
@@ -304,17 +304,17 @@ impl std::fmt::Debug for Track {
 pub enum TrackStep {
     /// It went through the estimator.
     Updated {
-        /// What the estimator did.
+        /// Correction by the estimator.
         correction: Correction,
-        /// How many components the reception had for it: the degrees of freedom of the normalised
-        /// innovation squared. A level of σ 1000 dB or more counts for none.
+        /// Number of components that the reception had for it: the degrees of freedom of the
+        /// normalised innovation squared. A level of σ 1000 dB or more is not counted.
         degrees_of_freedom: usize,
     },
     /// It has no bearing, and without one it is not used.
     Skipped,
 }
 
-/// Why a reception could not be used.
+/// Reason why a reception could not be used.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TrackError {
@@ -335,7 +335,7 @@ trait Fed: Belief {
 
     fn predict(&mut self, dt: f64) -> Result<(), EstimatorError>;
 
-    /// What the update did, and its degrees of freedom.
+    /// Updates the estimator, and returns the correction and its degrees of freedom.
     fn update(&mut self, reception: &Reception) -> Result<(Correction, usize), TrackError>;
 
     fn as_belief(&self) -> &dyn Belief;

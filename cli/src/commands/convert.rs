@@ -50,7 +50,7 @@ pub(crate) struct Args {
     /// A topic with levels in dBm, and the name of its beacon; again for each more
     #[arg(long, value_name = "TOPIC[=BEACON]", help_heading = "Bags of ROS 2")]
     rssi_topic: Vec<LevelTopic>,
-    /// How far apart in seconds the places before and after a level or pulse may be
+    /// Greatest time between the places before and after a level or pulse, in seconds
     #[arg(long, value_name = "S", default_value_t = 2.0)]
     most_gap_s: f64,
     #[command(flatten)]
@@ -59,16 +59,16 @@ pub(crate) struct Args {
     reading: Reading,
 }
 
-/// Where the receiver was, for pulses that do not say so.
+/// Poses of the receiver, for pulses that do not hold its place.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Pulses")]
 struct Posing {
-    /// Where the receiver was and where its antenna looked: CSV with time_s or time_utc, places,
+    /// Places of the receiver and directions of its antenna: CSV with time_s or time_utc, places,
     /// heading_deg_compass, boresight_deg_compass
     #[arg(long, value_name = "FILE", conflicts_with_all = ["pose_topic", "rssi_topic"])]
     poses: Option<PathBuf>,
-    /// How many seconds the clock of the poses is ahead of that of the pulses, or what time in UTC
-    /// it was when the pulses' clock began [default: 0]
+    /// Seconds by which the clock of the poses is ahead of that of the pulses, or the time in UTC
+    /// at which the pulses' clock showed 0 [default: 0]
     #[arg(
         long,
         value_name = "S|UTC",
@@ -77,7 +77,7 @@ struct Posing {
         value_parser = offset
     )]
     clock_offset: Option<f64>,
-    /// Find the clocks' offset from levels and boresights, within so many seconds of
+    /// Find the clocks' offset from levels and boresights, within this many seconds of
     /// --clock-offset; refused where they do not show it
     #[arg(long, value_name = "S", requires = "poses")]
     clock_within_s: Option<f64>,
@@ -107,7 +107,7 @@ impl FromStr for LevelTopic {
     }
 }
 
-/// What was written, as JSON has it.
+/// Result of a conversion, as JSON has it.
 #[derive(Debug, Serialize)]
 struct Report<'a> {
     file: &'a Path,
@@ -115,17 +115,17 @@ struct Report<'a> {
     rows: u64,
     /// Levels that were left out, since there is no place of the receiver near them in time.
     without_place: u64,
-    /// How pulses were joined with poses.
+    /// Result of joining pulses with poses.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     joined: Option<Joined>,
 }
 
-/// How pulses were joined with poses, as JSON has it.
+/// Result of joining pulses with poses, as JSON has it.
 #[derive(Debug, Serialize)]
 struct Joined {
     /// The offset of the clocks.
     clock_offset_s: f64,
-    /// Between these it is with 95 % confidence, where it was found.
+    /// The offset's interval of 95 % confidence, where it was found.
     clock_interval_s: Option<[f64; 2]>,
     /// Pulses that were left out, since they are of no tag.
     of_no_tag: usize,
@@ -218,7 +218,7 @@ fn of_pulses<'a>(
     })
 }
 
-/// The levels of pulses: all without a column of tags, those of a tag with one.
+/// Returns the levels of all pulses, or of the pulses with a tag if there is a column of tags.
 fn levels(list: &PulseList) -> Vec<TimedLevel> {
     let tags = list.tags.iter().flatten().map(|tag| Some(tag.as_str()));
     let tags = tags.chain(std::iter::repeat(None));

@@ -1,4 +1,4 @@
-//! What the commands that locate transmitters from recordings have in common.
+//! Shared parts of the commands that locate transmitters from recordings.
 
 use std::{
     borrow::Cow,
@@ -39,14 +39,14 @@ use super::{
 };
 use crate::{error::CliError, output::warn_once};
 
-/// What stands for the name of a beacon without one.
+/// Name shown for a beacon without one.
 pub(super) const NAMELESS: &str = "(no name)";
 
 /// Truths farther apart than this are not interpolated, in seconds.
 #[cfg(feature = "batch")]
 pub(super) const TRUTH_GAP_S: f64 = 300.0;
 
-/// How transmitters are located.
+/// Options for locating transmitters.
 #[derive(Debug, clap::Args)]
 pub(super) struct Locating {
     /// The estimator (`foxhunt list estimators` describes them); chosen by what was recorded unless
@@ -59,7 +59,7 @@ pub(super) struct Locating {
     /// The path-loss exponent, or `free` where it is not known
     #[arg(long, value_name = "V|free", default_value = "free", allow_hyphen_values = true)]
     exponent: Parameter,
-    /// How high the transmitter is above the ground, in metres
+    /// Height of the transmitter above the ground, in metres
     #[arg(long, value_name = "M", default_value_t = 0.0, allow_hyphen_values = true)]
     target_up_m: f64,
     /// The receiver's antenna, whose vertical pattern the levels follow: a name or a file as for
@@ -70,17 +70,16 @@ pub(super) struct Locating {
     /// The transmitter's antenna, upright; isotropic unless given
     #[arg(long, value_name = "NAME|FILE")]
     transmitter_antenna: Option<String>,
-    /// How far beyond the area that was flown over the transmitter is looked for, in metres; the
-    /// default estimators of levels alone and of bearings alone begin there, and go farther where
-    /// they have to
+    /// Width of the margin searched around the area that was flown over, in metres; the default
+    /// estimators of levels alone and of bearings alone begin with it, and widen it as needed
     #[arg(long, value_name = "M", default_value_t = 200.0)]
     margin_m: f64,
-    /// How uncertain the receiver's own place is, in metres on each axis, as its GNSS has it, for
-    /// rows without receiver_sigma_m; unless given, 3 m for places in degrees, and places in metres
-    /// are known
+    /// Standard deviation of the receiver's own place on each axis, in metres, as its GNSS states
+    /// it, for rows without receiver_sigma_m; unless given, 3 m for places in degrees, and places
+    /// in metres are known
     #[arg(long, value_name = "M")]
     receiver_sigma_m: Option<f64>,
-    /// Where the reference receiver of range and level differences is, in metres of the local frame
+    /// Place of the reference receiver of range and level differences, in metres of the local frame
     #[arg(long, value_name = "E,N,U", allow_hyphen_values = true)]
     reference_m: Option<EastNorthUp>,
     /// The seed of estimators that draw random numbers
@@ -112,10 +111,10 @@ pub(super) struct Prepared {
     /// The ground below the receivers, where it is given.
     relief: Option<Relief>,
     antenna: Antennas,
-    /// What each recording is called in a list of what is struck out.
+    /// Name of each recording in a list of rows struck out.
     names: Vec<String>,
     struck: StruckRows,
-    /// Whether σ of bearings was learned from how those of all beacons meet.
+    /// True if σ of bearings was learned from how well the bearings of all beacons meet.
     learned_sigma: bool,
 }
 
@@ -127,7 +126,7 @@ pub(super) struct Received {
     rows: Vec<(usize, u64, String)>,
 }
 
-/// What is read with one extractor: the part of a recording, or all of it.
+/// Part of a recording, or all of it, that is read with one extractor.
 struct Extracted {
     part: Option<Recording>,
     extractor: BoxedExtractor,
@@ -225,7 +224,8 @@ impl Locating {
     ) -> Result<Vec<Extracted>, CliError> {
         let extracted = |Part { recording, station }: Part<'_, '_>| {
             let extractor = self.extraction.build(registry)?;
-            let (name, around) = (self.extraction.name(), &self.surroundings);
+            let name = self.extraction.name();
+            let around = &self.surroundings;
             let extractor = if station.is_none() || !self.extraction.is_given() {
                 calibrated(calibration, station, name, extractor, around)?
             } else {
@@ -256,7 +256,7 @@ impl Locating {
         self.reading.wanted()
     }
 
-    /// Whether the command line names the estimator.
+    /// Returns true if the command line names the estimator.
     pub(super) fn names_estimator(&self) -> bool {
         self.estimator.is_some()
     }
@@ -280,10 +280,8 @@ impl Locating {
     /// Refuses numbers that are out of range.
     fn check(&self) -> Result<(), CliError> {
         if !self.target_up_m.is_finite() {
-            return Err(CliError::input(format!(
-                "--target-up-m is {}, no height",
-                self.target_up_m
-            )));
+            let message = format!("--target-up-m is {}; it must be finite", self.target_up_m);
+            return Err(CliError::input(message));
         }
         if !(self.margin_m > 0.0 && self.margin_m.is_finite()) {
             let message = format!("--margin-m is {}; it must be positive", self.margin_m);
@@ -292,7 +290,8 @@ impl Locating {
         Ok(())
     }
 
-    /// How levels follow the elevation, by the antennas of the command line.
+    /// Returns the antennas' gain over the elevation; [`None`] if the command line names no
+    /// antenna.
     fn pattern(&self) -> Result<Option<ElevationPattern>, CliError> {
         let of = |flag: &str, named: &Option<String>| {
             let Some(named) = named else { return Ok(None) };
@@ -311,7 +310,7 @@ impl Locating {
         Ok(Some(ElevationPattern::between(&receiver, &transmitter)))
     }
 
-    /// What is known of the transmitter's power, by the flags or else by the calibration.
+    /// Returns the knowledge of the transmitter's power, from the flags or else the calibration.
     fn power(&self, calibration: &CalibrationFile) -> Result<Power, CliError> {
         match (self.p0_dbm, self.exponent) {
             (Parameter::Free, Parameter::Free) => {
@@ -337,13 +336,13 @@ impl Prepared {
         &self.recordings
     }
 
-    /// What the flags and the calibration state of the transmitter and the search.
+    /// Returns the settings of the transmitter and the search, from the flags and the calibration.
     pub(super) fn config(&self) -> &LocateConfig {
         &self.config
     }
 
-    /// Takes σ of ready-made bearings that have none of their own from how those of all beacons
-    /// meet, where there are several: it belongs to the receivers, not to a beacon.
+    /// Takes σ of ready-made bearings without one from how well the bearings of all beacons meet,
+    /// if there are several beacons: σ belongs to the receivers, not to a beacon.
     #[cfg(feature = "batch")]
     fn with_learned_sigma(mut self) -> Result<Self, CliError> {
         use foxhunt::{locate::learn_bearing_sigma, recording::Record};
@@ -428,8 +427,8 @@ impl Prepared {
         Ok(received)
     }
 
-    /// The receptions of a beacon in all recordings, with what is left of those struck out for a
-    /// track.
+    /// Returns the receptions of a beacon in all recordings; the ones struck out keep only what a
+    /// track needs of them.
     #[cfg(feature = "batch")]
     fn receptions_of_track(&self, beacon: Option<&str>) -> Result<Vec<Reception>, CliError> {
         let mut received = Vec::new();
@@ -440,8 +439,8 @@ impl Prepared {
         Ok(received)
     }
 
-    /// The receptions of a beacon in all recordings, also those struck out, and what they are known
-    /// by.
+    /// Returns the receptions of a beacon in all recordings, also those struck out, each with its
+    /// identifier.
     fn identified(&self, beacon: Option<&str>) -> Result<Vec<(RowId, Reception)>, CliError> {
         let mut received = Vec::new();
         for number in 0..self.recordings.len() {
@@ -489,8 +488,8 @@ impl Prepared {
         Ok(())
     }
 
-    /// What a page needs to locate again without what is struck out in it: each search, with its
-    /// beacon.
+    /// Returns the log with which a page locates again without the rows struck out in it: each
+    /// search, with its beacon.
     pub(super) fn relocation<'a>(
         &self,
         estimator: &EstimatorEntry,
@@ -511,7 +510,8 @@ impl Prepared {
         Ok(PageLog::of_recordings(&relocation, estimator))
     }
 
-    /// What a page needs to track again without what is struck out in it; it took so many steps.
+    /// Returns the log with which a page tracks again without the rows struck out in it; `steps` is
+    /// the number of steps that tracking took.
     #[cfg(feature = "batch")]
     pub(super) fn tracks(
         &self,
@@ -527,12 +527,12 @@ impl Prepared {
         Ok(PageLog::of_tracks(&relocation, steps))
     }
 
-    /// How many receptions of a beacon are left out.
+    /// Returns the number of receptions of a beacon that are left out.
     pub(super) fn ignored(&self, beacon: Option<&str>) -> usize {
         self.struck.of_beacon(beacon)
     }
 
-    /// What a recording is called in a list of what is struck out.
+    /// Returns the name of a recording in a list of rows struck out.
     fn name(&self, number: usize) -> &str {
         self.names.get(number).map_or("", String::as_str)
     }
@@ -541,7 +541,7 @@ impl Prepared {
         RowId { file: self.name(number).to_owned(), line, beacon: beacon.map(str::to_owned) }
     }
 
-    /// What all receptions are known by.
+    /// Returns the identifiers of all receptions.
     fn every_row(&self) -> Result<Vec<RowId>, CliError> {
         let mut ids = Vec::new();
         for (number, recording) in self.recordings.iter().enumerate() {
@@ -627,7 +627,7 @@ impl Prepared {
     }
 }
 
-/// Whose fault it is that nothing was located.
+/// Classifies the error of a search: wrong input, or a failure of the estimator.
 pub(super) fn not_located(error: LocateError) -> CliError {
     match error {
         LocateError::Start(EstimatorError::Unsupported { .. }) => CliError::input(error),
@@ -651,7 +651,7 @@ pub(super) fn shared_truth(given: Option<LatLon>, beacons: usize) -> Option<Rema
     remark
 }
 
-/// Where the transmitter truly is, if that is known, by the command line or the recordings.
+/// Returns the transmitter's true place, if known, from the command line or else the recordings.
 pub(super) fn truth(
     given: Option<LatLon>,
     recordings: &[Recording],

@@ -1,4 +1,4 @@
-//! What the subcommands that read recordings have in common.
+//! Shared parts of the subcommands that read recordings.
 
 use std::{
     fs::File,
@@ -22,7 +22,7 @@ use crate::{
     output::{warn, warn_once},
 };
 
-/// How recordings are read.
+/// Options for reading recordings.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Reading {
     /// The format: the name of one that comes with the program, or a TOML file with a column
@@ -55,9 +55,9 @@ pub(crate) struct Reading {
     /// Levels are written without their sign: 71 stands for -71 dBm
     #[arg(long)]
     negate_levels: bool,
-    /// What bearings, headings and boresights are counted from: `true` North, `magnetic` North (by
-    /// the World Magnetic Model on the day of the recording's time_utc or of --date), `grid` North
-    /// of UTM, or a North so many degrees east of true North; as the format has it unless given
+    /// North from which bearings, headings and boresights are counted: `true`, `magnetic` (by the
+    /// World Magnetic Model on the day of the recording's time_utc or of --date), `grid` (of UTM),
+    /// or a number of degrees east of true North; as the format has it unless given
     #[arg(long, value_name = "true|magnetic|grid|DEG", allow_hyphen_values = true)]
     north: Option<North>,
     /// The day of magnetic North, for recordings without time_utc
@@ -93,8 +93,8 @@ pub(crate) struct Reading {
     /// The beacon's frequency in hertz, for recordings of power over frequency
     #[arg(long, value_name = "HZ")]
     frequency_hz: Option<f64>,
-    /// How wide a band about it is read, in hertz; the strongest bin in it counts. One bin unless
-    /// given
+    /// Width of the band that is read about --frequency-hz, in hertz; the strongest bin in it
+    /// counts. One bin unless given
     #[arg(long, value_name = "HZ", default_value_t = 0.0, requires = "frequency_hz")]
     bandwidth_hz: f64,
 }
@@ -133,7 +133,8 @@ impl FromStr for LatLon {
             let text = text.trim();
             text.parse::<f64>().map_err(|_| format!("the {name} {text:?} is not a number"))
         };
-        let (lat_deg, lon_deg) = (degrees("latitude", lat)?, degrees("longitude", lon)?);
+        let lat_deg = degrees("latitude", lat)?;
+        let lon_deg = degrees("longitude", lon)?;
         // Checked as places out of files are.
         Geodetic::new(lat_deg, lon_deg, 0.0).map_err(|error| error.to_string())?;
         Ok(Self { lat_deg, lon_deg })
@@ -161,8 +162,8 @@ impl LatLon {
 impl Reading {
     /// Options of the reading; `rover` is the path of the receiver.
     fn options(&self, rover: Option<&Path>) -> Result<ReadOptions, CliError> {
-        let (north, date_s) = (self.north, self.date.map(|Day(first_s)| first_s));
-        let mut options = ReadOptions { north, date_s, ..ReadOptions::default() }
+        let date_s = self.date.map(|Day(first_s)| first_s);
+        let mut options = ReadOptions { north: self.north, date_s, ..ReadOptions::default() }
             .with_columns(self.columns.iter().map(|name| name.trim()))
             .with_strict(self.strict)
             .with_negated_levels(self.negate_levels);
@@ -244,7 +245,7 @@ impl Reading {
         self.beacon.as_deref()
     }
 
-    /// Which beacon is meant: [`None`] for the only one of a recording without names.
+    /// Returns the beacon that is meant: [`None`] for the only one of a recording without names.
     pub(super) fn beacon(&self, recordings: &[Recording]) -> Result<Option<String>, CliError> {
         let selection = self.beacon.clone().map_or(Selection::Only, Selection::Named);
         only_beacon(recordings, &selection).map_err(|error: RecordedError| CliError::input(error))
