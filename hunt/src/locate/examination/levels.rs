@@ -6,9 +6,8 @@ use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::{
     super::{Area, LocateConfig, Located, Power},
-    Name,
     residuals::{Measurand, Residual, one_sided, two_sided},
-    shared::{APART, UNSTATED_SIGMA_M, has_law, spoken},
+    shared::{APART, Name, UNSTATED_SIGMA_M, has_law, spoken},
 };
 
 /// Fewer levels than this are not examined.

@@ -10,29 +10,17 @@ mod open;
 mod residuals;
 mod shared;
 
-use foxhunt_core::{Bearing, Quantity, Reception, Remark};
+use std::collections::HashSet;
+
+use foxhunt_core::{Reception, Remark, angle};
 use foxhunt_wire::geodesy::radians_to_compass_deg;
 
 pub(crate) use self::fit::{Datum, Kind, Outliers, Scale, misfit_p, outliers, reversals};
 use self::fit::{Meeting, meeting};
-pub(crate) use self::residuals::residuals;
 pub use self::residuals::{Measurand, Residual};
-use self::shared::{APART, UNSTATED_SIGMA_M, is_assumed, scale, spoken};
-use super::{Area, LocateConfig, Located, RangeBias};
-
-/// Receptions with measurements that an answer depends on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Uses {
-    pub(crate) levels: bool,
-    pub(crate) bearings: bool,
-    pub(crate) differences: bool,
-    /// The estimator searches a square about the receivers and does not report the probability on
-    /// its border.
-    pub(crate) searches_area: bool,
-}
-
-/// Names that remarks give to receptions by their index, where they have any: file and line.
-pub(crate) type Name<'a> = &'a dyn Fn(usize) -> Option<String>;
+use self::shared::{APART, data, is_assumed, scale, spoken};
+pub(crate) use self::shared::{Name, Uses};
+use super::{Area, LocateConfig, Located};
 
 /// Misfits less probable than this make a remark.
 const MISFIT_P: f64 = 1e-3;
@@ -83,6 +71,37 @@ pub(crate) fn examine(
     remarks.extend(of_answer(located, receptions, config, uses));
     located.remarks.extend(remarks);
     left_out
+}
+
+/// Returns the residual of every measurement that an answer depends on, in the order of the
+/// receptions. Level differences have none.
+pub(crate) fn residuals(
+    located: &Located,
+    receptions: &[Reception],
+    config: &LocateConfig,
+    uses: Uses,
+) -> Vec<Residual> {
+    let left_out: HashSet<usize> = located.left_out.iter().copied().collect();
+    let mut without = left_out.clone();
+    without.extend(&located.outliers);
+    let mut residuals = residuals::of_geometry(located, receptions, config, uses, &without);
+    if uses.bearings {
+        let place = located.estimate.mean;
+        residuals.extend(receptions.iter().enumerate().filter_map(|(reception, received)| {
+            let way = place - received.receiver.position.xy();
+            let towards = way.y.atan2(way.x);
+            let apart = received.modes.as_slice().iter().map(|m| angle::wrap(m.angle - towards));
+            let residual = apart.min_by(|a, b| a.abs().total_cmp(&b.abs()))?;
+            let kind = Measurand::Bearing;
+            let left_out = without.contains(&reception);
+            Some(Residual { reception, kind, residual, p: None, left_out })
+        }));
+    }
+    if uses.levels {
+        residuals.extend(levels::residuals_of_rows(located, receptions, config, &left_out));
+    }
+    residuals.sort_by_key(|residual| residual.reception);
+    residuals
 }
 
 /// Returns the receptions without the bearings that the others contradict, but for bearings that
@@ -148,45 +167,6 @@ fn of_answer(
         ));
     }
     remarks
-}
-
-/// Returns the measurements with a geometry that an estimator uses; `bias` is taken off the
-/// ranges.
-fn data(
-    receptions: &[Reception],
-    config: &LocateConfig,
-    uses: Uses,
-    bias: Option<RangeBias>,
-) -> Vec<Datum> {
-    let mut data = Vec::new();
-    for (reception, received) in receptions.iter().enumerate() {
-        let receiver = received.receiver.position;
-        let of_receiver = received.receiver_sigma_m.map(|sigma| sigma.x.max(sigma.y));
-        let datum = |kind, value, sigma| {
-            let unstated = if kind == Kind::Bearing { UNSTATED_SIGMA_M } else { 0.0 };
-            let receiver_sigma_m = of_receiver.unwrap_or(unstated);
-            Datum { reception, kind, receiver, value, sigma, receiver_sigma_m }
-        };
-        // Directions that compete have no common one to be tested.
-        if let Some(Bearing { angle, sigma, .. }) = received.bearing
-            && uses.bearings
-            && received.modes.is_empty()
-        {
-            data.push(datum(Kind::Bearing, angle, sigma));
-        }
-        if let Some(range) = received.measured.get(Quantity::RANGE) {
-            let value = bias.map_or(range.value, |bias| bias.without(range.value));
-            data.push(datum(Kind::Range, value, range.sigma));
-        }
-        if let Some(difference) = received.measured.get(Quantity::RANGE_DIFFERENCE)
-            && let Some(reference) = config.reference_m
-            && uses.differences
-        {
-            let kind = Kind::Difference(reference);
-            data.push(datum(kind, difference.value, difference.sigma));
-        }
-    }
-    data
 }
 
 /// Returns the measurements with the largest σ that they may plausibly have.

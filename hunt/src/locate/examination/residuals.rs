@@ -1,16 +1,14 @@
 use std::collections::HashSet;
 
-use foxhunt_core::{Reception, angle};
+use foxhunt_core::Reception;
 use nalgebra::Vector2;
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 
 use super::{
     super::{LocateConfig, Located},
-    Datum, Kind, Uses, data,
-    fit::{meeting, normal},
-    levels,
-    shared::scale,
+    fit::{Datum, Kind, meeting, normal},
+    shared::{Uses, data, scale},
 };
 
 /// Measurement that took part in an answer, with its residual from the place of the answer.
@@ -60,41 +58,10 @@ impl From<Kind> for Measurand {
 /// Share of a measurement's variance that the others have to leave for its residual to be tested.
 const LEAST_SPARE: f64 = 0.05;
 
-/// Returns the residual of every measurement that an answer depends on, in the order of the
-/// receptions. Level differences have none.
-pub(crate) fn residuals(
-    located: &Located,
-    receptions: &[Reception],
-    config: &LocateConfig,
-    uses: Uses,
-) -> Vec<Residual> {
-    let left_out: HashSet<usize> = located.left_out.iter().copied().collect();
-    let mut without = left_out.clone();
-    without.extend(&located.outliers);
-    let mut residuals = of_geometry(located, receptions, config, uses, &without);
-    if uses.bearings {
-        let place = located.estimate.mean;
-        residuals.extend(receptions.iter().enumerate().filter_map(|(reception, received)| {
-            let way = place - received.receiver.position.xy();
-            let towards = way.y.atan2(way.x);
-            let apart = received.modes.as_slice().iter().map(|m| angle::wrap(m.angle - towards));
-            let residual = apart.min_by(|a, b| a.abs().total_cmp(&b.abs()))?;
-            let kind = Measurand::Bearing;
-            let left_out = without.contains(&reception);
-            Some(Residual { reception, kind, residual, p: None, left_out })
-        }));
-    }
-    if uses.levels {
-        residuals.extend(levels::residuals_of_rows(located, receptions, config, &left_out));
-    }
-    residuals.sort_by_key(|residual| residual.reception);
-    residuals
-}
-
 /// Returns the residuals of bearings, ranges and differences. Each is tested by σ of the
 /// measurement and of the receiver's place, as the scatter of the others corrects it (the
 /// externally studentised residual: Cook & Weisberg 1982, ch. 2).
-fn of_geometry(
+pub(super) fn of_geometry(
     located: &Located,
     receptions: &[Reception],
     config: &LocateConfig,

@@ -1,11 +1,26 @@
 //! Terms that all examinations share.
 
+use foxhunt_core::{Bearing, Quantity, Reception};
 use nalgebra::Vector2;
 
 use super::{
-    super::{LocateConfig, Power},
+    super::{LocateConfig, Power, RangeBias},
     fit::{Datum, Kind, Scale},
 };
+
+/// Receptions with measurements that an answer depends on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Uses {
+    pub(crate) levels: bool,
+    pub(crate) bearings: bool,
+    pub(crate) differences: bool,
+    /// The estimator searches a square about the receivers and does not report the probability on
+    /// its border.
+    pub(crate) searches_area: bool,
+}
+
+/// Names that remarks give to receptions by their index, where they have any: file and line.
+pub(crate) type Name<'a> = &'a dyn Fn(usize) -> Option<String>;
 
 /// Number of measurements that a σ of their own is worth for the search of outliers.
 const OWN_FREEDOM: f64 = 8.0;
@@ -31,6 +46,45 @@ pub(super) fn scale(data: &[Datum], config: &LocateConfig) -> Scale {
 pub(super) fn is_assumed(datum: &Datum, config: &LocateConfig) -> bool {
     let sigma = config.assumed_bearing_sigma;
     datum.kind == Kind::Bearing && sigma.is_some_and(|sigma| datum.sigma >= sigma)
+}
+
+/// Returns the measurements with a geometry that an estimator uses; `bias` is taken off the
+/// ranges.
+pub(super) fn data(
+    receptions: &[Reception],
+    config: &LocateConfig,
+    uses: Uses,
+    bias: Option<RangeBias>,
+) -> Vec<Datum> {
+    let mut data = Vec::new();
+    for (reception, received) in receptions.iter().enumerate() {
+        let receiver = received.receiver.position;
+        let of_receiver = received.receiver_sigma_m.map(|sigma| sigma.x.max(sigma.y));
+        let datum = |kind, value, sigma| {
+            let unstated = if kind == Kind::Bearing { UNSTATED_SIGMA_M } else { 0.0 };
+            let receiver_sigma_m = of_receiver.unwrap_or(unstated);
+            Datum { reception, kind, receiver, value, sigma, receiver_sigma_m }
+        };
+        // Directions that compete have no common one to be tested.
+        if let Some(Bearing { angle, sigma, .. }) = received.bearing
+            && uses.bearings
+            && received.modes.is_empty()
+        {
+            data.push(datum(Kind::Bearing, angle, sigma));
+        }
+        if let Some(range) = received.measured.get(Quantity::RANGE) {
+            let value = bias.map_or(range.value, |bias| bias.without(range.value));
+            data.push(datum(Kind::Range, value, range.sigma));
+        }
+        if let Some(difference) = received.measured.get(Quantity::RANGE_DIFFERENCE)
+            && let Some(reference) = config.reference_m
+            && uses.differences
+        {
+            let kind = Kind::Difference(reference);
+            data.push(datum(kind, difference.value, difference.sigma));
+        }
+    }
+    data
 }
 
 /// Returns a place in the words of the report.
