@@ -5,7 +5,10 @@ use std::collections::BTreeMap;
 
 use foxhunt_wire::geodesy::Geodetic;
 
-use super::{Fix, OwnFix, in_utc, little_endian};
+use super::{
+    fix::{Fix, OwnFix, in_utc},
+    little_endian,
+};
 
 /// The first bytes of a message.
 const HEAD: [u8; 2] = [0xa3, 0x95];

@@ -1,11 +1,14 @@
 //! Logs of autopilots, as far as they hold the vehicle's places over time.
 
 mod dataflash;
+mod fix;
 mod little_endian;
 mod tlog;
 mod ulog;
 
 use foxhunt_wire::geodesy::Geodetic;
+
+pub(super) use self::fix::Fix;
 
 /// Kind of a log, by its first bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,20 +21,6 @@ pub(super) enum Kind {
     Ulog,
     /// MAVLink messages as a ground station received them.
     Tlog,
-}
-
-/// A place at a time in seconds since 1970.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Fix {
-    pub(super) time: f64,
-    pub(super) place: Geodetic,
-}
-
-/// A place at a time of the vehicle's own clock in seconds.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct OwnFix {
-    own_s: f64,
-    place: Geodetic,
 }
 
 impl Kind {
@@ -83,16 +72,4 @@ fn is_place(place: &Geodetic) -> bool {
         && place.lon_deg.abs() <= 360.0
         && !is_origin
         && place.alt_m.is_finite()
-}
-
-/// Fixes of the vehicle's own clock in UTC. `pairs` are times of the own clock and of UTC; their
-/// median offset stands for all, as single ones are late.
-fn in_utc(fixes: &[OwnFix], pairs: &[[f64; 2]]) -> Result<Vec<Fix>, String> {
-    let mut offsets: Vec<f64> = pairs.iter().map(|[own, utc]| utc - own).collect();
-    offsets.sort_by(f64::total_cmp);
-    let Some(offset) = offsets.get(offsets.len() / 2) else {
-        return Err("no message of its GNSS says what time it was in UTC".to_owned());
-    };
-    let fix = |fix: &OwnFix| Fix { time: fix.own_s + offset, place: fix.place };
-    Ok(fixes.iter().map(fix).collect())
 }

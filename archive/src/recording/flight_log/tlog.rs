@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 
 use foxhunt_wire::geodesy::Geodetic;
 
-use super::{Fix, little_endian};
+use super::{fix::Fix, little_endian};
 
 /// Times of the years 2001 to 2100 in microseconds.
 const TIMES_US: std::ops::Range<u64> = 978_307_200_000_000..4_102_444_800_000_000;

@@ -5,7 +5,10 @@ use std::collections::BTreeMap;
 
 use foxhunt_wire::geodesy::Geodetic;
 
-use super::{Fix, OwnFix, in_utc, little_endian};
+use super::{
+    fix::{Fix, OwnFix, in_utc},
+    little_endian,
+};
 
 /// Bytes before the first message.
 const HEADER: usize = 16;
