@@ -32,6 +32,7 @@ mod read;
 mod record;
 mod recorded_source;
 mod rover;
+mod rover_file;
 mod row;
 mod source;
 mod sweep;

@@ -1,0 +1,72 @@
+//! Files that hold the path of a receiver, of any kind.
+
+use std::{fs, path::Path};
+
+use super::{
+    Column, ReadOptions, Record, Recording, RecordingError, Rover,
+    decompress::decompressed,
+    flight_log::{Fix, Kind},
+    read::on_ground,
+};
+
+impl Rover {
+    /// Reads a GPX file, compressed with gzip or not, an autopilot's log, or a table.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError`] names the file, and the line, field and value of an invalid point: out of
+    /// range, at 0, 0, or earlier than the one before; for a log without places in UTC, the reason.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, RecordingError> {
+        let file = path.as_ref().display().to_string();
+        let wrong = |source| RecordingError::Read { file: file.clone(), source };
+        let bytes = fs::read(path).map_err(wrong)?;
+        Self::parse(&decompressed(&bytes, &file)?, &file)
+    }
+
+    /// Reads a track from GPX, an autopilot's log or a table; `file` is its name in errors.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::read`].
+    pub fn parse(gpx: &[u8], file: &str) -> Result<Self, RecordingError> {
+        if let Some(kind) = Kind::of(gpx) {
+            return Self::of_log(kind, gpx, file);
+        }
+        // GPX is XML, perhaps behind spaces or a byte order mark; a table is neither that nor empty.
+        let begin = gpx.strip_prefix(b"\xef\xbb\xbf").unwrap_or(gpx);
+        let first = begin.iter().find(|byte| !byte.is_ascii_whitespace());
+        if first.is_some_and(|byte| *byte != b'<') {
+            return Self::of_table(gpx, file);
+        }
+        Self::of_gpx(gpx, file)
+    }
+
+    /// A table is a recording whose level is the same everywhere.
+    fn of_table(bytes: &[u8], file: &str) -> Result<Self, RecordingError> {
+        let options = ReadOptions::default().with_constant(Column::RssDb, 0.0);
+        let recording = Recording::from_reader(bytes, file, &options)?;
+        let no_path = |problem: &str| RecordingError::NoPath {
+            file: file.to_owned(),
+            what: "a table",
+            problem: problem.to_owned(),
+        };
+        if !recording.is_in_utc() {
+            return Err(no_path("its times are not in UTC: a path needs dates, or time_utc"));
+        }
+        let in_degrees = recording.frame.filter(|_| recording.in_degrees);
+        let frame = in_degrees.ok_or_else(|| no_path("its places are not in degrees"))?;
+        let has_height = recording.records().iter().filter_map(|record| record.receiver);
+        let has_height = has_height.clone().any(|pose| pose.position.z.abs() > 0.0);
+        let fix = |record: &Record| {
+            let position = record.receiver?.position;
+            let place = match has_height {
+                true => frame.to_geodetic(&position),
+                false => on_ground(&frame, position),
+            };
+            Some(Fix { time: record.time?, place })
+        };
+        let mut fixes: Vec<Fix> = recording.records().iter().filter_map(fix).collect();
+        fixes.sort_by(|a, b| a.time.total_cmp(&b.time));
+        Self::of_fixes(fixes, file)
+    }
+}
