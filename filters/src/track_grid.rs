@@ -66,7 +66,8 @@ pub struct TrackGrid {
     /// Initial reach of the search beyond the receivers, in metres; it goes farther where the
     /// target does.
     pub margin_m: f64,
-    /// The most cells, at least 100; the search for the area has a quarter of them.
+    /// The most cells, at least 100; the search for the area has a quarter of
+    /// them among three receivers or more, else a sixteenth.
     pub max_cells: u32,
 }
 
@@ -94,9 +95,29 @@ const NEGLIGIBLE: f64 = 1e-3;
 /// A model that is less probable is not looked at again.
 const UNLIKELY: f64 = 1e-4;
 
-/// Factor by which the search for the area has fewer cells. On cells as large as the receivers are
-/// apart, a target among them looks no more probable than one far away.
-const SEARCHED: u32 = 4;
+/// Factor by which the search for the area has fewer cells among the receivers of a network. On
+/// cells as large as the receivers are apart, a target among them looks no more probable than one
+/// far away.
+const SEARCHED_IN_A_NETWORK: u32 = 4;
+
+/// The factor with one or two receivers, whose levels and bearings leave a ridge: the wide cells
+/// cover what no single law of propagation explains.
+const SEARCHED: u32 = 16;
+
+/// Receivers farther apart than this, in metres, are different ones.
+const APART_M: f64 = 50.0;
+
+/// Returns true if the receivers were at three places or more.
+fn is_network(receivers: &[Pose]) -> bool {
+    let mut places: Vec<Vector2<f64>> = Vec::new();
+    receivers.iter().any(|receiver| {
+        let here = receiver.position.xy();
+        if places.iter().all(|place| (place - here).norm() > APART_M) {
+            places.push(here);
+        }
+        places.len() >= 3
+    })
+}
 
 /// The least scale of the prior of the first place.
 const NEAR_M: f64 = 1000.0;
@@ -156,13 +177,14 @@ impl TrackGrid {
             -1.5 * libm::log1p((beyond / scale_m) * (beyond / scale_m))
         };
         let side_m = (high - low).norm() + self.margin_m;
+        let searched = if is_network(receivers) { SEARCHED_IN_A_NETWORK } else { SEARCHED };
         let search = Search {
             low,
             high,
             place: PlacePrior::NearReceivers,
             margin_m: self.margin_m,
             cell_m: side_m / 64.0,
-            max_cells: (self.max_cells / SEARCHED).max(100),
+            max_cells: (self.max_cells / searched).max(100),
         };
         let every: Vec<usize> = (0..models.len()).collect();
         let coarse = search.cover(
