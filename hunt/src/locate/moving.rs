@@ -85,7 +85,8 @@ pub fn track_watched(
     }
     positive("correlation_s", config.correlation_s)?;
     let mut windows = windows(receptions, listeners, config.window_s)?;
-    share_out(&mut windows, config.correlation_s);
+    let repeated = share_of_repeated_levels(receptions, config.correlation_s);
+    share_out(&mut windows, config.correlation_s, repeated);
     let receivers: Vec<Pose> = receptions.iter().map(|r| r.receiver).collect();
     let laws = laws(&windows, locate.power, extent_m(receptions));
     let walk = |speed_mps: f64| {
@@ -185,6 +186,8 @@ struct Received {
     /// Part that is new: the rest has the errors of the window before in which the receiver
     /// received or was silent.
     share: f64,
+    /// Part of the level that is new.
+    level_share: f64,
     count: usize,
     /// The sum of the levels, and how many there are.
     levels: (f64, u32),
@@ -198,14 +201,69 @@ impl Received {
     }
 }
 
-/// Sets the shares of readings that follow others of the same receiver within `correlation_s`.
-fn share_out(windows: &mut [Window], correlation_s: f64) {
+/// Returns the part of a level that is new after another one of the same receiver within
+/// `correlation_s`, by how much the two differ: an autoregressive error whose neighbours correlate
+/// by ρ is worth (1 − ρ)/(1 + ρ) of an independent one (Bayley & Hammersley 1946), and half the
+/// mean squared difference of neighbours is σ² (1 − ρ). Zero where too few levels tell, and without
+/// a network: the levels of one or two receivers follow no single law, and count for little.
+fn share_of_repeated_levels(receptions: &[Reception], correlation_s: f64) -> f64 {
+    let mut last: Vec<(Pose, f64, f64)> = Vec::new();
+    let mut differences: Vec<f64> = Vec::new();
+    let mut ordered: Vec<&Reception> = receptions.iter().filter(|r| r.level.is_some()).collect();
+    ordered.sort_by(|a, b| a.time.total_cmp(&b.time));
+    for reception in ordered {
+        let Some(level) = reception.level else { continue };
+        let here = reception.receiver;
+        let near =
+            |(at, ..): &&mut (Pose, f64, f64)| (at.position - here.position).norm() < APART_M;
+        match last.iter_mut().rev().find(near) {
+            Some((_, before_s, before_dbm)) => {
+                if (f64::MIN_POSITIVE..correlation_s).contains(&(reception.time - *before_s)) {
+                    differences.push((level.rss_dbm - *before_dbm).abs());
+                }
+                (*before_s, *before_dbm) = (reception.time, level.rss_dbm);
+            }
+            None => last.push((here, reception.time, level.rss_dbm)),
+        }
+    }
+    if differences.len() < LEAST_DIFFERENCES || last.len() < LEAST_RECEIVERS {
+        return 0.0;
+    }
+    differences.sort_by(f64::total_cmp);
+    let Some(median) = differences.get(differences.len() / 2) else { return 0.0 };
+    let half_square = 0.5 * (median / QUARTILE).powi(2);
+    let correlation = (1.0 - half_square / SHADOWING_DB.powi(2)).max(0.0);
+    (1.0 - correlation) / (1.0 + correlation)
+}
+
+/// Least number of level differences from which their correlation is estimated.
+const LEAST_DIFFERENCES: usize = 20;
+
+/// Places of receivers that make a network.
+const LEAST_RECEIVERS: usize = 3;
+
+/// Median of the absolute value of a standard normal.
+const QUARTILE: f64 = 0.674_49;
+
+/// σ of shadowing in dB, for which differences of neighbours are judged.
+const SHADOWING_DB: f64 = 6.0;
+
+/// Sets the shares of readings that follow others of the same receiver within `correlation_s`;
+/// `repeated` is the least share of a level.
+fn share_out(windows: &mut [Window], correlation_s: f64, repeated: f64) {
     let mut last: Vec<(Pose, f64)> = Vec::new();
     for window in windows {
-        let heard = window.received.iter_mut().map(|of| (of.receiver, &mut of.share));
-        let silent = window.silent.iter_mut().map(|of| (of.listener.receiver, &mut of.share));
+        let mut shares: Vec<(Pose, &mut f64)> = Vec::new();
+        for Received { receiver, share, level_share, .. } in &mut window.received {
+            // The level's own share is raised below.
+            *level_share = repeated;
+            shares.push((*receiver, share));
+        }
+        for Silent { listener, share } in &mut window.silent {
+            shares.push((listener.receiver, share));
+        }
         let mut now: Vec<usize> = Vec::new();
-        for (receiver, share) in heard.chain(silent) {
+        for (receiver, share) in shares {
             let near =
                 |(at, _): &(Pose, f64)| (at.position - receiver.position).norm() < SAME_SHADOWS_M;
             let known = last.iter().rposition(near).unwrap_or_else(|| {
@@ -215,6 +273,9 @@ fn share_out(windows: &mut [Window], correlation_s: f64) {
             let before = last.get(known).map_or(f64::NEG_INFINITY, |(_, before)| *before);
             *share = ((window.time - before) / correlation_s).min(1.0);
             now.push(known);
+        }
+        for received in &mut window.received {
+            received.level_share = received.level_share.max(received.share);
         }
         for known in now {
             if let Some((_, before)) = last.get_mut(known) {
@@ -294,6 +355,7 @@ impl Window {
                     received.push(Received {
                         receiver: here,
                         share: 1.0,
+                        level_share: 1.0,
                         count: 0,
                         levels: (0.0, 0),
                         bearings: Vec::new(),
@@ -462,9 +524,9 @@ impl TrackModel for Walk<'_> {
             let Some(level) = received.level_dbm() else { continue };
             for ((out, east), north) in out.iter_mut().zip(places.east).zip(places.north) {
                 let (t, widened) = residual(&received.receiver, level, *east, *north);
-                *out -= received.share * 2.5 * elementary::ln(1.0 + 0.25 * t * t);
+                *out -= received.level_share * 2.5 * elementary::ln(1.0 + 0.25 * t * t);
                 if widened > 1.0 {
-                    *out -= received.share * 0.5 * elementary::ln(widened);
+                    *out -= received.level_share * 0.5 * elementary::ln(widened);
                 }
             }
         }
