@@ -12,7 +12,7 @@ pub use notice::{Notice, notice};
 pub use of_log::{KeptTurn, OverviewReader};
 pub use turn::{KnownAntenna, Turn};
 
-use std::collections::HashSet;
+use std::collections::BTreeSet;
 
 use foxhunt_core::{Bearing, BearingModes, Ellipse, Estimate, HeightAboveGround, Level, Remark};
 #[cfg(feature = "batch")]
@@ -265,7 +265,7 @@ impl Overview {
 
     /// Marks the bearings that the rows of the searches say were left out.
     pub fn mark_left_out(&mut self) {
-        let mut left_out = HashSet::new();
+        let mut left_out = BTreeSet::new();
         for (number, search) in self.searches.iter().enumerate() {
             let rows = search.rows.iter();
             let bearings = rows.filter(|row| row.left_out && row.kind == Measurand::Bearing);

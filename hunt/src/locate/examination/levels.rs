@@ -1,4 +1,4 @@
-use std::collections::HashSet;
+use std::collections::BTreeSet;
 
 use foxhunt_core::{Reception, Remark};
 use nalgebra::{Matrix2, Vector2};
@@ -67,7 +67,7 @@ pub(super) fn residuals_of_rows(
     located: &Located,
     receptions: &[Reception],
     config: &LocateConfig,
-    left_out: &HashSet<usize>,
+    left_out: &BTreeSet<usize>,
 ) -> Vec<Residual> {
     let place = located.estimate.mean;
     let kept = rows(receptions, &place, config, 1);

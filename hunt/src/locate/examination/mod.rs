@@ -10,7 +10,7 @@ mod open;
 mod residuals;
 mod shared;
 
-use std::collections::HashSet;
+use std::collections::BTreeSet;
 
 use foxhunt_core::{Reception, Remark, angle};
 use foxhunt_wire::geodesy::radians_to_compass_deg;
@@ -81,7 +81,7 @@ pub(crate) fn residuals(
     config: &LocateConfig,
     uses: Uses,
 ) -> Vec<Residual> {
-    let left_out: HashSet<usize> = located.left_out.iter().copied().collect();
+    let left_out: BTreeSet<usize> = located.left_out.iter().copied().collect();
     let mut without = left_out.clone();
     without.extend(&located.outliers);
     let mut residuals = residuals::of_geometry(located, receptions, config, uses, &without);

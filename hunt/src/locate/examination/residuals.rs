@@ -1,4 +1,4 @@
-use std::collections::HashSet;
+use std::collections::BTreeSet;
 
 use foxhunt_core::Reception;
 use nalgebra::Vector2;
@@ -66,7 +66,7 @@ pub(super) fn of_geometry(
     receptions: &[Reception],
     config: &LocateConfig,
     uses: Uses,
-    left_out: &HashSet<usize>,
+    left_out: &BTreeSet<usize>,
 ) -> Vec<Residual> {
     let up = config.target_up_m;
     let place: Vector2<f64> = located.estimate.mean;
