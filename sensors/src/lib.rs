@@ -4,7 +4,7 @@
 //! |-|-|
 //! | power over range | [`Propagation`]: [`LogDistance`], [`Friis`], [`TwoRay`] |
 //! | expected measurements | [`Rss`], [`BearingOnly`], [`RssBearing`], [`FreePowerRssBearing`], [`FreePathLossRssBearing`] |
-//! | expected measurements through an antenna's vertical pattern | [`WithElevationPattern`] (`alloc`) |
+//! | the same through an antenna's pattern | [`WithElevationPattern`] (`alloc`) |
 //! | loss by terrain | [`knife_edge_loss_db`], [`TerrainLoss`], [`Hills`] |
 //! | a model with that loss | [`OverTerrain`] |
 //! | the difference between two receivers | [`DifferentialRss`], [`RangeDifference`] |

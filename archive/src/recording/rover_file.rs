@@ -32,7 +32,7 @@ impl Rover {
         if let Some(kind) = Kind::of(gpx) {
             return Self::of_log(kind, gpx, file);
         }
-        // GPX is XML, perhaps behind spaces or a byte order mark; a table is neither that nor empty.
+        // GPX is XML, perhaps behind spaces or a byte order mark; a table begins otherwise.
         let begin = gpx.strip_prefix(b"\xef\xbb\xbf").unwrap_or(gpx);
         let first = begin.iter().find(|byte| !byte.is_ascii_whitespace());
         if first.is_some_and(|byte| *byte != b'<') {

@@ -1,5 +1,5 @@
-//! Places of receivers that are not known exactly: as satellites give them, as a column states them,
-//! and where they are all that moves.
+//! Places of receivers that are not known exactly: as satellites give them, as a column states
+//! them, and where they are all that moves.
 
 use std::fmt::Write as _;
 

@@ -641,8 +641,8 @@ pub(super) fn shared_truth(given: Option<LatLon>, beacons: usize) -> Option<Rema
     let is_shared = given.is_some() && beacons > 1;
     let remark = is_shared.then(|| {
         let text = format!(
-            "--truth is taken for all {beacons} beacons alike: errors, NEES and coverage are of use \
-             only if they were at one place; choose one with --beacon, or give each its own with \
+            "--truth is taken for all {beacons} beacons alike: errors, NEES and coverage are of \
+             use only if they were at one place; choose one with --beacon, or give each its own with \
              the columns truth_lat_deg and truth_lon_deg"
         );
         Remark::new("one-truth-for-all", text)

@@ -301,7 +301,8 @@ fn bearings_with_one_wrong() -> String {
     for number in 0..8 {
         let turn = std::f64::consts::TAU * f64::from(number) / 8.0;
         let (sin, cos) = turn.sin_cos();
-        let (east, north) = (300.0 + 600.0 * cos, 200.0 + 600.0 * sin);
+        let east = 300.0 + 600.0 * cos;
+        let north = 200.0 + 600.0 * sin;
         let towards = f64::atan2(-cos, -sin).to_degrees();
         let error = 2.0 * (1.7 * f64::from(number)).sin() + if number == 3 { 71.0 } else { 0.0 };
         let bearing = (towards + error).rem_euclid(360.0);
@@ -408,7 +409,8 @@ fn animals(first: u32, count: u32) -> String {
         for number in 0..4 {
             let turn = 0.3 * f64::from(animal) + 1.6 * f64::from(number);
             let (sin, cos) = turn.sin_cos();
-            let (east, north) = (x + 500.0 * cos, y + 500.0 * sin);
+            let east = x + 500.0 * cos;
+            let north = y + 500.0 * sin;
             let error = 12.0 * (1.7 * f64::from(animal) + 2.9 * f64::from(number)).sin();
             let bearing = (f64::atan2(-cos, -sin).to_degrees() + error).rem_euclid(360.0);
             writeln!(text, "a{animal},{east},{north},0,{bearing},1.5,{x},{y}")
@@ -498,7 +500,8 @@ fn half_of_the_otters_calibrates_the_other_half() {
     let report = foxhunt(["judge", "--json", &others, "--conformal", factors]).json();
     for of in report["estimators"].as_array().expect("a list") {
         let [held, fixes] = [0, 1].map(|at| of["in_conformal_ellipses_95"][at].as_u64());
-        let (held, fixes) = (held.expect("a number"), fixes.expect("a number"));
+        let held = held.expect("a number");
+        let fixes = fixes.expect("a number");
         // Fewer than 29 of 39 have a probability of 0.2 % (beta-binomial, of 39 to calibrate).
         assert!(fixes >= 38 && held >= 29, "{of}");
         if of["estimator"] == "pseudolinear" {

@@ -29,7 +29,7 @@ use crate::{
 /// (1 − cos δ)/(1 + R τ²), and the likelihood has a factor (1 + W τ²)^(−1/2): a covariance D + τ² 1
 /// 1ᵀ, by Sherman, Morrison and Woodbury. The values of τ are averaged by their evidence. They are
 /// taken as they are for the s that the scatter has; the remaining doubt about s holds for both.
-/// Where no place has two bearings, b is a part of σ e.
+/// The error b is a part of σ e where no place has two bearings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BearingGrid {
     /// The degrees of freedom ν of the bearings' common variance: how many bearings its knowledge

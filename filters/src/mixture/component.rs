@@ -31,7 +31,8 @@ impl<E> Component<E> {
 ///
 /// # Errors
 ///
-/// When no component is given, a weight is negative or not finite, or all are zero.
+/// [`EstimatorError`] if no component is given, a weight is negative or not finite, or all are
+/// zero.
 pub(super) fn weighted<E>(
     parts: impl IntoIterator<Item = (f64, E)>,
 ) -> Result<Vec<Component<E>>, EstimatorError> {
