@@ -1,5 +1,6 @@
 //! The archive through its public interface: recordings, receptions, locating, replay.
 
+mod calibrated;
 mod differences;
 mod levels;
 mod locate;

@@ -6,7 +6,7 @@ use std::{
 };
 
 use foxhunt::{
-    calibration::{CalibrationFile, ConformalFile},
+    calibration::{CalibrationFile, ConformalFile, PathLossSection},
     config::{BoxedExtractor, ExtractorConfig, PulseLevelConfig},
     core::{EstimatorError, Reception, Remark, nalgebra::Vector2},
     locate::{LocateConfig, LocateError, Located, Power, Residual},
@@ -144,7 +144,7 @@ impl Locating {
         let own = self.calibration.read()?;
         // Mistakes of the command line are reported before those of files.
         self.power(&own)?;
-        let recordings = self.reading.read(files)?;
+        let (recordings, clock_offset_s) = self.reading.read_with_clock(files)?;
         let calibration = match recordings.first() {
             Some(first) => self.calibration.or_shipped(&own, first),
             None => Cow::Borrowed(&own),
@@ -186,6 +186,7 @@ impl Locating {
             terrain: relief.as_ref().map(|relief| relief.config.clone()),
             margin_m: self.margin_m,
             reference_m: self.reference_m.map(Into::into),
+            clock_offset_s,
             seed: self.seed,
             ..LocateConfig::default()
         };
@@ -314,10 +315,7 @@ impl Locating {
     fn power(&self, calibration: &CalibrationFile) -> Result<Power, CliError> {
         match (self.p0_dbm, self.exponent) {
             (Parameter::Free, Parameter::Free) => {
-                Ok(calibration.path_loss.as_ref().map_or(Power::Free, |law| Power::Known {
-                    reference_dbm: law.p0_dbm,
-                    exponent: law.exponent,
-                }))
+                Ok(calibration.path_loss.as_ref().map_or(Power::Free, PathLossSection::power))
             }
             (Parameter::Value(reference_dbm), Parameter::Value(exponent)) => {
                 Ok(Power::Known { reference_dbm, exponent })
@@ -403,6 +401,10 @@ impl Prepared {
         if let Some(recording) = self.recordings.iter().find(timeless) {
             let message = format!("{}: --track needs the time of each row", recording.file());
             return Err(CliError::input(message));
+        }
+        if self.config.clock_offset_s.abs() > 0.0 {
+            let why = "--track does not use --clock-offset-s without a path beside the recordings";
+            return Err(CliError::input(why));
         }
         if self.config.pattern.is_some() {
             let why = "--track does not use the antennas' patterns (--receiver-antenna, \

@@ -79,9 +79,10 @@ pub(crate) struct Reading {
     /// recordings instead, or a table with dates and places
     #[arg(long, value_name = "FILE")]
     rover: Option<PathBuf>,
-    /// Seconds added to the recording's times to make them UTC for the receiver's path:
-    /// `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at which
-    /// the recording's clock showed 0
+    /// Seconds added to the times of the measurements for the receiver's path: `rtl_power` and
+    /// `hackrf_sweep` write the computer's local time. Or the time in UTC at which the recording's
+    /// clock showed 0. In a table with places of its own, seconds by which the clock of the
+    /// measurements is behind that of the places
     #[arg(
         long,
         value_name = "S|UTC",
@@ -196,16 +197,29 @@ impl Reading {
         Ok(options)
     }
 
-    /// Reads recordings into one frame, and prints on standard error what was left out.
+    /// Reads recordings into one frame, and prints on standard error what was left out. Refuses a
+    /// clock's offset without a path beside the recordings.
     pub(super) fn read(&self, files: &[PathBuf]) -> Result<Vec<Recording>, CliError> {
-        let (tracks, recordings) = self.tracks(files)?;
-        let options = self.options(self.rover.as_deref().or(tracks.first().copied()))?;
-        if self.rover.is_none() && tracks.is_empty() && self.clock_offset_s.abs() > 0.0 {
+        let (recordings, clock_offset_s) = self.read_with_clock(files)?;
+        if clock_offset_s.abs() > 0.0 {
             return Err(CliError::input(
-                "--clock-offset-s is of use for a recording beside its receiver's path alone \
-                 (--rover FILE)",
+                "--clock-offset-s is of use for a recording beside its receiver's path (--rover \
+                 FILE), and for locate and judge",
             ));
         }
+        Ok(recordings)
+    }
+
+    /// Reads recordings as [`read`](Self::read) does. Returns with them the offset of the
+    /// measurements' clock that is still to be applied: the whole one where the places are the
+    /// recordings' own.
+    pub(super) fn read_with_clock(
+        &self,
+        files: &[PathBuf],
+    ) -> Result<(Vec<Recording>, f64), CliError> {
+        let (tracks, recordings) = self.tracks(files)?;
+        let has_path = self.rover.is_some() || !tracks.is_empty();
+        let options = self.options(self.rover.as_deref().or(tracks.first().copied()))?;
         let recordings = Recording::read_all(recordings, &options).map_err(CliError::input)?;
         for recording in &recordings {
             narrate(recording);
@@ -215,7 +229,7 @@ impl Reading {
                 "--date is of use for magnetic North alone (--north magnetic)",
             ));
         }
-        Ok(recordings)
+        Ok((recordings, if has_path { 0.0 } else { self.clock_offset_s }))
     }
 
     /// The files that are paths of a receiver, at most one, and the recordings.

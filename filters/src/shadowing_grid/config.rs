@@ -12,6 +12,17 @@ pub enum Intercept {
     Flat,
     /// Its value, in the readings' unit.
     Known(f64),
+    /// The value that a calibration measured at one value of the slope's regressor, with the gain's
+    /// at zero. Its error is independent of the readings', and of the slope where `regressor` is
+    /// the centroid of the calibration.
+    Calibrated {
+        /// Slope's regressor of the calibration: −10 log₁₀ of the distance for a received level.
+        regressor: f64,
+        /// Measured value there, in the readings' unit.
+        value: f64,
+        /// Variance of its error, in units of the readings' σ².
+        variance: f64,
+    },
 }
 
 /// Prior of a coefficient: for a received level, of the path-loss exponent.
@@ -216,8 +227,16 @@ impl ShadowingGridConfig {
 
     /// Names the first setting that is outside of its range.
     pub(super) fn check(&self) -> Result<(), ShadowingGridError> {
-        if let Intercept::Known(value) = self.intercept {
-            finite("the intercept", value)?;
+        match self.intercept {
+            Intercept::Flat => {}
+            Intercept::Known(value) => {
+                finite("the intercept", value)?;
+            }
+            Intercept::Calibrated { regressor, value, variance } => {
+                finite("the calibration's regressor", regressor)?;
+                finite("the calibration's value", value)?;
+                positive("the calibration's variance", variance)?;
+            }
         }
         self.slope.check(["the slope", "the number of slopes", "the slope's weight"])?;
         self.gain.check(["the gain", "the number of gains", "the gain's weight"])?;

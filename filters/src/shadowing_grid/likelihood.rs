@@ -34,7 +34,10 @@ pub(super) struct Likelihood {
     /// Level taken from the values before: the known intercept, or their mean for the sake of
     /// rounding.
     offset: f64,
+    /// True if the intercept is estimated, also where a calibration tells of it.
     intercept_is_flat: bool,
+    /// Regressors of the calibration, the last reading behind those of the receivers.
+    calibration: Option<[f64; 2]>,
     /// One per correlation length and nugget, the nuggets of a length side by side.
     regressions: Vec<Regression>,
     /// The values of slope and gain with their log-weights.
@@ -97,11 +100,22 @@ impl Likelihood {
         let censored = Censored::new(config, &segments.censored);
         let Segments { receivers, mut values, counts, .. } = segments;
         #[expect(clippy::cast_precision_loss, reason = "capped by a u32")]
-        let n = values.len() as f64;
+        let received = values.len() as f64;
         let (intercept_is_flat, offset) = match config.intercept {
-            Intercept::Flat => (true, values.iter().sum::<f64>() / n),
+            Intercept::Flat | Intercept::Calibrated { .. } => {
+                (true, values.iter().sum::<f64>() / received)
+            }
             Intercept::Known(value) => (false, value),
         };
+        let mut calibration = None;
+        let mut calibration_variance = None;
+        let mut n = received;
+        if let Intercept::Calibrated { regressor, value, variance } = config.intercept {
+            values.push(value);
+            n += 1.0;
+            calibration = Some([regressor, 0.0]);
+            calibration_variance = Some(variance);
+        }
         for value in &mut values {
             *value -= offset;
         }
@@ -109,7 +123,7 @@ impl Likelihood {
         let neighbours = Neighbours::new(&receivers);
         let path = (receivers.as_slice(), counts.as_slice(), &neighbours);
         let regression = |correlation: (f64, f64)| {
-            Regression::new(path, &values, intercept_is_flat, correlation)
+            Regression::new(path, &values, calibration_variance, intercept_is_flat, correlation)
                 .ok_or(ShadowingGridError::Correlation { length_m: correlation.0 })
         };
         let lengths = config.correlation_lengths_m.iter();
@@ -122,6 +136,7 @@ impl Likelihood {
             receivers,
             offset,
             intercept_is_flat,
+            calibration,
             regressions,
             slopes: config.slope.log_nodes(),
             gains: config.gain.log_nodes(),
@@ -198,7 +213,7 @@ impl Likelihood {
             let first = gains.next().unwrap_or(0.0);
             gains.any(|gain| (gain - first).abs() > SAME_GAIN)
         });
-        if matters || !self.intercept_is_flat {
+        if matters || !self.intercept_is_flat || self.calibration.is_some() {
             &self.gains
         } else {
             self.gains.get(..1).unwrap_or_default()
@@ -251,7 +266,8 @@ impl Likelihood {
     ) -> Vec<Conditional> {
         let mut conditionals = Vec::with_capacity(grid.len());
         let has_gain = gains.len() > 1 || gains.iter().any(|&(gain, _)| gain != 0.0);
-        let mut x: Vec<Row> = vec![[0.0; LANES]; self.receivers.len()];
+        let readings = self.receivers.len() + usize::from(self.calibration.is_some());
+        let mut x: Vec<Row> = vec![[0.0; LANES]; readings];
         let mut g = if has_gain { x.clone() } else { Vec::new() };
         let mut white_x = x.clone();
         let mut white_g = g.clone();
@@ -270,6 +286,11 @@ impl Likelihood {
                 if let Some(row) = g.get_mut(i) {
                     *row = both.map(|[_, gain]| gain);
                 }
+            }
+            if let Some([slope, gain]) = self.calibration {
+                // The last rows are the calibration's; without a gain there is no row of it.
+                x.last_mut().into_iter().for_each(|row| *row = [slope; LANES]);
+                g.last_mut().into_iter().for_each(|row| *row = [gain; LANES]);
             }
             let origins = [self.without_origin(&mut x), self.without_origin(&mut g)];
             let blocks: Vec<[Products; LANES]> = (self.explained_by(probable))

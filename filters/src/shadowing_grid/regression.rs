@@ -38,14 +38,20 @@ pub(super) struct Products {
 }
 
 impl Regression {
-    /// Factors and whitens; `None` where the correlation is not positive definite.
+    /// Factors and whitens; `None` where the correlation is not positive definite. One value more
+    /// than there are receivers is a calibration's, with its variance.
     pub(super) fn new(
         (receivers, counts, neighbours): (&[Pose], &[f64], &Neighbours),
         values: &[f64],
+        calibration: Option<f64>,
         intercept_is_flat: bool,
         (length_m, nugget): (f64, f64),
     ) -> Option<Self> {
         let whitener = Whitener::new(receivers, counts, neighbours, length_m, nugget)?;
+        let whitener = match calibration {
+            Some(variance) => whitener.with_independent(variance),
+            None => whitener,
+        };
         let mut rows = vec![[0.0; LANES]; values.len()];
         for (row, value) in rows.iter_mut().zip(values) {
             row[0] = *value;

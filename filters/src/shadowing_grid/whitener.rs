@@ -110,6 +110,14 @@ impl Whitener {
         Some(Self { neighbours: neighbours.clone(), weights, scales, half_log_determinant })
     }
 
+    /// Adds a reading that is independent of all others, behind them.
+    pub(super) fn with_independent(mut self, variance: f64) -> Self {
+        self.neighbours.ends.push(self.neighbours.indices.len());
+        self.scales.push(1.0 / libm::sqrt(variance));
+        self.half_log_determinant += 0.5 * libm::log(variance);
+        self
+    }
+
     /// ½ ln |C|.
     pub(super) fn half_log_determinant(&self) -> f64 {
         self.half_log_determinant

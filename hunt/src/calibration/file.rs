@@ -135,7 +135,7 @@ impl CalibrationFile {
             move |source| CalibrationFileError::Parameter { file, section, source }
         };
         if let Some(path_loss) = &read.path_loss {
-            path_loss.law().map_err(wrong("path_loss"))?;
+            path_loss.check().map_err(wrong("path_loss"))?;
         }
         if let Some(bearings) = &read.bearings {
             let nothing = foxhunt_sensors::Pritzl2018::default();
@@ -248,6 +248,9 @@ mod tests {
         let text = whole().to_toml();
         for (from, to, expected) in [
             ("exponent = 2.765", "exponent = -1.0", "path_loss: exponent is -1"),
+            ("[1.0, 0.1]", "[1.0, 0.3]", "path_loss: the covariance of P₀ and γ is 0.3"),
+            ("[0.1, 0.03]", "[0.2, 0.03]", "the lower covariance of P₀ and γ is 0.2"),
+            ("sigma_db = 2.5", "sigma_db = -2.5", "path_loss: sigma_db is -2.5"),
             ("sigma_scale = 1.0", "sigma_scale = -1.0", "bearings.correction: scale is -1"),
             ("beamwidth_deg = 36.0", "beamwidth_deg = 190.0", "station: beamwidth"),
             ("lat_deg = 50.0", "lat_deg = 95.0", "station: place.lat_deg is 95"),

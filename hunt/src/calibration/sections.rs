@@ -1,4 +1,4 @@
-use foxhunt_core::parameter::in_range;
+use foxhunt_core::parameter::{in_range, not_negative, require};
 use foxhunt_sensors::{
     LogDistance, ParameterError, PathLossFit, StationAntenna, StationFit, StationPattern,
 };
@@ -6,6 +6,7 @@ use foxhunt_wire::geodesy::{Geodetic, LocalFrame, compass_deg_to_radians, radian
 use serde::{Deserialize, Serialize};
 
 use super::BearingCalibration;
+use crate::locate::{CalibratedPower, Power};
 
 /// The path loss, P = P₀ − 10 γ log₁₀ d.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -30,8 +31,38 @@ pub struct PathLossSection {
 }
 
 impl PathLossSection {
-    pub(super) fn law(&self) -> Result<LogDistance, ParameterError> {
-        LogDistance::new(self.p0_dbm, self.exponent)
+    /// Returns the knowledge of the power: the law, and its uncertainty where the file has it.
+    #[must_use]
+    pub fn power(&self) -> Power {
+        let Self { p0_dbm: reference_dbm, exponent, .. } = *self;
+        match (self.covariance, self.sigma_db) {
+            (Some(covariance), Some(sigma_db)) => Power::Calibrated(CalibratedPower {
+                reference_dbm,
+                exponent,
+                covariance,
+                sigma_db,
+                points: self.points.unwrap_or(LEAST_POINTS),
+            }),
+            _ => Power::Known { reference_dbm, exponent },
+        }
+    }
+
+    /// Names the number that is out of its range.
+    pub(super) fn check(&self) -> Result<(), ParameterError> {
+        LogDistance::new(self.p0_dbm, self.exponent)?;
+        if let Some(sigma_db) = self.sigma_db {
+            not_negative("sigma_db", sigma_db)?;
+        }
+        if let Some([[level, shared], [also_shared, slope]]) = self.covariance {
+            not_negative("the variance of P₀", level)?;
+            not_negative("the variance of γ", slope)?;
+            let most = (level * slope).sqrt();
+            in_range("the covariance of P₀ and γ", shared, -most..=most, "within their σ")?;
+            let symmetric = (shared - also_shared).abs() <= 1e-9 * most;
+            let name = "the lower covariance of P₀ and γ";
+            require(symmetric, name, also_shared, "equal to the upper one")?;
+        }
+        Ok(())
     }
 }
 
@@ -49,7 +80,10 @@ impl From<&PathLossFit> for PathLossSection {
     }
 }
 
-/// Bearings: what they are corrected by, and how sure that is.
+/// Number of points of a calibration that does not state it: the fewest that a law is fitted to.
+const LEAST_POINTS: usize = 3;
+
+/// Correction of bearings, and its uncertainty.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BearingSection {
@@ -71,6 +105,33 @@ pub struct BearingSection {
     /// The 95 % interval of the σ's floor, in degrees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sigma_floor_interval_deg: Option<[f64; 2]>,
+}
+
+/// Quantile of the normal distribution that half a 95 % interval is in σ.
+const HALF_95: f64 = 1.96;
+
+/// Numbers that are fitted to bearings: offset, scale and floor of σ.
+const FITTED: f64 = 3.0;
+
+impl BearingSection {
+    /// Returns the correction for new bearings. Their σ is that of the fit, of whose scale n
+    /// bearings tell as Student's t does, with that of the offset.
+    #[must_use]
+    pub fn predictive(&self) -> BearingCalibration {
+        let [offset, sine, cosine] = self.half_intervals_deg.unwrap_or_default();
+        // The mean square over all headings.
+        let of_offset = (offset * offset + 0.5 * (sine * sine + cosine * cosine)).sqrt() / HALF_95;
+        let widening = self.bearings.map_or(1.0, |bearings| {
+            let count = u32::try_from(bearings).map_or(f64::INFINITY, f64::from);
+            let freedom = (count - FITTED).max(2.5);
+            if freedom.is_finite() { (freedom / (freedom - 2.0)).sqrt() } else { 1.0 }
+        });
+        BearingCalibration {
+            sigma_scale: self.correction.sigma_scale * widening,
+            sigma_floor_deg: (self.correction.sigma_floor_deg * widening).hypot(of_offset),
+            ..self.correction
+        }
+    }
 }
 
 /// A station of fixed antennas. Boresights belong to the hardware, so a station is known by its
@@ -206,5 +267,46 @@ impl From<&StationFit> for StationSection {
             floor_width_db: pattern.floor().map_or(one_db(), |[_, width]| width),
             antennas: pattern.antennas().iter().zip(intervals).map(antenna).collect(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A new bearing's error has the variance of the offset beside its own, and the fewer bearings
+    /// were fitted the less its scale is known.
+    #[test]
+    fn new_bearings_are_less_certain_than_fitted_ones() {
+        let correction = BearingCalibration { sigma_scale: 2.0, ..<_>::default() };
+        let section = |bearings, half_intervals_deg| BearingSection {
+            extractor: None,
+            bearings,
+            correction,
+            half_intervals_deg,
+            sigma_scale_interval: None,
+            sigma_floor_interval_deg: None,
+        };
+        assert_eq!(section(None, None).predictive(), correction);
+        let many = section(Some(1003), Some([19.6, 0.0, 0.0])).predictive();
+        assert!((many.sigma_scale - 2.0 * (1000.0_f64 / 998.0).sqrt()).abs() < 1e-12, "{many:?}");
+        assert!((many.sigma_floor_deg - 10.0).abs() < 1e-12, "{many:?}");
+        let few = section(Some(7), Some([0.0, 19.6, 19.6])).predictive();
+        assert!((few.sigma_scale - 2.0 * 2.0_f64.sqrt()).abs() < 1e-12, "{few:?}");
+        assert!((few.sigma_floor_deg - 10.0).abs() < 1e-12, "{few:?}");
+    }
+
+    #[test]
+    fn a_law_is_uncertain_where_the_file_says_so() {
+        let text = "p0_dbm = -30.0\nexponent = 2.5\n";
+        let read = |more: &str| -> PathLossSection {
+            toml::from_str(&format!("{text}{more}")).expect("a section")
+        };
+        let known = Power::Known { reference_dbm: -30.0, exponent: 2.5 };
+        assert_eq!(read("").power(), known);
+        assert_eq!(read("sigma_db = 3.0").power(), known);
+        let whole = read("sigma_db = 3.0\npoints = 20\ncovariance = [[4.0, 0.1], [0.1, 0.01]]");
+        let Power::Calibrated(law) = whole.power() else { panic!("{whole:?}") };
+        assert_eq!((law.points, law.covariance), (20, [[4.0, 0.1], [0.1, 0.01]]));
     }
 }

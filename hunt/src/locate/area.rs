@@ -4,12 +4,19 @@ use foxhunt_sensors::FreePowerRssBearing;
 use foxhunt_sensors::{LogDistance, ParameterError, Propagation};
 use nalgebra::Vector2;
 
+#[cfg(feature = "batch")]
+use super::Power;
+
 /// The exponent where it is not known: between free space and
 /// clutter (the median of the VHF recordings that the project is tested on).
 pub(crate) const FREE_EXPONENT: f64 = 2.3;
 
 /// σ of the reference power before the first reception, in dB: from a tag to a hand-held radio.
 pub(crate) const FREE_POWER_SIGMA_DB: f64 = 20.0;
+
+/// Least σ of a calibrated reference power in dB: below it, covariances lose their digits.
+#[cfg(feature = "batch")]
+const LEAST_SIGMA_DB: f64 = 0.01;
 
 /// Share of a half side beyond which a place is at the edge of the area.
 const WELL_WITHIN: f64 = 0.95;
@@ -73,19 +80,26 @@ impl Area {
     }
 }
 
-/// The model of a transmitter of unknown power, and the prior of its place and power: the power
-/// is the one of a transmitter in the middle of the area, to within 20 dB.
+/// The model of a transmitter of unknown power, and the prior of its place and power: a calibrated
+/// power with its error over the area, or the one of a transmitter in the middle of the area, to
+/// within 20 dB.
 #[cfg(feature = "batch")]
 pub(crate) fn free_power(
     receptions: &[Reception],
     area: &Area,
     up: f64,
-    exponent: f64,
+    power: Power,
 ) -> Result<(FreePowerRssBearing, Estimate<3>), ParameterError> {
+    let exponent = power.exponent();
     let model = FreePowerRssBearing::new(exponent)?.with_target_up(up)?;
     let place = area.prior();
-    let power = reference_power(receptions, &place.mean, up, exponent)?;
-    let mut prior = Estimate::isotropic(place.mean.push(power), FREE_POWER_SIGMA_DB);
+    let (power, sigma_db) = match power.centroid() {
+        Some(centroid) => {
+            (centroid.reference_dbm(exponent), centroid.sigma_db(area.side()).max(LEAST_SIGMA_DB))
+        }
+        None => (reference_power(receptions, &place.mean, up, exponent)?, FREE_POWER_SIGMA_DB),
+    };
+    let mut prior = Estimate::isotropic(place.mean.push(power), sigma_db);
     prior.covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&place.covariance);
     Ok((model, prior))
 }

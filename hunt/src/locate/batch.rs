@@ -35,7 +35,7 @@ impl Locator for MultiStart {
         let has_levels = receptions.iter().any(|r| r.level.is_some());
         let has_bearings = receptions.iter().any(Reception::has_bearing);
         // A known power makes a range of a level, and a range and a bearing make a place.
-        if !(has_levels && has_bearings && matches!(config.power, Power::Known { .. })) {
+        if !(has_levels && has_bearings && config.power.law().is_some()) {
             let what = if has_bearings { "bearings" } else { "levels" };
             let used = receptions.iter().filter(|r| r.level.is_some() || r.has_bearing());
             several_places(what, used.map(|r| r.receiver))?;
@@ -47,9 +47,9 @@ impl Locator for MultiStart {
                 let model = Censored::new(model);
                 located(&observations, model, area.prior(), &starts)
             }
-            Power::Free | Power::FreeReference { .. } => {
+            Power::Free | Power::FreeReference { .. } | Power::Calibrated(_) => {
                 let exponent = config.power.exponent();
-                let (model, prior) = free_power(receptions, &area, up, exponent)?;
+                let (model, prior) = free_power(receptions, &area, up, config.power)?;
                 let mut with_power = Vec::with_capacity(starts.len());
                 for place in starts {
                     with_power.push(place.push(reference_power(receptions, &place, up, exponent)?));

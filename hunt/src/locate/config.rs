@@ -43,6 +43,10 @@ pub struct LocateConfig {
     /// one, or where it was learned.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub assumed_bearing_sigma: Option<f64>,
+    /// Seconds by which the clock of the measurements is behind that of the receiver's places: each
+    /// was made where the receiver was that much later.
+    #[serde(default)]
+    pub clock_offset_s: f64,
     /// Place of the reference receiver of range and level differences: East, North and Up in
     /// metres.
     pub reference_m: Option<Vector3<f64>>,
@@ -69,6 +73,82 @@ pub enum Power {
         /// γ.
         exponent: f64,
     },
+    /// The law that a calibration fitted, known as well as its points tell.
+    Calibrated(CalibratedPower),
+}
+
+/// A log-distance law fitted to levels from known places, with its uncertainty.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CalibratedPower {
+    /// P₀ in dBm.
+    pub reference_dbm: f64,
+    /// γ.
+    pub exponent: f64,
+    /// Covariance of P₀ and γ, in dB² and dB.
+    pub covariance: [[f64; 2]; 2],
+    /// σ of levels about the law, in dB.
+    pub sigma_db: f64,
+    /// Number of points that the law was fitted to.
+    pub points: usize,
+}
+
+/// Law of the level at the centroid of a calibration, where its error is independent of γ's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Centroid {
+    /// −10 log₁₀ of the distance in metres.
+    pub(crate) loss: f64,
+    /// Level there in dBm.
+    pub(crate) level_dbm: f64,
+    /// Variance of its error, in dB².
+    pub(crate) variance: f64,
+    /// γ with the prior that all estimators have of it, and its σ.
+    pub(crate) exponent: f64,
+    /// See [`exponent`](Self::exponent).
+    pub(crate) exponent_sigma: f64,
+}
+
+/// Prior of γ: mean and σ (Rappaport 2002, table 4.2).
+const EXPONENT_PRIOR: (f64, f64) = (FREE_EXPONENT, 0.5);
+
+/// σ of γ in dB below which γ is known.
+const KNOWN_EXPONENT: f64 = 0.01;
+
+impl CalibratedPower {
+    /// Returns the law at the centroid of the calibration.
+    pub(crate) fn centroid(&self) -> Centroid {
+        let [[level, shared], [_, slope]] = self.covariance;
+        let sigma = slope.max(0.0).sqrt();
+        if sigma < KNOWN_EXPONENT {
+            let Self { reference_dbm: level_dbm, exponent, .. } = *self;
+            let variance = level.max(0.0);
+            return Centroid { loss: 0.0, level_dbm, variance, exponent, exponent_sigma: 0.0 };
+        }
+        let loss = -shared / slope;
+        let (prior, prior_sigma) = EXPONENT_PRIOR;
+        let weights = [1.0 / slope, 1.0 / (prior_sigma * prior_sigma)];
+        let precision = weights[0] + weights[1];
+        Centroid {
+            loss,
+            level_dbm: self.reference_dbm + self.exponent * loss,
+            variance: (level - shared * shared / slope).max(0.0),
+            exponent: (weights[0] * self.exponent + weights[1] * prior) / precision,
+            exponent_sigma: precision.sqrt().recip(),
+        }
+    }
+}
+
+impl Centroid {
+    /// Reference power of the law with an exponent, in dBm.
+    pub(crate) fn reference_dbm(&self, exponent: f64) -> f64 {
+        self.level_dbm - exponent * self.loss
+    }
+
+    /// σ in dB of the level that the law predicts at a distance, without the levels' own.
+    pub(crate) fn sigma_db(&self, range_m: f64) -> f64 {
+        let apart = -10.0 * range_m.max(1.0).log10() - self.loss;
+        self.variance.sqrt().hypot(apart * self.exponent_sigma)
+    }
 }
 
 impl LocateConfig {
@@ -96,6 +176,27 @@ impl Power {
         match self {
             Self::Free => FREE_EXPONENT,
             Self::FreeReference { exponent } | Self::Known { exponent, .. } => exponent,
+            Self::Calibrated(calibrated) => calibrated.centroid().exponent,
+        }
+    }
+
+    /// Returns P₀ in dBm and γ where they are known, if only to within an error.
+    pub(crate) fn law(self) -> Option<(f64, f64)> {
+        match self {
+            Self::Free | Self::FreeReference { .. } => None,
+            Self::Known { reference_dbm, exponent } => Some((reference_dbm, exponent)),
+            Self::Calibrated(calibrated) => {
+                let centroid = calibrated.centroid();
+                Some((centroid.reference_dbm(centroid.exponent), centroid.exponent))
+            }
+        }
+    }
+
+    /// Returns a calibrated law at its centroid; `None` where nothing was calibrated.
+    pub(crate) fn centroid(self) -> Option<Centroid> {
+        match self {
+            Self::Calibrated(calibrated) => Some(calibrated.centroid()),
+            Self::Free | Self::FreeReference { .. } | Self::Known { .. } => None,
         }
     }
 }
@@ -115,6 +216,7 @@ impl Default for LocateConfig {
             margin_m: 200.0,
             bearing_freedom: 2.0,
             assumed_bearing_sigma: None,
+            clock_offset_s: 0.0,
             reference_m: None,
             seed: 1,
         }
@@ -133,4 +235,39 @@ pub struct Listener {
     pub until: f64,
     /// The level below which it receives nothing, in dBm.
     pub floor_dbm: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Levels of a law at a range have the variance of the covariance's quadratic form, and the
+    /// prior of γ makes them no less certain than the calibration alone.
+    #[test]
+    fn the_centroid_has_the_law_of_the_calibration() {
+        let calibrated = CalibratedPower {
+            reference_dbm: -30.0,
+            exponent: 2.3,
+            covariance: [[25.0, 1.2], [1.2, 0.06]],
+            sigma_db: 6.0,
+            points: 20,
+        };
+        let centroid = calibrated.centroid();
+        assert!((centroid.loss + 20.0).abs() < 1e-12, "{centroid:?}");
+        assert!((centroid.reference_dbm(2.3) + 30.0).abs() < 1e-12, "{centroid:?}");
+        assert!((centroid.variance - 1.0).abs() < 1e-12, "{centroid:?}");
+        // 1/0.06 + 1/0.25.
+        let sigma = (1.0_f64 / (1.0 / 0.06 + 4.0)).sqrt();
+        assert!((centroid.exponent_sigma - sigma).abs() < 1e-12, "{centroid:?}");
+        assert!((centroid.exponent - 2.3).abs() < 1e-12, "{centroid:?}");
+        let at = |range: f64| centroid.sigma_db(range).powi(2);
+        assert!((at(100.0) - 1.0).abs() < 1e-12);
+        assert!((at(1e4) - 1.0 - 400.0 * sigma * sigma).abs() < 1e-9);
+        let steep = CalibratedPower { exponent: 0.8, ..calibrated }.centroid();
+        assert!(steep.exponent > 0.8 && steep.exponent < 1.2, "{steep:?}");
+        let bound = CalibratedPower { covariance: [[4.0, 0.0], [0.0, 0.0]], ..calibrated };
+        let Centroid { exponent, exponent_sigma, variance, .. } = bound.centroid();
+        assert!(exponent.to_bits() == 2.3_f64.to_bits() && exponent_sigma <= 0.0, "{exponent}");
+        assert!((variance - 4.0).abs() < 1e-12);
+    }
 }

@@ -1,6 +1,6 @@
 use foxhunt_core::{Estimate, Reception};
 use foxhunt_filters::{BatchError, Censoring, ShadowedReading};
-use nalgebra::{Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
 use super::{
     Area, LocateConfig, LocateError, Located, Locator, Power,
@@ -127,10 +127,10 @@ impl Locator for LeastAbsolute {
             return Err(BatchError::TooFew { what: "levels", have, need: 5 }.into());
         }
         several_places("levels", levels.iter().map(|reading| reading.receiver))?;
-        let (reference_dbm, exponent) = match config.power {
-            Power::Free => (None, None),
-            Power::FreeReference { exponent } => (None, Some(exponent)),
-            Power::Known { reference_dbm, exponent } => (Some(reference_dbm), Some(exponent)),
+        let (reference_dbm, exponent) = match (config.power, config.power.law()) {
+            (_, Some((reference_dbm, exponent))) => (Some(reference_dbm), Some(exponent)),
+            (Power::FreeReference { exponent }, None) => (None, Some(exponent)),
+            _ => (None, None),
         };
         let fit = Fit { levels: &levels, up: config.target_up_m, reference_dbm, exponent };
         let area = Area::about(receptions, config.margin_m);
@@ -183,7 +183,19 @@ impl Locator for LeastAbsolute {
             information[(2, 2)] = 1.0;
         }
         let covariance = information.cholesky().ok_or(BatchError::Flat { rcond: 0.0 })?.inverse();
-        let covariance = (covariance * (cost * cost)).fixed_view::<2, 2>(0, 0).into_owned();
+        let mut covariance = (covariance * (cost * cost)).fixed_view::<2, 2>(0, 0).into_owned();
+        if let Some(law) = config.power.centroid() {
+            let level: Vec<f64> = vec![1.0; received.len()];
+            let slope = fit.attenuations(best.xy()).map(|loss| loss - law.loss).collect();
+            let errors = [(level, law.variance.sqrt()), (slope, law.exponent_sigma)];
+            let moved = errors.map(|(column, sigma): (Vec<f64>, f64)| {
+                let along = |axis: usize| -> f64 {
+                    columns[axis].iter().zip(&column).map(|(a, b)| a * b).sum()
+                };
+                covariance * Vector2::new(along(0), along(1)) * (sigma / (cost * cost))
+            });
+            covariance += moved.map(|step| step * step.transpose()).iter().sum::<Matrix2<f64>>();
+        }
         Ok(Located {
             observations: levels.len(),
             ..Located::at(Estimate { mean: best.xy(), covariance })

@@ -16,6 +16,7 @@ mod located;
 #[cfg(feature = "batch")]
 mod moving;
 mod parts;
+mod path;
 #[cfg(feature = "batch")]
 mod ranges;
 mod region;
@@ -29,7 +30,7 @@ pub(crate) use batch::MultiStart;
 pub(crate) use bearings::{ClosedForm, Lenth, Posterior, RepeatedMedian};
 #[cfg(feature = "batch")]
 pub use bearings::{LearnedSigma, learn_bearing_sigma};
-pub use config::{Listener, LocateConfig, Power};
+pub use config::{CalibratedPower, Listener, LocateConfig, Power};
 pub use error::LocateError;
 pub use examination::{Measurand, Residual};
 pub(crate) use examination::{Uses, examine, residuals};
@@ -41,6 +42,7 @@ pub(crate) use located::receiver_sigma_m;
 pub use located::{CommonErrors, Explanation, Located, Locator, RangeBias, Rival, StationError};
 #[cfg(feature = "batch")]
 pub use moving::{Tracked, TrackingConfig, left_out, track, track_watched};
+pub(crate) use path::Paths;
 #[cfg(feature = "batch")]
 pub(crate) use ranges::{Multilateration, RangeDifferences};
 pub use region::Region;

@@ -438,6 +438,12 @@ struct Law {
     exponent: f64,
 }
 
+/// Errors of a known reference power, in its σ.
+const OFFSETS: [f64; 9] = [-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0];
+
+/// Least share of the mean exponent that a node of it may be.
+const LEAST_SHARE_OF_EXPONENT: f64 = 0.1;
+
 /// The laws that may hold, each with its prior weight; one `None` without levels.
 fn laws(windows: &[Window], power: Power, extent_m: f64) -> Vec<(f64, Option<Law>)> {
     let received = || windows.iter().flat_map(|window| &window.received);
@@ -450,7 +456,25 @@ fn laws(windows: &[Window], power: Power, extent_m: f64) -> Vec<(f64, Option<Law
                 let reference_dbm = reference_dbm + COMMON_SIGMA_DB * offset;
                 ((-0.5 * offset * offset).exp(), Some(Law { reference_dbm, exponent }))
             };
-            return [-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0].map(law).to_vec();
+            return OFFSETS.map(law).to_vec();
+        }
+        Power::Calibrated(calibrated) => {
+            let centroid = calibrated.centroid();
+            let sigma_db = COMMON_SIGMA_DB.hypot(centroid.variance.sqrt());
+            // Gauss and Hermite's three nodes of a normal distribution.
+            let exponents = [(-3.0_f64.sqrt(), 1.0), (0.0, 4.0), (3.0_f64.sqrt(), 1.0)];
+            let known = centroid.exponent_sigma <= 0.0;
+            let exponents = exponents.into_iter().filter(|(node, _)| !known || *node == 0.0);
+            let laws = exponents.flat_map(|(node, weight)| {
+                let exponent = (centroid.exponent + node * centroid.exponent_sigma)
+                    .max(LEAST_SHARE_OF_EXPONENT * centroid.exponent);
+                OFFSETS.map(|offset: f64| {
+                    let reference_dbm = centroid.reference_dbm(exponent) + sigma_db * offset;
+                    let law = Law { reference_dbm, exponent };
+                    (weight * (-0.5 * offset * offset).exp(), Some(law))
+                })
+            });
+            return laws.collect();
         }
         Power::FreeReference { exponent } => vec![(exponent, 1.0)],
         // N(2.3, 0.5²), as for transmitters that stand still.

@@ -8,7 +8,7 @@ use nalgebra::{Matrix1, Vector1, Vector3};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::{
-    LocateConfig, LocateError, Located, Locator, Power, RangeBias,
+    LocateConfig, LocateError, Located, Locator, RangeBias,
     located::{regions_with_rivals, rivals},
 };
 
@@ -32,12 +32,19 @@ impl Locator for Multilateration {
         let mut beyond = Vec::new();
         let are_measured = !ranges.is_empty();
         if !are_measured {
-            let Power::Known { reference_dbm, exponent } = config.power else {
+            let Some((reference_dbm, exponent)) = config.power.law() else {
                 return Err(LocateError::NoPower);
             };
             let law = LogDistance::new(reference_dbm, exponent)?;
+            let count = receptions.iter().filter(|r| r.any_level().is_some()).count();
+            // All ranges share the law's error: with a part of it each, their mean has all of it.
+            let of_law = |range: f64| {
+                let centroid = config.power.centroid()?;
+                let count = u32::try_from(count).map_or(f64::INFINITY, f64::from);
+                Some(centroid.sigma_db(range) * count.sqrt())
+            };
             let range = |r: &Reception, level: Option<Level>| {
-                Some(range_of(level?, r.receiver.position, &law))
+                Some(range_of(level?, r.receiver.position, &law, of_law))
             };
             ranges = receptions.iter().filter_map(|r| range(r, r.level)).collect();
             beyond = receptions.iter().filter_map(|r| range(r, r.silence)).collect();
@@ -217,10 +224,16 @@ fn of_biased(biased: &Consistent<4>) -> Located {
 }
 
 /// The range at which a law has a level; its σ to first order.
-fn range_of(level: Level, receiver: Vector3<f64>, law: &LogDistance) -> SlantRange {
+fn range_of(
+    level: Level,
+    receiver: Vector3<f64>,
+    law: &LogDistance,
+    of_law: impl Fn(f64) -> Option<f64>,
+) -> SlantRange {
     let decades = (law.rss_dbm(1.0) - level.rss_dbm) / (10.0 * law.exponent());
     let range = 10.0_f64.powf(decades);
-    let sigma = range * level.sigma_db * std::f64::consts::LN_10 / (10.0 * law.exponent());
+    let sigma_db = level.sigma_db.hypot(of_law(range).unwrap_or(0.0));
+    let sigma = range * sigma_db * std::f64::consts::LN_10 / (10.0 * law.exponent());
     SlantRange { receiver, range, sigma }
 }
 

@@ -6,8 +6,9 @@ use nalgebra::Vector2;
 #[cfg(feature = "batch")]
 use super::bearings::{bearing_grid, weighted_line};
 use super::{
-    Explanation, LocateConfig, LocateError, Located, Locator, Power,
+    CalibratedPower, Explanation, LocateConfig, LocateError, Located, Locator, Power,
     area::extent_m,
+    config::Centroid,
     located::{levels_and_silences, receiver_sigma_m},
     region::regions,
 };
@@ -24,6 +25,33 @@ pub(crate) struct CorrelatedShadowing;
 /// reflections: 20 dB below the maximum.
 const NULL: f64 = 0.1;
 
+/// Number of readings that a calibration's σ counts for at most: σ differs from flight to flight by
+/// a third (4.5 to 8.1 dB over one site), as that of a sample of eight does.
+const MOST_READINGS_OF_SIGMA: f64 = 8.0;
+
+/// σ in dB below which a calibration's levels are rounding.
+const LEAST_SIGMA_DB: f64 = 0.1;
+
+/// Nodes of γ on one side of its mean, and σ from one to the next.
+const NODES: (f64, f64) = (4.0, 0.6);
+
+/// Returns the priors of P₀ and γ that a calibration leaves.
+fn prior_of(calibrated: &CalibratedPower) -> Result<(Intercept, Slope), LocateError> {
+    let Centroid { loss, level_dbm, variance, exponent, exponent_sigma } = calibrated.centroid();
+    let sigma_db = calibrated.sigma_db.max(LEAST_SIGMA_DB);
+    let variance = (variance / (sigma_db * sigma_db)).max(f64::EPSILON);
+    let intercept = Intercept::Calibrated { regressor: loss, value: level_dbm, variance };
+    if exponent_sigma <= 0.0 {
+        return Ok((intercept, Slope::Known(exponent)));
+    }
+    let (nodes, step) = NODES;
+    let reach = nodes * step * exponent_sigma;
+    let lower = (exponent - reach).max(0.1 * exponent);
+    let step = step * exponent_sigma;
+    let slope = Slope::gaussian(exponent, exponent_sigma, lower, exponent + reach, step)?;
+    Ok((intercept, slope))
+}
+
 impl Locator for CorrelatedShadowing {
     fn locate(
         &self,
@@ -39,6 +67,14 @@ impl Locator for CorrelatedShadowing {
             Power::Known { reference_dbm, exponent } => {
                 (Intercept::Known(reference_dbm), Slope::Known(exponent))
             }
+            Power::Calibrated(calibrated) => prior_of(&calibrated)?,
+        };
+        let sigma_prior = match config.power {
+            Power::Calibrated(CalibratedPower { sigma_db, points, .. }) => {
+                let points = u32::try_from(points).map_or(f64::INFINITY, f64::from);
+                ((points - 2.0).clamp(1.0, MOST_READINGS_OF_SIGMA), sigma_db)
+            }
+            _ => defaults.sigma_prior,
         };
         let gain = if config.pattern.is_some() { Slope::Known(1.0) } else { defaults.gain.clone() };
         let grid = ShadowingGrid::new(ShadowingGridConfig {
@@ -48,6 +84,7 @@ impl Locator for CorrelatedShadowing {
             place: PlacePrior::NearReceivers,
             margin_m: config.margin_m.min(defaults.margin_m),
             receiver_sigma_m,
+            sigma_prior,
             ..defaults
         })?;
         let unit = LogDistance::new(0.0, 1.0)?;

@@ -1,5 +1,8 @@
+use std::borrow::Cow;
+
 use foxhunt_core::{
-    BeaconId, BearingModes, Correction, Estimate, MeasuredList, Pose, Quantity, Reception, Remark,
+    BeaconId, BearingModes, Correction, Estimate, Level, MeasuredList, Pose, Quantity, Reception,
+    Remark,
 };
 use foxhunt_filters::ShadowingGridConfig;
 use foxhunt_sensors::{AntennaError, LogDistance, OverTerrain, RssBearing};
@@ -10,8 +13,8 @@ use crate::{
     config::{EstimatorConfig, ModelConfig, PulseModel, ReceiverModel},
     hunt::{Components, Search, TrackStep},
     locate::{
-        Area, FREE_POWER_SIGMA_DB, LocateConfig, LocateError, Located, Power, Residual, Uses,
-        examine, extent_m, receiver_sigma_m, reference_power, residuals,
+        Area, CalibratedPower, FREE_POWER_SIGMA_DB, LocateConfig, LocateError, Located, Paths,
+        Power, Residual, Uses, examine, extent_m, receiver_sigma_m, reference_power, residuals,
     },
 };
 
@@ -54,6 +57,13 @@ impl EstimatorEntry {
         if config.terrain.is_some() && !self.uses_terrain() {
             return Err(LocateError::NoUseOfTerrain { estimator: self.name.clone().into_owned() });
         }
+        let moved: Vec<Reception>;
+        let receptions = if config.clock_offset_s.abs() > 0.0 {
+            moved = Paths::new(receptions).shifted(config.clock_offset_s, 1);
+            &moved
+        } else {
+            receptions
+        };
         let mut located = self.unexamined(receptions, config)?;
         let uses = self.uses();
         let outliers = examine(&mut located, receptions, config, uses, name);
@@ -145,6 +155,7 @@ impl EstimatorEntry {
         receptions: &[Reception],
         config: &LocateConfig,
     ) -> Result<Located, LocateError> {
+        let receptions = &*about_law(receptions, config.power);
         let Some(locator) = self.locator() else { return in_time(receptions, self, config) };
         let located = locator.locate(receptions, config).map_err(|source| LocateError::Named {
             estimator: self.name.clone().into_owned(),
@@ -213,6 +224,20 @@ impl Registry {
     }
 }
 
+/// Returns the receptions with levels as uncertain as those of the calibration.
+fn about_law(receptions: &[Reception], power: Power) -> Cow<'_, [Reception]> {
+    let Power::Calibrated(CalibratedPower { sigma_db, .. }) = power else {
+        return Cow::Borrowed(receptions);
+    };
+    let widened = |level: &mut Level| level.sigma_db = level.sigma_db.max(sigma_db);
+    let mut own = receptions.to_vec();
+    for reception in &mut own {
+        let levels = [&mut reception.level, &mut reception.silence, &mut reception.saturation];
+        levels.into_iter().flatten().for_each(widened);
+    }
+    Cow::Owned(own)
+}
+
 /// Returns a reception without its bearing and its other measurements; the level stays.
 fn without_geometry(reception: &Reception) -> Reception {
     Reception {
@@ -249,15 +274,18 @@ fn in_time(
 ) -> Result<Located, LocateError> {
     let area = Area::about(receptions, config.margin_m);
     let prior = area.prior();
-    let (law, free) = match config.power {
-        Power::Known { reference_dbm, exponent } => {
-            (LogDistance::new(reference_dbm, exponent)?, false)
+    let (law, power_sigma_db) = match config.power.law() {
+        Some((reference_dbm, exponent)) => {
+            // Beyond the area a transmitter would rarely be heard.
+            let (_, half_side) = area.square();
+            let sigma_db = config.power.centroid().map(|law| law.sigma_db(2.0 * half_side));
+            (LogDistance::new(reference_dbm, exponent)?, sigma_db.filter(|sigma| *sigma > 0.0))
         }
-        Power::Free | Power::FreeReference { .. } => {
+        None => {
             let exponent = config.power.exponent();
             let up = config.target_up_m;
             let power = reference_power(receptions, &prior.mean, up, exponent)?;
-            (LogDistance::new(power, exponent)?, true)
+            (LogDistance::new(power, exponent)?, Some(FREE_POWER_SIGMA_DB))
         }
     };
     let model = RssBearing::new(law).with_target_up(config.target_up_m)?;
@@ -268,21 +296,20 @@ fn in_time(
         None => model.into(),
     };
     // Who does not use levels needs no power; who has settings is given the one that is not known.
-    let estimator = if free && estimator.streams_levels() {
-        let change = |settings: &mut EstimatorConfig| {
-            settings.power_sigma_db = Some(FREE_POWER_SIGMA_DB);
-        };
-        estimator.with_settings("power_sigma_db", change)?
-    } else {
-        estimator.clone()
+    let estimator = match power_sigma_db {
+        Some(sigma_db) if estimator.streams_levels() => {
+            let change = |settings: &mut EstimatorConfig| settings.power_sigma_db = Some(sigma_db);
+            estimator.with_settings("power_sigma_db", change)?
+        }
+        _ => estimator.clone(),
     };
     let pulses = match &config.antenna {
         Some(antenna) if estimator.takes_samples() => {
             let reason = |error: AntennaError| LocateError::Antenna { reason: error.to_string() };
             let antenna = antenna.build().map_err(reason)?;
             let mut pulses = config.pulses;
-            if free {
-                pulses.power_sigma_db = FREE_POWER_SIGMA_DB;
+            if let Some(sigma_db) = power_sigma_db {
+                pulses.power_sigma_db = sigma_db;
             }
             let model = PulseModel::new(law, antenna, config.target_up_m, pulses)?;
             Some(match loss {

@@ -2,7 +2,7 @@ use foxhunt_core::parameter::ParameterError;
 
 use super::Scenario;
 use crate::{
-    calibration::{BearingCalibration, CalibrationFile, StationSection},
+    calibration::{BearingCalibration, BearingSection, CalibrationFile, StationSection},
     config::BoxedExtractor,
 };
 
@@ -20,7 +20,7 @@ impl CalibrationFile {
     ) -> Result<BoxedExtractor, ParameterError> {
         match (station, &self.bearings) {
             (Some(station), _) => Ok(Box::new(station.build()?)),
-            (None, Some(bearings)) => Ok(Box::new(bearings.correction.wrap(extractor)?)),
+            (None, Some(bearings)) => Ok(Box::new(bearings.predictive().wrap(extractor)?)),
             (None, None) => Ok(extractor),
         }
     }
@@ -28,7 +28,7 @@ impl CalibrationFile {
     /// Returns the correction of bearings; without bearings in the file, it changes nothing.
     #[must_use]
     pub fn bearing_calibration(&self) -> BearingCalibration {
-        self.bearings.as_ref().map_or_else(<_>::default, |bearings| bearings.correction)
+        self.bearings.as_ref().map_or_else(<_>::default, BearingSection::predictive)
     }
 
     /// Sets what is known of a scenario's hunt: the path loss of its model, the errors of its
@@ -39,7 +39,7 @@ impl CalibrationFile {
             scenario.model.exponent = path_loss.exponent;
         }
         if let Some(bearings) = &self.bearings {
-            scenario.bearings = Some(bearings.correction);
+            scenario.bearings = Some(bearings.predictive());
         }
     }
 }

@@ -52,7 +52,17 @@ fn integrate(
     let n = i32::try_from(readings.len()).expect("a few");
     let intercepts: Vec<f64> = match config.intercept {
         Intercept::Known(a) => vec![a],
-        Intercept::Flat => (-1000..1000).map(|i| -40.0 + 0.6 * f64::from(i)).collect(),
+        Intercept::Flat | Intercept::Calibrated { .. } => {
+            (-1000..1000).map(|i| -40.0 + 0.6 * f64::from(i)).collect()
+        }
+    };
+    // The normal density of a calibration, N(a + b x₀, v σ²).
+    let calibration = |a: f64, b: f64, s: f64| match config.intercept {
+        Intercept::Calibrated { regressor, value, variance } => {
+            let off = (value - a - b * regressor) / s;
+            (-0.5 * off * off / variance).exp() / s
+        }
+        Intercept::Known(_) | Intercept::Flat => 1.0,
     };
     let sigmas: Vec<f64> = (0..85).map(|i| 0.3 * (0.1 * f64::from(i)).exp()).collect();
     let mut correlations: Vec<([usize; 2], DMatrix<f64>, f64)> = Vec::new();
@@ -84,7 +94,8 @@ fn integrate(
                     let square = residual.dot(&(inverse * &residual));
                     for &s in &sigmas {
                         let weight = b_prior * c_prior * (-0.5 * square / (s * s)).exp()
-                            / (s.powi(n) * determinant.sqrt());
+                            / (s.powi(n) * determinant.sqrt())
+                            * calibration(a, b, s);
                         total += weight;
                         lengths[*i] += weight;
                         nuggets[*j] += weight;
@@ -177,6 +188,15 @@ fn a_known_intercept_is_what_integration_gives() {
     let nodes = [(2.0, 1.0), (3.0, 0.5)];
     let slope = Slope::Nodes(nodes.to_vec());
     check(Intercept::Known(-33.0), slope, &nodes, lengths(&[15.0, 25.0, 60.0]));
+}
+
+#[test]
+fn a_calibrated_intercept_is_what_integration_gives() {
+    let nodes = [(2.0, 1.0), (3.0, 0.5)];
+    let calibrated = Intercept::Calibrated { regressor: -18.0, value: -82.0, variance: 4.0 };
+    let gain = Slope::Nodes(vec![(0.0, 1.0), (1.5, 0.4)]);
+    let config = ShadowingGridConfig { gain, ..lengths(&[15.0, 60.0]) };
+    check(calibrated, Slope::Nodes(nodes.to_vec()), &nodes, config);
 }
 
 #[test]

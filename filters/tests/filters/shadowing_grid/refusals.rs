@@ -87,6 +87,12 @@ fn settings_outside_of_their_range_are_named() {
         }
     };
     assert_eq!(with(|c| c.intercept = Intercept::Known(f64::NAN)), "the intercept");
+    let calibrated = |variance| Intercept::Calibrated { regressor: -20.0, value: -80.0, variance };
+    let mut config = ShadowingGridConfig { intercept: calibrated(1.0), ..<_>::default() };
+    assert!(ShadowingGrid::new(config.clone()).is_ok());
+    config.intercept = calibrated(0.0);
+    let error = ShadowingGrid::new(config).expect_err("out of range").to_string();
+    assert!(error.contains("the calibration's variance is 0"), "{error}");
     assert_eq!(with(|c| c.slope = Slope::Known(f64::INFINITY)), "the slope");
     assert_eq!(with(|c| c.slope = Slope::Nodes(vec![])), "the number of slopes");
     assert_eq!(with(|c| c.slope = Slope::Nodes(vec![(f64::NAN, 1.0)])), "the slope");

@@ -4,7 +4,7 @@ use foxhunt_core::{Bearing, Quantity, Reception};
 use nalgebra::Vector2;
 
 use super::{
-    super::{LocateConfig, Power, RangeBias},
+    super::{LocateConfig, RangeBias},
     fit::{Datum, Kind, Scale},
 };
 
@@ -94,5 +94,5 @@ pub(super) fn spoken(place: &Vector2<f64>) -> String {
 
 /// Returns true if the power of the transmitter, and so a distance for each level, is known.
 pub(super) fn has_law(config: &LocateConfig) -> bool {
-    matches!(config.power, Power::Known { .. })
+    config.power.law().is_some()
 }

@@ -1,0 +1,110 @@
+use foxhunt_core::Reception;
+use nalgebra::Vector3;
+
+/// Speed between two receptions above which they are of different paths, in metres per second.
+const MOST_SPEED_MPS: f64 = 300.0;
+
+/// Paths of the receivers through their receptions, each in the order of time.
+#[derive(Clone, Debug)]
+pub(crate) struct Paths<'a> {
+    receptions: &'a [Reception],
+    /// Index behind the last reception of each path.
+    ends: Vec<usize>,
+}
+
+impl<'a> Paths<'a> {
+    /// Cuts receptions, one receiver after the other, where time goes back or a receiver jumps.
+    pub(crate) fn new(receptions: &'a [Reception]) -> Self {
+        let pairs = receptions.iter().zip(receptions.iter().skip(1)).enumerate();
+        let is_cut = |(before, after): (&Reception, &Reception)| {
+            let seconds = after.time - before.time;
+            let way = after.receiver.position - before.receiver.position;
+            !(seconds >= 0.0 && way.norm() <= MOST_SPEED_MPS * seconds.max(1.0))
+        };
+        let ends = pairs.filter(|(_, pair)| is_cut(*pair)).map(|(index, _)| index + 1);
+        let ends = ends.chain([receptions.len()]).collect();
+        Self { receptions, ends }
+    }
+
+    /// Returns the paths.
+    fn each(&self) -> impl Iterator<Item = &'a [Reception]> {
+        let begins = std::iter::once(0).chain(self.ends.iter().copied());
+        let parts = begins.zip(self.ends.iter().copied());
+        parts.map(|(begin, end)| self.receptions.get(begin..end).unwrap_or_default())
+    }
+
+    /// Length and duration of all paths together, in metres and seconds.
+    pub(crate) fn extent(&self) -> (f64, f64) {
+        let of = |path: &[Reception]| {
+            let pairs = path.iter().zip(path.iter().skip(1));
+            pairs.fold((0.0, 0.0), |(metres, seconds), (a, b)| {
+                let way = (b.receiver.position - a.receiver.position).norm();
+                (metres + way, seconds + b.time - a.time)
+            })
+        };
+        self.each().map(of).fold((0.0, 0.0), |sum, own| (sum.0 + own.0, sum.1 + own.1))
+    }
+
+    /// Returns one reception in `stride`, with its receiver where it was `offset_s` later; before
+    /// and behind its path it is at the end of it.
+    pub(crate) fn shifted(&self, offset_s: f64, stride: usize) -> Vec<Reception> {
+        let mut shifted = Vec::with_capacity(self.receptions.len() / stride.max(1) + 1);
+        let mut number = 0_usize;
+        for path in self.each() {
+            for reception in path {
+                if number.is_multiple_of(stride.max(1)) {
+                    let mut own = *reception;
+                    if let Some(position) = at(path, reception.time + offset_s) {
+                        own.receiver.position = position;
+                    }
+                    shifted.push(own);
+                }
+                number += 1;
+            }
+        }
+        shifted
+    }
+}
+
+/// Returns the place of a receiver at a time; `None` without a path.
+fn at(path: &[Reception], time: f64) -> Option<Vector3<f64>> {
+    let next = path.partition_point(|reception| reception.time < time);
+    let after = path.get(next).or(path.last())?;
+    let before = path.get(next.saturating_sub(1))?;
+    let seconds = after.time - before.time;
+    let share = if seconds > 0.0 { ((time - before.time) / seconds).clamp(0.0, 1.0) } else { 0.0 };
+    Some(before.receiver.position.lerp(&after.receiver.position, share))
+}
+
+#[cfg(test)]
+mod tests {
+    use foxhunt_core::Pose;
+
+    use super::*;
+
+    fn reception(time: f64, east: f64) -> Reception {
+        Reception { time, receiver: Pose::at(east, 0.0, 5.0), ..Reception::default() }
+    }
+
+    #[test]
+    fn a_receiver_is_where_it_was_later() {
+        let walks: Vec<_> =
+            (0..5_u8).map(|i| reception(f64::from(i), 2.0 * f64::from(i))).collect();
+        let east = |receptions: &[Reception], offset_s| -> Vec<f64> {
+            let shifted = Paths::new(receptions).shifted(offset_s, 1);
+            shifted.iter().map(|own| own.receiver.position.x).collect()
+        };
+        assert_eq!(east(&walks, 0.0), [0.0, 2.0, 4.0, 6.0, 8.0]);
+        assert_eq!(east(&walks, 1.5), [3.0, 5.0, 7.0, 8.0, 8.0]);
+        assert_eq!(east(&walks, -1.0), [0.0, 0.0, 2.0, 4.0, 6.0]);
+        // A second receiver has a path of its own.
+        let both: Vec<_> = walks.iter().chain(&[reception(0.0, 50.0)]).copied().collect();
+        assert_eq!(east(&both, 1.0), [2.0, 4.0, 6.0, 8.0, 8.0, 50.0]);
+        let (metres, seconds) = Paths::new(&both).extent();
+        assert!((metres - 8.0).abs() < 1e-12 && (seconds - 4.0).abs() < 1e-12);
+        let apart = [reception(0.0, 0.0), reception(1.0, 5000.0)];
+        assert_eq!(east(&apart, 0.5), [0.0, 5000.0]);
+        assert!(Paths::new(&[]).shifted(1.0, 1).is_empty());
+        assert_eq!(Paths::new(&walks).shifted(0.0, 2).len(), 3);
+    }
+}
