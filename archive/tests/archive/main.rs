@@ -1,7 +1,9 @@
 //! The archive through its public interface: recordings, receptions, locating, replay.
 
 mod calibrated;
+mod clocks;
 mod differences;
+mod height;
 mod levels;
 mod locate;
 mod pictures;

@@ -270,7 +270,7 @@ fn one(
     let own = factors.and_then(|factors| factors.regions(&located));
     let rows = prepared.residuals(estimator, &located, &received);
     let name = estimator.name.to_string();
-    let up = prepared.config().target_up_m;
+    let up = located.up_m(prepared.config());
     let called = beacon.clone().unwrap_or_else(|| "transmitter".to_owned());
     // Millions of rows are copied for pages and exports alone.
     let shown = if args.views.any() { rows.clone() } else { Vec::new() };
@@ -523,7 +523,7 @@ fn kind(measurand: Measurand) -> &'static str {
 
 /// Returns the best explanation of the levels, in a sentence.
 fn explained(explanation: &Explanation, whose: &str) -> String {
-    let Explanation { exponent, dipoles, sigma_db, correlation_lengths_m, own_shares } =
+    let Explanation { exponent, dipoles, target_up_m, sigma_db, correlation_lengths_m, own_shares } =
         explanation;
     let (length_m, of_length) = likeliest(correlation_lengths_m);
     let (share, of_share) = likeliest(own_shares);
@@ -533,9 +533,12 @@ fn explained(explanation: &Explanation, whose: &str) -> String {
         }
         None => "the antennas that were named".into(),
     };
+    let height = target_up_m.map_or_else(String::new, |height| {
+        format!(", a transmitter {:.0} ± {:.0} m above the ground", height.mean, height.sd)
+    });
     format!(
-        "\nThe levels{whose} are best explained by an exponent of {:.1} ± {:.1}, {antennas}, and \
-         shadowing of {:.0} ± {:.0} dB over {length_m:.0} m \
+        "\nThe levels{whose} are best explained by an exponent of {:.1} ± {:.1}, {antennas}{height}, \
+         and shadowing of {:.0} ± {:.0} dB over {length_m:.0} m \
          ({:.0} %), {:.0} % of its variance each reading's own ({:.0} %).",
         exponent.mean,
         exponent.sd,

@@ -9,7 +9,7 @@ use foxhunt::{
     calibration::{CalibrationFile, ConformalFile, PathLossSection},
     config::{BoxedExtractor, ExtractorConfig, PulseLevelConfig},
     core::{EstimatorError, Reception, Remark, nalgebra::Vector2},
-    locate::{LocateConfig, LocateError, Located, Power, Residual},
+    locate::{Height, LocateConfig, LocateError, Located, Power, Residual},
     overview::{Overview, SearchOverview},
     page::{NotStrikable, PageLog},
     recorded::{
@@ -59,9 +59,10 @@ pub(super) struct Locating {
     /// The path-loss exponent, or `free` where it is not known
     #[arg(long, value_name = "V|free", default_value = "free", allow_hyphen_values = true)]
     exponent: Parameter,
-    /// Height of the transmitter above the ground, in metres
-    #[arg(long, value_name = "M", default_value_t = 0.0, allow_hyphen_values = true)]
-    target_up_m: f64,
+    /// Height of the transmitter above the ground in metres, or `free` where it is not known
+    /// [default: 0; free for receivers that fly, if the estimator can estimate it]
+    #[arg(long, value_name = "M|free", allow_hyphen_values = true)]
+    target_up_m: Option<Parameter>,
     /// The receiver's antenna, whose vertical pattern the levels follow: a name or a file as for
     /// --antenna; where neither antenna is named, `shadowing-grid` infers what the levels lose at
     /// steep angles, and the others take them for isotropic
@@ -179,7 +180,15 @@ impl Locating {
         };
         let config = LocateConfig {
             power: self.power(&calibration)?,
-            target_up_m: self.target_up_m,
+            target_up_m: match self.target_up_m {
+                Some(Parameter::Value(up)) => up,
+                Some(Parameter::Free) | None => 0.0,
+            },
+            height: match self.target_up_m {
+                Some(Parameter::Value(_)) => Height::Known,
+                Some(Parameter::Free) => Height::Free,
+                None => Height::FreeInFlight,
+            },
             pattern: self.pattern()?,
             antenna: self.receiver_antenna.as_deref().map(antenna_named),
             pulses: PulseLevelConfig { site_sigma_deg, ..PulseLevelConfig::default() },
@@ -280,10 +289,6 @@ impl Locating {
 
     /// Refuses numbers that are out of range.
     fn check(&self) -> Result<(), CliError> {
-        if !self.target_up_m.is_finite() {
-            let message = format!("--target-up-m is {}; it must be finite", self.target_up_m);
-            return Err(CliError::input(message));
-        }
         if !(self.margin_m > 0.0 && self.margin_m.is_finite()) {
             let message = format!("--margin-m is {}; it must be positive", self.margin_m);
             return Err(CliError::input(message));
@@ -405,6 +410,11 @@ impl Prepared {
         if self.config.clock_offset_s.abs() > 0.0 {
             let why = "--track does not use --clock-offset-s without a path beside the recordings";
             return Err(CliError::input(why));
+        }
+        if self.config.height == Height::Free {
+            return Err(CliError::input(
+                "--track does not estimate the height (--target-up-m free)",
+            ));
         }
         if self.config.pattern.is_some() {
             let why = "--track does not use the antennas' patterns (--receiver-antenna, \

@@ -25,7 +25,7 @@ pub enum Intercept {
     },
 }
 
-/// Prior of a coefficient: for a received level, of the path-loss exponent.
+/// Prior of a coefficient, such as the path-loss exponent of received levels, or of a height.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Slope {
     /// Its value.
@@ -136,6 +136,8 @@ pub struct ShadowingGridConfig {
     /// Prior of the coefficient of the second regressor: for a received level, the number of
     /// vertical dipoles on the way.
     pub gain: Slope,
+    /// Prior of the target's height, which the regressors are given; in their unit.
+    pub height: Slope,
     /// Prior of the target's place.
     pub place: PlacePrior,
     /// The distances, in metres, over which the correlation of two readings falls to 1/e;
@@ -175,7 +177,7 @@ const FULL_SCALE_M: f64 = 200.0;
 /// For a received level over −10 log₁₀ of the distance and 20 log₁₀ of the elevation's cosine: flat
 /// intercept; slope N(2.3, 0.5²) on 1, 1.25 … 4, between free space's 2 and the 2.7 to 3.5 of towns
 /// (Rappaport 2002, table 4.2); gain N(0.5, 1²) on −1.5, −1 … 2.5, from antennas that look down to
-/// two vertical dipoles; the place near the receivers; correlation lengths 15, 30 … 240 m, from
+/// two vertical dipoles; the height 0; the place near the receivers; correlation lengths 15, 30 … 240 m, from
 /// the 10 m of street canyons (3GPP TR 38.901, table 7.5-6) to the hundreds of suburbs (Gudmundson
 /// 1991) and of an antenna's own lobes; nuggets 0.03, 0.1, 0.3 and 1; margin 200 m, cells of 10 m,
 /// at most 2000; segments of 25 m, then of 0.15 of the distance, at most 400; of readings that fade
@@ -188,6 +190,7 @@ impl Default for ShadowingGridConfig {
             intercept: Intercept::Flat,
             slope: Slope::gaussian(2.3, 0.5, 1.0, 4.0, 0.25).expect(proper),
             gain: Slope::gaussian(0.5, 1.0, -1.5, 2.5, 0.5).expect(proper),
+            height: Slope::Known(0.0),
             place: PlacePrior::NearReceivers,
             correlation_lengths_m: vec![15.0, 30.0, 60.0, 120.0, 240.0],
             nuggets: vec![0.03, 0.1, 0.3, 1.0],
@@ -240,6 +243,7 @@ impl ShadowingGridConfig {
         }
         self.slope.check(["the slope", "the number of slopes", "the slope's weight"])?;
         self.gain.check(["the gain", "the number of gains", "the gain's weight"])?;
+        self.height.check(["the height", "the number of heights", "the height's weight"])?;
         let lengths = !self.correlation_lengths_m.is_empty();
         require(lengths, "the number of correlation lengths", 0.0, "at least 1")?;
         for &length_m in &self.correlation_lengths_m {

@@ -17,6 +17,8 @@ pub struct ShadowingFix {
     pub slope: Marginal,
     /// The gain c, in the readings' unit per unit of the second regressor.
     pub gain: Marginal,
+    /// The target's height, as the regressors take it.
+    pub height: Marginal,
     /// The standard deviation σ of shadowing and noise together, in the readings' unit.
     pub sigma: Marginal,
     /// The correlation lengths in metres, each with its posterior probability.

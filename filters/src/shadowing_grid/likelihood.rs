@@ -61,17 +61,19 @@ pub(super) struct Posterior {
     pub(super) shares: Shares,
 }
 
-/// The probability of each slope, gain and correlation.
+/// The probability of each slope, gain, height and correlation.
 #[derive(Clone, Debug)]
 pub(super) struct Shares {
     pub(super) slopes: Vec<f64>,
     pub(super) gains: Vec<f64>,
+    pub(super) heights: Vec<f64>,
     pub(super) correlations: Vec<f64>,
 }
 
 impl Shares {
     fn each(&mut self) -> impl Iterator<Item = &mut f64> {
-        self.slopes.iter_mut().chain(&mut self.gains).chain(&mut self.correlations)
+        let coefficients = self.slopes.iter_mut().chain(&mut self.gains);
+        coefficients.chain(&mut self.heights).chain(&mut self.correlations)
     }
 
     /// Adds the shares of a part of all probability.
@@ -152,49 +154,80 @@ impl Likelihood {
         self.receivers.len()
     }
 
-    /// The posterior over a grid, from the log-density of places before the readings.
+    /// The posterior over a grid, from the target's heights with their log-weights, −∞ for those that
+    /// are ruled out, and the log-density of places before the readings.
     pub(super) fn posterior(
         &self,
         grid: Grid,
-        regressors: &impl Fn(&Vector2<f64>, &Pose) -> [f64; 2],
+        heights: &[(f64, f64)],
+        regressors: &impl Fn(&Vector2<f64>, &Pose, f64) -> [f64; 2],
         log_prior: &impl Fn(&Vector2<f64>) -> f64,
     ) -> Result<Posterior, ShadowingGridError> {
-        let gains = self.gains_that_matter(&grid, regressors);
-        let probable = self.probable(&grid, gains, regressors);
-        let mut cells = self.conditionals(&grid, 1, &probable, gains, regressors);
-        for (index, cell) in cells.iter_mut().enumerate() {
-            cell.log_mass += log_prior(&grid.centre(index));
+        let mut layers = Vec::with_capacity(heights.len());
+        for (number, &(height, log_weight)) in heights.iter().enumerate() {
+            if log_weight <= f64::NEG_INFINITY {
+                continue;
+            }
+            let at = |place: &Vector2<f64>, receiver: &Pose| regressors(place, receiver, height);
+            let mut cells = self.layer(&grid, &at);
+            for (index, cell) in cells.iter_mut().enumerate() {
+                cell.log_mass += log_weight + log_prior(&grid.centre(index));
+                cell.shares.heights = vec![0.0; heights.len()];
+                if let Some(share) = cell.shares.heights.get_mut(number) {
+                    *share = 1.0;
+                }
+            }
+            layers.push(cells);
         }
-        let peak = cells.iter().map(|c| c.log_mass).fold(f64::NEG_INFINITY, f64::max);
+        let log_masses = layers.iter().flatten().map(|cell| cell.log_mass);
+        let peak = log_masses.fold(f64::NEG_INFINITY, f64::max);
         if !peak.is_finite() {
             return Err(ShadowingGridError::Posterior { cells: grid.len() });
         }
-        let mut mass: Vec<f64> = cells.iter().map(|c| libm::exp(c.log_mass - peak)).collect();
-        let total: f64 = mass.iter().sum();
+        let mass_of = |cell: &Conditional| libm::exp(cell.log_mass - peak);
+        let total: f64 = layers.iter().flatten().map(mass_of).sum();
+        let mut mass = vec![0.0; grid.len()];
         let mut shares = self.no_shares();
-        let all_gains = self.gains.len() > gains.len();
+        shares.heights = vec![0.0; heights.len()];
         let (mut intercept, mut sigma) = <(Mixture, Mixture)>::default();
-        for (mass, cell) in mass.iter_mut().zip(&mut cells) {
-            *mass /= total;
-            if *mass > 0.0 {
-                shares.add(*mass, &mut cell.shares);
-                intercept.add(*mass, cell.intercept.mean(), cell.intercept.variance());
-                sigma.add(*mass, cell.sigma.mean(), cell.sigma.variance());
+        for cells in &mut layers {
+            for (sum, cell) in mass.iter_mut().zip(cells) {
+                let own = mass_of(cell) / total;
+                if own > 0.0 {
+                    *sum += own;
+                    shares.add(own, &mut cell.shares);
+                    intercept.add(own, cell.intercept.mean(), cell.intercept.variance());
+                    sigma.add(own, cell.sigma.mean(), cell.sigma.variance());
+                }
             }
         }
-        if all_gains {
+        Ok(Posterior { map: PosteriorMap::new(grid, mass), intercept, sigma, shares })
+    }
+
+    /// The cells at one height of the target.
+    fn layer(
+        &self,
+        grid: &Grid,
+        regressors: &impl Fn(&Vector2<f64>, &Pose) -> [f64; 2],
+    ) -> Vec<Conditional> {
+        let gains = self.gains_that_matter(grid, regressors);
+        let probable = self.probable(grid, gains, regressors);
+        let mut cells = self.conditionals(grid, 1, &probable, gains, regressors);
+        if self.gains.len() > gains.len() {
             // Readings without a word on the gain leave its prior.
             let weights = self.gains.iter().map(|(_, log_weight)| libm::exp(*log_weight));
             let total: f64 = weights.clone().sum();
-            shares.gains = weights.map(|weight| weight / total).collect();
+            let prior: Vec<f64> = weights.map(|weight| weight / total).collect();
+            cells.iter_mut().for_each(|cell| cell.shares.gains.clone_from(&prior));
         }
-        Ok(Posterior { map: PosteriorMap::new(grid, mass), intercept, sigma, shares })
+        cells
     }
 
     fn no_shares(&self) -> Shares {
         Shares {
             slopes: vec![0.0; self.slopes.len()],
             gains: vec![0.0; self.gains.len()],
+            heights: Vec::new(),
             correlations: vec![0.0; self.regressions.len()],
         }
     }
@@ -385,7 +418,7 @@ impl Likelihood {
         }
         let mut total = 0.0;
         let mut log_masses = log_masses.iter();
-        let Shares { slopes, gains: of_gains, correlations: shares } = &mut given.shares;
+        let Shares { slopes, gains: of_gains, correlations: shares, .. } = &mut given.shares;
         for ((correlation, regression), products) in explained {
             let Some(share) = shares.get_mut(correlation) else { break };
             let per_one = 1.0 / regression.ones_square();

@@ -99,12 +99,14 @@ impl ShadowingGrid {
         R: Copy + Into<ShadowedReading>,
         F: Fn(&Vector2<f64>, &Pose) -> [f64; 2],
     {
-        self.locate_with(readings, regressors, &[], |_| 0.0)
+        let at_height = |cell: &Vector2<f64>, receiver: &Pose, _| regressors(cell, receiver);
+        self.locate_with(readings, at_height, &[], |_| 0.0)
     }
 
     /// Locates the target with further evidence of its place: `log_likelihood` is the evidence's
     /// logarithm for a target at the given East and North, `others` are where it was received. The
-    /// prior of the place is that of all receivers.
+    /// prior of the place is that of all receivers. `regressors` are given the target's height, too,
+    /// one of the prior's.
     ///
     /// # Errors
     ///
@@ -118,7 +120,7 @@ impl ShadowingGrid {
     ) -> Result<ShadowingFix, ShadowingGridError>
     where
         R: Copy + Into<ShadowedReading>,
-        F: Fn(&Vector2<f64>, &Pose) -> [f64; 2],
+        F: Fn(&Vector2<f64>, &Pose, f64) -> [f64; 2],
         L: Fn(&Vector2<f64>) -> f64,
     {
         let config = &self.config;
@@ -145,8 +147,14 @@ impl ShadowingGrid {
             max_cells: config.max_cells,
         };
         let log_density = |place: &Vector2<f64>| log_prior(place) + log_likelihood(place);
-        let posterior = |grid| likelihood.posterior(grid, &regressors, &log_density);
+        let mut heights = config.height.log_nodes();
+        let posterior = |grid| likelihood.posterior(grid, &heights, &regressors, &log_density);
         let searched = search.cover(posterior, |posterior| &posterior.map)?;
+        for ((_, log_weight), share) in heights.iter_mut().zip(&searched.shares.heights) {
+            if *share < IMPROBABLE_HEIGHT {
+                *log_weight = f64::NEG_INFINITY;
+            }
+        }
 
         // The closer the places in question are known, the shorter are the segments near them.
         let mut refined: Option<Posterior> = None;
@@ -174,7 +182,7 @@ impl ShadowingGrid {
                 stretch = segments.stretch;
                 likelihood = Likelihood::new(config, segments)?;
             }
-            let posterior = |grid| likelihood.posterior(grid, &regressors, &log_density);
+            let posterior = |grid| likelihood.posterior(grid, &heights, &regressors, &log_density);
             refined = Some(match finer {
                 Some(finer) if !cuts => posterior(finer)?,
                 finer => {
@@ -206,6 +214,7 @@ impl ShadowingGrid {
             intercept: best.intercept.marginal(),
             slope: marginal(&config.slope, &best.shares.slopes),
             gain: marginal(&config.gain, &best.shares.gains),
+            height: marginal(&config.height, &best.shares.heights),
             sigma: best.sigma.marginal(),
             correlation_lengths_m: (config.correlation_lengths_m.iter().enumerate())
                 .map(of_length)
@@ -228,6 +237,9 @@ fn several_places(path: &Path, segments: &Segments) -> Result<(), ShadowingGridE
     let segments = segments.receivers.len();
     if segments < LEAST_SEGMENTS { Err(ShadowingGridError::TooFew { segments }) } else { Ok(()) }
 }
+
+/// Probability of a height on the coarse cells below which finer ones do without it.
+const IMPROBABLE_HEIGHT: f64 = 0.02;
 
 /// Share of the length by distance alone that a segment far away has, where that is more than
 /// `segment_m`.

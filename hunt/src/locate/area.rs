@@ -7,10 +7,6 @@ use nalgebra::Vector2;
 #[cfg(feature = "batch")]
 use super::Power;
 
-/// The exponent where it is not known: between free space and
-/// clutter (the median of the VHF recordings that the project is tested on).
-pub(crate) const FREE_EXPONENT: f64 = 2.3;
-
 /// σ of the reference power before the first reception, in dB: from a tag to a hand-held radio.
 pub(crate) const FREE_POWER_SIGMA_DB: f64 = 20.0;
 

@@ -1,4 +1,4 @@
-use foxhunt_core::Pose;
+use foxhunt_core::{Pose, Reception};
 use foxhunt_sensors::{
     AntennaConfig, ElevationPattern, ParameterError, SharedTerrain, TerrainLoss,
     WithElevationPattern,
@@ -7,7 +7,6 @@ use foxhunt_sim::{ReliefConfig, ReliefError};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::area::FREE_EXPONENT;
 use crate::config::{FREQUENCY_MHZ, PulseLevelConfig};
 
 /// Settings for locating a transmitter.
@@ -18,6 +17,9 @@ pub struct LocateConfig {
     pub power: Power,
     /// Assumed height of the transmitter above the ground of the local frame, in metres.
     pub target_up_m: f64,
+    /// Knowledge of that height.
+    #[serde(default)]
+    pub height: Height,
     /// Gain of the antennas on the way over the elevation of the transmitter; where absent, the
     /// estimators take the antennas for isotropic, and `shadowing-grid` infers them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -53,6 +55,24 @@ pub struct LocateConfig {
     /// The seed of estimators that draw random numbers.
     pub seed: u64,
 }
+
+/// Knowledge of a transmitter's height.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Height {
+    /// It is [`LocateConfig::target_up_m`].
+    #[default]
+    Known,
+    /// It is estimated along with the place, from the ground up to the receivers. Estimators that
+    /// cannot do so refuse.
+    Free,
+    /// It is estimated where the estimator can do so and a receiver is 10 m up or more: from there
+    /// levels right above the transmitter depend on it. Else it is [`LocateConfig::target_up_m`].
+    FreeInFlight,
+}
+
+/// Height of a receiver from which on it flies, in metres.
+const FLIGHT_M: f64 = 10.0;
 
 /// Knowledge of a transmitter's power.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -108,6 +128,10 @@ pub(crate) struct Centroid {
     pub(crate) exponent_sigma: f64,
 }
 
+/// Exponent where it is not known: between free space and clutter, the median of the VHF recordings
+/// that the project is tested on.
+pub(crate) const FREE_EXPONENT: f64 = 2.3;
+
 /// Prior of γ: mean and σ (Rappaport 2002, table 4.2).
 const EXPONENT_PRIOR: (f64, f64) = (FREE_EXPONENT, 0.5);
 
@@ -152,6 +176,17 @@ impl Centroid {
 }
 
 impl LocateConfig {
+    /// Returns the settings with the height either known or free.
+    pub(crate) fn decided(&self, can_estimate: bool, receptions: &[Reception]) -> Self {
+        let flies = |reception: &Reception| reception.receiver.position.z >= FLIGHT_M;
+        let height = match self.height {
+            Height::FreeInFlight if can_estimate && receptions.iter().any(flies) => Height::Free,
+            Height::FreeInFlight => Height::Known,
+            decided => decided,
+        };
+        Self { height, ..self.clone() }
+    }
+
     /// A model of level and bearing through the antennas on the way.
     pub(crate) fn through_antennas<H>(
         &self,
@@ -209,6 +244,7 @@ impl Default for LocateConfig {
         Self {
             power: Power::Free,
             target_up_m: 0.0,
+            height: Height::Known,
             pattern: None,
             antenna: None,
             pulses: PulseLevelConfig::default(),

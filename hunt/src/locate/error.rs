@@ -82,6 +82,15 @@ pub enum LocateError {
         /// Name of the estimator.
         estimator: String,
     },
+    /// The estimator takes the transmitter's height for known.
+    #[error(
+        "the estimator {estimator} does not estimate the transmitter's height (--target-up-m free); \
+         shadowing-grid does"
+    )]
+    NoFreeHeight {
+        /// Name of the estimator.
+        estimator: String,
+    },
     /// The bearings are too few, or do not meet.
     #[cfg(feature = "batch")]
     #[error(

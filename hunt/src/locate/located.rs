@@ -95,6 +95,8 @@ pub struct Explanation {
     /// Number of vertical dipoles on the way: 0 where no antenna's gain falls with the elevation, 2
     /// where the receiver's and the transmitter's do. `None` where the antennas are known.
     pub dipoles: Option<Marginal>,
+    /// Height of the transmitter in metres. `None` where it was taken for known.
+    pub target_up_m: Option<Marginal>,
     /// σ of shadowing and noise together, in dB.
     pub sigma_db: Marginal,
     /// The distances over which shadowing falls to 1/e, in metres, each with its probability.
@@ -236,6 +238,14 @@ impl Located {
         Some(log_norm + weights.ln() - most - sum.ln())
     }
 
+    /// Returns the height of the transmitter above the ground in metres: the estimated one, or that of
+    /// the settings.
+    #[must_use]
+    pub fn up_m(&self, config: &LocateConfig) -> f64 {
+        let estimated = self.explanation.as_ref().and_then(|explanation| explanation.target_up_m);
+        estimated.map_or(config.target_up_m, |height| height.mean)
+    }
+
     /// Returns true if the ellipse is a poor picture of where the transmitter may be: the region
     /// that holds it is in parts, fills less than half of the ellipse, or reaches the border of the
     /// area that was searched.
@@ -296,6 +306,11 @@ pub trait Locator: Send + Sync {
     /// Returns true if [`LocateConfig::pattern`] is in its model of levels; where not, known
     /// antennas are refused.
     fn uses_antennas(&self) -> bool {
+        false
+    }
+
+    /// Returns true if it estimates the transmitter's height where that is free.
+    fn estimates_height(&self) -> bool {
         false
     }
 

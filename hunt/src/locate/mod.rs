@@ -30,7 +30,7 @@ pub(crate) use batch::MultiStart;
 pub(crate) use bearings::{ClosedForm, Lenth, Posterior, RepeatedMedian};
 #[cfg(feature = "batch")]
 pub use bearings::{LearnedSigma, learn_bearing_sigma};
-pub use config::{CalibratedPower, Listener, LocateConfig, Power};
+pub use config::{CalibratedPower, Height, Listener, LocateConfig, Power};
 pub use error::LocateError;
 pub use examination::{Measurand, Residual};
 pub(crate) use examination::{Uses, examine, residuals};

@@ -8,7 +8,7 @@ use super::bearings::{bearing_grid, weighted_line};
 use super::{
     CalibratedPower, Explanation, LocateConfig, LocateError, Located, Locator, Power,
     area::extent_m,
-    config::Centroid,
+    config::{Centroid, Height},
     located::{levels_and_silences, receiver_sigma_m},
     region::regions,
 };
@@ -34,6 +34,21 @@ const LEAST_SIGMA_DB: f64 = 0.1;
 
 /// Nodes of γ on one side of its mean, and σ from one to the next.
 const NODES: (f64, f64) = (4.0, 0.6);
+
+/// Heights that a transmitter may have in metres, each with its weight: on the ground, an animal or a
+/// person; on a car or a mast; on a house or in a tree; on a tower.
+const HEIGHTS: [(f64, f64); 4] = [(1.0, 0.45), (6.0, 0.25), (15.0, 0.18), (35.0, 0.12)];
+
+/// Height in metres that a transmitter may have wherever the receivers are.
+const LEAST_MOST_M: f64 = 6.0;
+
+/// Returns the prior of the transmitter's height: below the highest receiver, or near the ground.
+fn heights(receptions: &[Reception]) -> Slope {
+    let ups = receptions.iter().map(|reception| reception.receiver.position.z);
+    let most = ups.fold(LEAST_MOST_M, f64::max);
+    let below = HEIGHTS.iter().filter(|(height, _)| *height <= most);
+    Slope::Nodes(below.copied().collect())
+}
 
 /// Returns the priors of P₀ and γ that a calibration leaves.
 fn prior_of(calibrated: &CalibratedPower) -> Result<(Intercept, Slope), LocateError> {
@@ -77,10 +92,13 @@ impl Locator for CorrelatedShadowing {
             _ => defaults.sigma_prior,
         };
         let gain = if config.pattern.is_some() { Slope::Known(1.0) } else { defaults.gain.clone() };
+        let up = config.target_up_m;
+        let is_free = config.height == Height::Free;
         let grid = ShadowingGrid::new(ShadowingGridConfig {
             intercept,
             slope,
             gain,
+            height: if is_free { heights(receptions) } else { Slope::Known(up) },
             place: PlacePrior::NearReceivers,
             margin_m: config.margin_m.min(defaults.margin_m),
             receiver_sigma_m,
@@ -88,8 +106,7 @@ impl Locator for CorrelatedShadowing {
             ..defaults
         })?;
         let unit = LogDistance::new(0.0, 1.0)?;
-        let up = config.target_up_m;
-        let regressors = |cell: &Vector2<f64>, receiver: &Pose| {
+        let regressors = |cell: &Vector2<f64>, receiver: &Pose, up: f64| {
             let way = cell.push(up) - receiver.position;
             // The mean of ln d² over the receiver's own error has no pole at the receiver.
             let range = way.norm().hypot(receiver_sigma_m);
@@ -112,7 +129,7 @@ impl Locator for CorrelatedShadowing {
             grid.locate_with(&readings, regressors, &others, bearings)?
         };
         #[cfg(not(feature = "batch"))]
-        let fix = grid.locate(&readings, regressors)?;
+        let fix = grid.locate_with(&readings, regressors, &[], |_| 0.0)?;
         let map = fix.finest();
         let estimate = map.about(map.median());
         Ok(Located {
@@ -122,6 +139,7 @@ impl Locator for CorrelatedShadowing {
             explanation: Some(Explanation {
                 exponent: fix.slope,
                 dipoles: config.pattern.is_none().then_some(fix.gain),
+                target_up_m: is_free.then_some(fix.height),
                 sigma_db: fix.sigma,
                 correlation_lengths_m: fix.correlation_lengths_m.clone(),
                 own_shares: fix.nuggets.clone(),
@@ -129,6 +147,10 @@ impl Locator for CorrelatedShadowing {
             ..Located::at(estimate)
         })
     }
+    fn estimates_height(&self) -> bool {
+        true
+    }
+
     fn uses_antennas(&self) -> bool {
         true
     }

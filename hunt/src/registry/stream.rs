@@ -13,8 +13,9 @@ use crate::{
     config::{EstimatorConfig, ModelConfig, PulseModel, ReceiverModel},
     hunt::{Components, Search, TrackStep},
     locate::{
-        Area, CalibratedPower, FREE_POWER_SIGMA_DB, LocateConfig, LocateError, Located, Paths,
-        Power, Residual, Uses, examine, extent_m, receiver_sigma_m, reference_power, residuals,
+        Area, CalibratedPower, FREE_POWER_SIGMA_DB, Height, LocateConfig, LocateError, Located,
+        Locator, Paths, Power, Residual, Uses, examine, extent_m, receiver_sigma_m,
+        reference_power, residuals,
     },
 };
 
@@ -57,6 +58,11 @@ impl EstimatorEntry {
         if config.terrain.is_some() && !self.uses_terrain() {
             return Err(LocateError::NoUseOfTerrain { estimator: self.name.clone().into_owned() });
         }
+        let can_estimate = self.locator().is_some_and(Locator::estimates_height);
+        let config = &config.decided(can_estimate, receptions);
+        if config.height == Height::Free && !can_estimate {
+            return Err(LocateError::NoFreeHeight { estimator: self.name.clone().into_owned() });
+        }
         let moved: Vec<Reception>;
         let receptions = if config.clock_offset_s.abs() > 0.0 {
             moved = Paths::new(receptions).shifted(config.clock_offset_s, 1);
@@ -65,6 +71,7 @@ impl EstimatorEntry {
             receptions
         };
         let mut located = self.unexamined(receptions, config)?;
+        let config = &LocateConfig { target_up_m: located.up_m(config), ..config.clone() };
         let uses = self.uses();
         let outliers = examine(&mut located, receptions, config, uses, name);
         if outliers.is_empty() {
@@ -146,7 +153,8 @@ impl EstimatorEntry {
         receptions: &[Reception],
         config: &LocateConfig,
     ) -> Vec<Residual> {
-        residuals(located, receptions, config, self.uses())
+        let config = LocateConfig { target_up_m: located.up_m(config), ..config.clone() };
+        residuals(located, receptions, &config, self.uses())
     }
 
     /// Locates a transmitter without a look at how well the receptions fit.

@@ -233,7 +233,14 @@ fn calibrate(
         let readings = readings(receivers, &truth, &mut rng);
         let lines = bearings(&grid, count, receivers, &truth.place, &mut rng);
         let of_bearings = grid.log_likelihood(&lines).expect("they are finite");
-        let fix = estimator.locate_with(&readings, level, &[], of_bearings).expect("a posterior");
+        let fix = estimator
+            .locate_with(
+                &readings,
+                |cell: &Vector2<f64>, pose: &Pose, _| level(cell, pose),
+                &[],
+                of_bearings,
+            )
+            .expect("a posterior");
         calibration.add(&fix, &truth, is_on_border(&fix, &truth.place), &mut rng);
     }
     assert!(calibration.refined > runs / 4, "finer grids are to be tested too");

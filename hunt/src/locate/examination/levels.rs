@@ -8,6 +8,8 @@ use super::{
     super::{Area, LocateConfig, Located, Power},
     clocks,
     law::{LEAST_TO_COMPARE, Law, MOST_TO_COMPARE, Row, best_place, gain, residuals, rows},
+    motion,
+    paths::Hypotheses,
     residuals::{Measurand, Residual, one_sided, two_sided},
     shared::{APART, Name, has_law, spoken},
 };
@@ -59,8 +61,11 @@ pub(super) fn examine(
     let of_row = elsewhere.or_else(|| outlier(&rows, &law, located, name));
     let is_placed_by_levels = receptions.iter().all(|r| !r.has_bearing() && r.measured.is_empty());
     let open = range_open(located, receptions, config, rows.len()).filter(|_| is_placed_by_levels);
-    let clocks = clocks::differ(located, receptions, config);
-    clocks.into_iter().chain(of_row).chain(open).collect()
+    let levels: Vec<Reception> = receptions.iter().filter(|r| r.level.is_some()).copied().collect();
+    let of_path = Hypotheses::new(located, &levels, config).and_then(|hypotheses| {
+        clocks::differ(located, &hypotheses).or_else(|| motion::moves(&hypotheses))
+    });
+    of_path.into_iter().chain(of_row).chain(open).collect()
 }
 
 /// Returns the residuals of the levels that took part, of silences and of levels at a ceiling, from

@@ -8,7 +8,9 @@ mod clocks;
 mod fit;
 mod law;
 mod levels;
+mod motion;
 mod open;
+mod paths;
 mod residuals;
 mod shared;
 

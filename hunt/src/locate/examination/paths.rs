@@ -1,0 +1,111 @@
+use foxhunt_core::Reception;
+use nalgebra::Vector2;
+
+use super::{
+    super::{Area, LocateConfig, Located, Paths},
+    law::{LEAST_TO_COMPARE, Law, Row, best_place, residuals, rows},
+};
+
+/// Largest number of levels at which hypotheses are compared.
+pub(super) const MOST_TO_COMPARE: usize = 120;
+
+/// Largest number of levels by which the best hypothesis is refined.
+pub(super) const MOST_OF_BEST: usize = 1000;
+
+/// χ² with one degree of freedom that a true value exceeds with 5 %.
+pub(super) const LIKELY: f64 = 3.84;
+
+/// Cells of the coarse search for a place, on either side of its middle.
+const REACH: i32 = 5;
+
+/// Levels along paths of receivers, for hypotheses on where the receivers or the transmitter were.
+pub(super) struct Hypotheses<'a> {
+    levels: &'a [Reception],
+    config: &'a LocateConfig,
+    start: Vector2<f64>,
+    area: Area,
+    pub(super) area_without_margin: Area,
+    pub(super) duration_s: f64,
+}
+
+/// Best place under one hypothesis.
+pub(super) struct Fit<T> {
+    pub(super) hypothesis: T,
+    pub(super) place: Vector2<f64>,
+    pub(super) residuals: Vec<f64>,
+    pub(super) sigma_db: f64,
+    cost: f64,
+}
+
+/// Returns the fit of least cost.
+pub(super) fn least<T>(tried: &[Fit<T>]) -> Option<&Fit<T>> {
+    tried.iter().min_by(|a, b| a.cost.total_cmp(&b.cost))
+}
+
+impl<'a> Hypotheses<'a> {
+    /// Returns the levels as hypotheses take them; `None` where they are too few, have no times, or
+    /// no receiver moves. All of `levels` have a level.
+    pub(super) fn new(
+        located: &Located,
+        levels: &'a [Reception],
+        config: &'a LocateConfig,
+    ) -> Option<Self> {
+        let is_timed = levels.iter().all(|reception| reception.time.is_finite());
+        if levels.len() < LEAST_TO_COMPARE || !is_timed {
+            return None;
+        }
+        let (length_m, duration_s) = Paths::new(levels).extent();
+        (length_m > 0.0 && duration_s > 0.0).then(|| Self {
+            levels,
+            config,
+            start: located.estimate.mean,
+            area: Area::about(levels, config.margin_m),
+            area_without_margin: Area::about(levels, 0.0),
+            duration_s,
+        })
+    }
+
+    /// Returns the fit with the receivers where they were `offset_s` later.
+    pub(super) fn delayed(&self, offset_s: f64, most: usize) -> Option<Fit<f64>> {
+        let stride = self.levels.len().div_ceil(most);
+        self.fit(offset_s, &Paths::new(self.levels).shifted(offset_s, stride))
+    }
+
+    /// Returns the fit of a transmitter with a velocity in m/s: in its frame the receivers drift the
+    /// other way.
+    pub(super) fn drifting(
+        &self,
+        velocity: Vector2<f64>,
+        most: usize,
+    ) -> Option<Fit<Vector2<f64>>> {
+        let stride = self.levels.len().div_ceil(most);
+        let begin = self.levels.first()?.time;
+        let drifted = |reception: &Reception| {
+            let mut own = *reception;
+            own.receiver.position -= (velocity * (own.time - begin)).push(0.0);
+            own
+        };
+        let drifted: Vec<_> = self.levels.iter().step_by(stride).map(drifted).collect();
+        self.fit(velocity, &drifted)
+    }
+
+    fn fit<T>(&self, hypothesis: T, receptions: &[Reception]) -> Option<Fit<T>> {
+        let config = self.config;
+        let rows_at = |place: &Vector2<f64>| rows(receptions, place, config, 1);
+        let cost = |place: &Vector2<f64>| cost(&rows_at(place), config);
+        let (place, cost) = best_place(&self.area, &self.start, REACH, cost);
+        let rows = rows_at(&place);
+        let residuals = residuals(&rows, config)?;
+        let sigma_db = Law::of(&rows, config)?.sigma_db;
+        cost.is_finite().then_some(Fit { hypothesis, place, residuals, sigma_db, cost })
+    }
+}
+
+/// Returns the sum of the squared residuals, each of 4 σ at most, about the law that fits the
+/// levels; `None` where they do not fall with the distance.
+fn cost(rows: &[Row], config: &LocateConfig) -> Option<f64> {
+    let law = Law::fit(rows.iter(), config)?;
+    let limit = (4.0 * law.spread(rows).max(1.0)).powi(2);
+    let square = |row: &Row| law.residual(row).powi(2).min(limit);
+    (law.exponent > 0.0).then(|| rows.iter().map(square).sum())
+}
