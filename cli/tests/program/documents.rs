@@ -6,7 +6,7 @@
 //! own, from which the repository's folders can be read. A picture `figures/PAGE/NAME.svg` of a
 //! page is the file `NAME.svg` that its commands leave there.
 //!
-//! Below a line `<!-- keys: TABLE -->` is the table of that name of `foxhunt list keys`, whose words
+//! Below a line `<!-- keys: TABLE -->` is the table of that name of `foxhunt list keys`; its words
 //! may be links.
 //!
 //! With `FOXHUNT_RENEW_DOCUMENTS=1` outputs without `…`, pictures and tables are written anew.

@@ -16,8 +16,8 @@ pub(super) const MENU: [(&str, &str); 19] = [
     ),
     (
         "particle",
-        "the cases of `grid`, with 5000 particles; recordings: the default of `locate` for turns at \
-         fewer than three places",
+        "the cases of `grid`, with 5000 particles; recordings: the default of `locate` for turns \
+         at fewer than three places",
     ),
     (
         "iterated-posterior-linearisation",

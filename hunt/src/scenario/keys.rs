@@ -396,7 +396,8 @@ const TABLES: [KeyTable; 25] = [
                 "shared_turns",
                 "",
                 "`false`",
-                "`true`: every turn measures all beacons that are not done, and the planner sees them all",
+                "`true`: every turn measures all beacons that are not done, and the planner sees \
+                 them all",
             ),
             key(
                 "attempts",
@@ -576,7 +577,7 @@ mod tests {
         number.or(word).or_else(|| text.map(|text| Value::String(text.to_owned())))
     }
 
-    /// The table of a name has the keys, the needs and the defaults of a type. Some keys of the type
+    /// Checks keys, needs and defaults of a table against those of a type. The type's `others`
     /// stand in another table.
     fn held<T: Serialize + DeserializeOwned>(table: &str, value: &T, others: &[&str]) {
         let listed = scenario_keys().iter().find(|known| known.table == table);
@@ -633,6 +634,7 @@ mod tests {
                 assert!(tables.remove($table), "{}", $table);
             )*};
         }
+        let differences = RangeDifferenceConfig { reference_m: [0.0; 3], sigma_m: 3.0 };
         let train = PulseTrain { pulse_s: 0.02, interval_s: 1.3, jitter_s: 0.0, phase_s: 0.0 };
         let dipole =
             DipoleConfig { moment_ma_m2: 6.3, azimuth_deg_ccw_from_east: 0.0, elevation_deg: 0.0 };
@@ -675,7 +677,7 @@ mod tests {
             "source stepper": StepperConfig::default();
             "source rotating-body": BodyConfig::default();
             "source omnidirectional": OmnidirectionalConfig::default();
-            "source range-difference": RangeDifferenceConfig { reference_m: [0.0; 3], sigma_m: 3.0 };
+            "source range-difference": differences;
             "source three-axis": ThreeAxisConfig::default();
             "turns": TurnGoalConfig { bearing_sigma_deg: 6.0, longest_s: 80.0 };
             "model": model;
