@@ -1,4 +1,4 @@
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 use foxhunt_sensors::Antenna;
 use plotters::style::Color;
@@ -124,20 +124,21 @@ impl Circle<'_> {
     ) -> Result<(), PictureError> {
         self.axes(canvas)?;
         let share = |angle: f64| (1.0 + relative_db(angle) / RANGE_DB).clamp(0.0, 1.0);
-        canvas.line(self.turn(&share), palette::BELIEF.to_rgba(), 2 * UNIT)
+        canvas.line(self.turn(720, &share), palette::BELIEF.to_rgba(), 2 * UNIT)
     }
 
-    /// A closed curve of shares of the radius over the angle.
-    fn turn(&self, share: &dyn Fn(f64) -> f64) -> Vec<Pixel> {
-        let angle = |half: u16| f64::to_radians(0.5 * f64::from(half));
-        (0..=720).map(|half| self.pixel(angle(half), share(angle(half)))).collect()
+    /// A closed curve of shares of the radius over the angle, in so many `steps`.
+    fn turn(&self, steps: u16, share: &dyn Fn(f64) -> f64) -> Vec<Pixel> {
+        let angle = |step: u16| TAU * f64::from(step) / f64::from(steps);
+        (0..=steps).map(|step| self.pixel(angle(step), share(angle(step)))).collect()
     }
 
     /// Rings, spokes and texts.
     fn axes(&self, canvas: &Canvas<'_>) -> Result<(), PictureError> {
         let mut below = 0.0;
         while below < RANGE_DB {
-            let ring = self.turn(&|_| 1.0 - below / RANGE_DB);
+            // Steps of 3° are a ring to the eye, and a sixth of the bytes of a curve.
+            let ring = self.turn(120, &|_| 1.0 - below / RANGE_DB);
             canvas.line(ring, palette::GRID.to_rgba(), UNIT)?;
             below += RING_DB;
         }

@@ -2,14 +2,14 @@
 
 use std::{fs, path::PathBuf};
 
-use clap::{CommandFactory, error::ErrorKind};
+use clap::error::ErrorKind;
 use foxhunt::{
     fly::{EmulatedFieldConfig, FlightConfig},
     registry::Registry,
     scenario::Scenario,
 };
 
-use super::{Cli, names};
+use super::groups::GROUPS;
 
 /// A fenced block of a document: the words behind the fence, its text, and where it begins.
 struct Block {
@@ -34,6 +34,44 @@ fn documents() -> Vec<(String, String)> {
         (name, fs::read_to_string(&path).expect("a document"))
     };
     paths.into_iter().map(read).collect()
+}
+
+/// The cells of the rows of the first table behind a heading.
+fn rows(document: &str, heading: &str) -> Vec<Vec<String>> {
+    let path = repository().join("docs").join(document);
+    let text = fs::read_to_string(path).expect("a document");
+    let (_, below) = text.split_once(&format!("\n{heading}\n")).expect("the heading");
+    let table = below.lines().skip_while(|line| !line.starts_with('|')).skip(2);
+    let cells = |line: &str| {
+        let line = line.trim_matches('|').replace("\\|", "\u{0}");
+        line.split('|').map(|cell| cell.trim().replace('\u{0}', "|")).collect()
+    };
+    table.take_while(|line| line.starts_with('|')).map(cells).collect()
+}
+
+#[test]
+fn the_first_table_of_estimators_is_the_menu() {
+    let registry = Registry::builtin();
+    let menu = registry.menu();
+    let menu = menu.iter().map(|entry| {
+        vec![format!("`{}`", entry.name), entry.when().expect("it is in the menu").to_owned()]
+    });
+    assert_eq!(rows("estimators.md", "## Which one"), menu.collect::<Vec<_>>());
+}
+
+#[test]
+fn the_tables_of_commands_are_the_groups_of_the_help() {
+    for (group, names) in GROUPS {
+        let mut listed: Vec<String> = rows("commands.md", &format!("## {group}"))
+            .iter()
+            .map(|cells| {
+                let command = cells[0].trim_start_matches("`foxhunt ");
+                command.split([' ', '`']).next().unwrap_or_default().to_owned()
+            })
+            .collect();
+        listed.dedup();
+        assert_eq!(listed, names, "{group}");
+    }
 }
 
 fn blocks(kind: &str) -> Vec<Block> {
@@ -75,9 +113,7 @@ fn words(command: &str) -> Vec<String> {
 
 /// Parses a command line that begins with the program's name.
 fn parsed(line: &str) -> Result<(), clap::Error> {
-    names::command(Cli::command(), &Registry::builtin())
-        .try_get_matches_from(words(line))
-        .map(|_| ())
+    super::command(&Registry::builtin()).try_get_matches_from(words(line)).map(|_| ())
 }
 
 #[test]
@@ -104,6 +140,7 @@ fn commands_in_sentences_exist() {
             let line = code.replace("\\|", "|").replace("--planner NAME", "--planner orbit");
             let Err(error) = parsed(&line) else { continue };
             let unfinished = [
+                ErrorKind::DisplayHelp,
                 ErrorKind::MissingRequiredArgument,
                 ErrorKind::MissingSubcommand,
                 ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand,

@@ -2,6 +2,7 @@
 
 #[cfg(all(test, feature = "full"))]
 mod documented;
+mod groups;
 mod names;
 
 use std::ffi::OsString;
@@ -41,7 +42,7 @@ pub(crate) const PROGRAM: &str = "foxhunt";
 
 /// All commands, their arguments with the names of a registry.
 pub(crate) fn command(registry: &Registry) -> clap::Command {
-    names::command(Cli::command(), registry)
+    names::command(groups::grouped(Cli::command()), registry)
 }
 
 /// Parses a command line; its first word is the program's name.

@@ -1,3 +1,4 @@
+use clap::{Command, builder::PossibleValuesParser};
 use clap_complete::{Shell, generate};
 
 use crate::{context::Context, error::CliError};
@@ -18,10 +19,24 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
-    let mut command = (context.command_line)(context.registry);
+    let mut command = with_every_estimator((context.command_line)(context.registry));
     let name = command.get_name().to_owned();
     let mut script = Vec::new();
     generate(args.shell, &mut command, name, &mut script);
     let script = String::from_utf8(script).map_err(CliError::failure)?;
     context.output.verbatim(&script)
+}
+
+/// Shows the estimators, too, that help texts leave out.
+fn with_every_estimator(command: Command) -> Command {
+    command
+        .mut_args(|arg| {
+            if arg.get_id() != "estimator" {
+                return arg;
+            }
+            let values = arg.get_possible_values().into_iter().map(|value| value.hide(false));
+            let values = PossibleValuesParser::new(values.collect::<Vec<_>>());
+            arg.value_parser(values)
+        })
+        .mut_subcommands(with_every_estimator)
 }

@@ -5,23 +5,28 @@ use foxhunt::{
     config::SourceConfig,
     core::Quantity,
     registry::{EstimatorEntry, Need, RECOMMENDED_EXTRACTOR, Registry},
-    scenario::{DEFAULT_SCENARIO, builtin_scenarios},
+    scenario::{DEFAULT_SCENARIO, Key, KeyTable, builtin_scenarios, scenario_keys},
     trial::builtin_trials,
 };
 use serde::Serialize;
 
 use crate::{context::Context, error::CliError, output::Output, table::list};
 
-/// List estimators, extractors, planners, sources, scenarios, trials or cases
+/// List estimators, extractors, planners, sources, scenarios, trials, cases or keys
 ///
-/// Lists each entry with its name, a description and its source. `foxhunt list estimators` also has
-/// the quantities that each one uses.
+/// Lists each entry with its name, a description and its source. `foxhunt list estimators` has the
+/// estimators to choose from, each with when to use it; with `--all` every estimator, with the
+/// quantities that it uses.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  foxhunt list scenarios\n  foxhunt list estimators --json")]
+#[command(after_help = "Examples:\n  foxhunt list scenarios\n  foxhunt list estimators\n  \
+                        foxhunt list estimators --all\n  foxhunt list estimators --json")]
 pub(crate) struct Args {
     /// The kind of entries
     #[arg(value_enum)]
     what: What,
+    /// List every estimator, variants and baselines too; --json always does
+    #[arg(long)]
+    all: bool,
 }
 
 /// Kind of listed entries.
@@ -41,18 +46,26 @@ enum What {
     Sources,
     /// Simulated turns of an antenna: for `compare extractors`
     Cases,
+    /// Keys of a scenario's file, with unit, default and meaning
+    Keys,
 }
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
+    if args.all && !matches!(args.what, What::Estimators) {
+        return Err(CliError::input(
+            "--all is for `foxhunt list estimators`; other lists are whole",
+        ));
+    }
     match args.what {
         What::Scenarios => scenarios(output),
         What::Trials => trials(output),
-        What::Estimators => estimators(registry, output),
+        What::Estimators => estimators(registry, args.all, output),
         What::Extractors => extractors(registry, output),
         What::Planners => planners(registry, output),
         What::Sources => sources(registry, output),
         What::Cases => cases(output),
+        What::Keys => keys(output),
     }
 }
 
@@ -122,6 +135,10 @@ struct ListedEstimator {
     name: String,
     about: String,
     source: String,
+    /// True if it is listed without `--all`.
+    in_menu: bool,
+    /// Cases to use it for; absent outside of the menu.
+    when: Option<String>,
     /// Use of levels: required, used or unused.
     level: String,
     bearing: String,
@@ -140,6 +157,8 @@ impl From<&EstimatorEntry> for ListedEstimator {
             name: entry.name.to_string(),
             about: entry.about.to_string(),
             source: entry.source.to_string(),
+            in_menu: entry.when().is_some(),
+            when: entry.when().map(str::to_owned),
             level: needs.level.to_string(),
             bearing: needs.bearing.to_string(),
             others: needs.others.iter().map(Quantity::to_string).collect(),
@@ -149,9 +168,12 @@ impl From<&EstimatorEntry> for ListedEstimator {
     }
 }
 
-fn estimators(registry: &Registry, output: Output) -> Result<(), CliError> {
+fn estimators(registry: &Registry, all: bool, output: Output) -> Result<(), CliError> {
     let listed: Vec<_> = registry.estimators().iter().map(ListedEstimator::from).collect();
     output.result(&listed, |listed| {
+        if !all {
+            return menu(registry);
+        }
         let columns =
             ["estimator", "what it is", "level", "bearing", "others", "moving", "takes", "source"];
         let mut rows = list(&columns);
@@ -173,6 +195,19 @@ fn estimators(registry: &Registry, output: Output) -> Result<(), CliError> {
         format!("{rows}\n{ESTIMATORS_LEGEND}")
     })
 }
+
+/// The estimators to choose from.
+fn menu(registry: &Registry) -> String {
+    let mut rows = list(&["estimator", "when to use it"]);
+    for entry in registry.menu() {
+        rows.add_row([&*entry.name, entry.when().unwrap_or_default()]);
+    }
+    format!("{rows}\n{MENU_LEGEND}")
+}
+
+/// Way to the estimators that are not in the menu.
+const MENU_LEGEND: &str = "`foxhunt list estimators --all` has every estimator, with the \
+                           quantities that it uses and its source.";
 
 /// Meaning of the estimators' columns.
 const ESTIMATORS_LEGEND: &str = "Level, bearing and others: what an estimator requires of a \
@@ -281,5 +316,44 @@ fn cases(output: Output) -> Result<(), CliError> {
             rows.add_row([case.name, case.about]);
         }
         rows.to_string()
+    })
+}
+
+/// A table of a scenario's file in JSON.
+#[derive(Debug, Serialize)]
+struct ListedTable {
+    /// Path of the table in the file; behind a space the kind that has the keys.
+    name: &'static str,
+    about: &'static str,
+    keys: Vec<ListedKey>,
+}
+
+/// A key in JSON.
+#[derive(Debug, Serialize)]
+struct ListedKey {
+    name: &'static str,
+    unit: &'static str,
+    default: &'static str,
+    meaning: &'static str,
+}
+
+fn keys(output: Output) -> Result<(), CliError> {
+    let key =
+        |&Key { name, unit, default, meaning }: &Key| ListedKey { name, unit, default, meaning };
+    let listed = scenario_keys().iter().map(|&KeyTable { table, about, keys }| ListedTable {
+        name: table,
+        about,
+        keys: keys.iter().map(key).collect(),
+    });
+    output.result(&listed.collect::<Vec<_>>(), |listed| {
+        let tables = listed.iter().map(|table| {
+            let mut rows = list(&["key", "unit", "default", "meaning"]);
+            for key in &table.keys {
+                let unit = if key.unit.is_empty() { "-" } else { key.unit };
+                rows.add_row([key.name, unit, key.default, key.meaning]);
+            }
+            format!("[{}] {}\n{rows}", table.name, table.about)
+        });
+        tables.collect::<Vec<_>>().join("\n\n")
     })
 }

@@ -33,6 +33,9 @@ fn bash_completes_commands_flags_and_names() {
     assert_eq!(planners, ["information"]);
     let estimators = completed(script, &["foxhunt", "locate", "--estimator", "shadow"]);
     assert_eq!(estimators, ["shadowing-grid"]);
+    // Those that help texts leave out are completed all the same.
+    let estimators = completed(script, &["foxhunt", "hunt", "--estimator", "ekf-it"]);
+    assert_eq!(estimators, ["ekf-iterated"]);
 }
 
 #[test]
@@ -60,6 +63,11 @@ fn every_command_has_a_manual_page() {
     assert!(pages.len() > 30, "{pages:?}");
     let read = |name: &str| fs::read_to_string(folder.join(name)).expect("a page");
     assert!(read("foxhunt.1").contains("foxhunt\\-hunt(1)"), "{}", read("foxhunt.1"));
+    let main = read("foxhunt.1");
+    let at = |page: &str| main.find(&format!("foxhunt\\-{page}(1)")).expect("a command");
+    assert!(at("hunt") < at("locate") && at("judge") < at("list"), "in the order of the help");
+    let hunt = read("foxhunt-hunt.1");
+    assert!(hunt.contains("imm: levels and bearings of a beacon that stands"), "{hunt}");
     let compare = read("foxhunt-compare-planners.1");
     assert!(compare.starts_with(".ie") && compare.contains("\\-\\-markdown"), "{compare}");
     // Where there is a manual reader it has nothing to warn of.

@@ -54,9 +54,28 @@ fn wrong_use_is_code_2() {
 #[test]
 fn arguments_name_the_registry() {
     let hunt = foxhunt(["hunt", "--help"]).stdout;
-    for name in ["range-difference-bearing", "maximum-likelihood-reflection", "steepest-descent"] {
+    for name in ["range-difference:", "maximum-likelihood-reflection", "steepest-descent"] {
         assert!(hunt.contains(name), "{name} is missing in {hunt}");
     }
-    assert!(!hunt.contains("lenth1981"), "it takes all receptions at once");
-    assert!(foxhunt(["locate", "--help"]).stdout.contains("lenth1981"));
+    // The menu, with when to use which.
+    let flat = hunt.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(flat.contains("- ukf-pritzl2018: the reference system's filter, to compare"), "{flat}");
+    assert!(flat.contains("`foxhunt list estimators --all` has more"), "{flat}");
+    assert!(!hunt.contains("ekf-iterated"), "it is not in the menu");
+    assert!(!hunt.contains("shadowing-grid"), "it takes all receptions at once");
+    let locate = foxhunt(["locate", "--help"]).stdout;
+    assert!(locate.contains("- shadowing-grid:") && !locate.contains("lenth1981"), "{locate}");
+}
+
+#[test]
+fn commands_are_shown_in_groups() {
+    for flag in ["-h", "--help"] {
+        let help = foxhunt([flag]).stdout;
+        let headings = help.lines().filter(|line| line.ends_with(':') && !line.starts_with(' '));
+        let headings: Vec<&str> = headings.collect();
+        let groups = ["Simulate:", "Recordings:", "Fly:", "Study:", "Tools:", "Options:"];
+        assert_eq!(headings, groups, "{help}");
+        assert!(help.contains("\n  hunt         Fly one simulated hunt\n"), "{help}");
+        assert!(help.contains("--version") && help.contains("Example: fly"), "{help}");
+    }
 }

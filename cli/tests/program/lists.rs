@@ -7,15 +7,18 @@ use crate::support::{foxhunt, has};
 /// A list as JSON, and as a table.
 fn list(what: &str) -> (Vec<Value>, String) {
     let listed = foxhunt(["list", what, "--json"]).json();
-    let table = foxhunt(["list", what]);
+    // Every estimator; what is not in the menu has a test of its own.
+    let all = (what == "estimators").then_some("--all");
+    let table = foxhunt(["list", what].into_iter().chain(all));
     assert_eq!(table.code, 0, "{table:?}");
     (listed.as_array().expect("a list").clone(), table.stdout)
 }
 
 #[test]
 fn every_list_is_a_table_or_json() {
-    for what in ["scenarios", "trials", "estimators", "extractors", "planners", "sources", "cases"]
-    {
+    let lists =
+        ["scenarios", "trials", "estimators", "extractors", "planners", "sources", "cases", "keys"];
+    for what in lists {
         let (listed, table) = list(what);
         assert!(!listed.is_empty(), "{what}");
         for entry in &listed {
@@ -40,7 +43,18 @@ fn scenarios_have_a_default_and_are_no_trials() {
 #[test]
 fn estimators_have_what_they_work_on() {
     let (listed, table) = list("estimators");
-    let fields = ["name", "about", "source", "level", "bearing", "others", "moving", "all_at_once"];
+    let fields = [
+        "name",
+        "about",
+        "source",
+        "in_menu",
+        "when",
+        "level",
+        "bearing",
+        "others",
+        "moving",
+        "all_at_once",
+    ];
     has(&listed[0], &fields);
     let of = |name: &str| {
         listed.iter().find(|entry| entry["name"] == name).unwrap_or_else(|| panic!("{name}"))
@@ -55,6 +69,23 @@ fn estimators_have_what_they_work_on() {
     for column in ["level", "bearing", "others", "moving", "takes", "source"] {
         assert!(table.contains(column), "{column}");
     }
+}
+
+#[test]
+fn the_menu_of_estimators_says_when_to_use_which() {
+    let (listed, _) = list("estimators");
+    let menu = foxhunt(["list", "estimators"]).stdout;
+    let words = |text: &str| text.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
+    let printed = words(&menu);
+    assert!(menu.contains("when to use it") && menu.contains("list estimators --all"), "{menu}");
+    for entry in &listed {
+        let name = entry["name"].as_str().expect("a name");
+        let in_menu = entry["in_menu"].as_bool().expect("true or false");
+        assert_eq!(entry["when"].is_string(), in_menu, "{name}");
+        assert_eq!(printed.iter().any(|word| word == name), in_menu, "{name}: {menu}");
+    }
+    assert_eq!(listed.iter().filter(|entry| entry["in_menu"] == true).count(), 19);
+    foxhunt(["list", "planners", "--all"]).failed(2, &["--all", "estimators"]);
 }
 
 #[test]

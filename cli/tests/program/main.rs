@@ -6,6 +6,8 @@ mod campaign;
 mod compare;
 mod completions;
 mod convert;
+#[cfg(unix)]
+mod documents;
 mod exit_codes;
 mod fly;
 mod help;

@@ -29,6 +29,8 @@ fn tables_fit_80_100_and_160_columns() {
     let quiet = ["--runs", "2", "--quiet"];
     let commands: Vec<Vec<&str>> = vec![
         vec!["list", "estimators"],
+        vec!["list", "estimators", "--all"],
+        vec!["list", "keys"],
         vec!["list", "scenarios"],
         vec!["list", "planners"],
         [&["campaign", "--estimator", "ekf-pritzl2018"], &quiet[..]].concat(),

@@ -102,6 +102,7 @@ pub struct EstimatorEntry {
     pub about: Cow<'static, str>,
     /// Origin, such as a section of a publication.
     pub source: Cow<'static, str>,
+    when: Option<Cow<'static, str>>,
     needs: Needs,
     leaves_out_outliers: bool,
     build: Build,
@@ -148,6 +149,7 @@ impl EstimatorEntry {
             about: about.into(),
             source: source.into(),
             needs: needs(&settings),
+            when: None,
             leaves_out_outliers: false,
             build: Build::Stream(Recipe::Settings(settings)),
         }
@@ -191,6 +193,7 @@ impl EstimatorEntry {
             about: about.into(),
             source: source.into(),
             needs: Needs { all_at_once: false, ..needs },
+            when: None,
             leaves_out_outliers: false,
             build: Build::Stream(Recipe::Own(Arc::new(make))),
         }
@@ -209,6 +212,7 @@ impl EstimatorEntry {
             about: about.into(),
             source: source.into(),
             needs: Needs { all_at_once: true, ..needs },
+            when: None,
             leaves_out_outliers: false,
             build: Build::AtOnce(Arc::new(locator)),
         }
@@ -219,6 +223,18 @@ impl EstimatorEntry {
     #[must_use]
     pub fn without_outliers(self) -> Self {
         Self { leaves_out_outliers: true, ..self }
+    }
+
+    /// Lists it among the estimators to choose from, with the cases to use it for.
+    #[must_use]
+    pub fn recommended_for(self, when: impl Into<Cow<'static, str>>) -> Self {
+        Self { when: Some(when.into()), ..self }
+    }
+
+    /// Returns the cases to use it for; `None` if it is not among the estimators to choose from.
+    #[must_use]
+    pub fn when(&self) -> Option<&str> {
+        self.when.as_deref()
     }
 
     /// Returns true if measurements that all others contradict are left out.

@@ -9,6 +9,7 @@ mod estimators;
 mod extractors;
 mod field;
 mod locators;
+mod menu;
 mod parts;
 mod planners;
 mod recalled_grid;
@@ -45,16 +46,24 @@ impl Registry {
     #[must_use]
     pub fn builtin() -> Self {
         Self {
-            estimators: estimators::builtin(),
+            estimators: menu::with_menu(estimators::builtin()),
             extractors: extractors::builtin(),
             planners: planners::builtin(),
             sources: Vec::new(),
         }
     }
 
-    /// Adds an estimator, or replaces the one of its name.
+    /// Adds an estimator, or replaces the one of its name. It is in the menu; if it does not say
+    /// when to use it, its description stands there.
     #[must_use]
     pub fn with_estimator(mut self, entry: EstimatorEntry) -> Self {
+        let entry = match entry.when() {
+            Some(_) => entry,
+            None => {
+                let about = entry.about.clone();
+                entry.recommended_for(about)
+            }
+        };
         put(&mut self.estimators, entry, |entry| &entry.name);
         self
     }
@@ -84,6 +93,15 @@ impl Registry {
     #[must_use]
     pub fn estimators(&self) -> &[EstimatorEntry] {
         &self.estimators
+    }
+
+    /// Estimators to choose from, in the order of the menu: some of the library's, and all of the
+    /// user's own. Each says when to use it ([`EstimatorEntry::when`]).
+    #[must_use]
+    pub fn menu(&self) -> Vec<&EstimatorEntry> {
+        let mut menu: Vec<_> = self.estimators.iter().filter(|e| e.when().is_some()).collect();
+        menu.sort_by_key(|entry| menu::place(&entry.name));
+        menu
     }
 
     /// Every extractor.
@@ -241,7 +259,10 @@ fn find<'a, E>(
 
 #[cfg(test)]
 mod tests {
-    use foxhunt_core::{Estimate, EstimatorError};
+    use foxhunt_core::{
+        BeaconId, Bearing, BearingModes, Estimate, EstimatorError, Level, MeasuredList, Pose,
+        Reception,
+    };
     use foxhunt_sensors::{LogDistance, RssBearing};
     use nalgebra::Vector2;
 
@@ -277,6 +298,55 @@ mod tests {
         assert_eq!(registry.estimators().len(), count + 1);
         assert_eq!(settings(&registry, "tiny"), small);
         assert_eq!(settings(&registry, "ukf"), small);
+    }
+
+    #[test]
+    fn the_menu_has_what_is_taken_by_itself_and_what_is_ones_own() {
+        let registry = Registry::builtin();
+        let menu: Vec<&str> = registry.menu().iter().map(|entry| &*entry.name).collect();
+        assert_eq!(menu.len(), menu::MENU.len(), "each name of the menu is an estimator: {menu:?}");
+        assert_eq!(menu[0], DEFAULT_ESTIMATOR);
+        for scenario in crate::scenario::builtin_scenarios() {
+            assert!(menu.contains(&&*scenario.estimator), "{}", scenario.name);
+        }
+        let suited = |receptions: &[Reception]| {
+            registry.suited_to(receptions).expect("an estimator").name.clone()
+        };
+        let bearing = Bearing { angle: 0.5, sigma: 0.1, confidence: 0.9 };
+        let level = Level { rss_dbm: -60.0, sigma_db: 4.0 };
+        let taken = |level, bearing| {
+            let at = |east| Reception {
+                beacon: BeaconId(1),
+                time: 0.0,
+                receiver: Pose::at(east, 0.0, 4.0),
+                level,
+                silence: None,
+                saturation: None,
+                bearing,
+                covariance: 0.0,
+                modes: BearingModes::default(),
+                receiver_sigma_m: None,
+                measured: MeasuredList::default(),
+            };
+            [suited(&[at(0.0)]), suited(&[at(0.0), at(100.0), at(200.0), at(300.0)])]
+        };
+        for (level, bearing) in
+            [(Some(level), None), (None, Some(bearing)), (Some(level), Some(bearing))]
+        {
+            for name in taken(level, bearing) {
+                assert!(menu.contains(&&*name), "`locate` takes {name} by itself");
+            }
+        }
+
+        let mut own = registry.estimator("ekf-iterated").expect("it is listed").clone();
+        own.name = "mine".into();
+        let about = own.about.clone();
+        let registry = registry.clone().with_estimator(own);
+        let last = registry.menu().pop().expect("an entry").clone();
+        assert_eq!((&*last.name, last.when()), ("mine", Some(&*about)));
+        let with_case = last.recommended_for("Sundays");
+        let registry = registry.with_estimator(with_case);
+        assert_eq!(registry.estimator("mine").expect("it").when(), Some("Sundays"));
     }
 
     #[test]

@@ -5,9 +5,11 @@ mod calibrated;
 mod definition;
 mod error;
 mod find;
+mod keys;
 mod random_fleet;
 
 pub use builtin::{DEFAULT_SCENARIO, builtin_scenarios};
 pub use definition::{Scenario, SimulationConfig, SourcesError};
 pub use error::ScenarioError;
+pub use keys::{Key, KeyTable, scenario_keys};
 pub use random_fleet::random_fleet;
