@@ -138,16 +138,19 @@ impl ShadowingGrid {
         let mut likelihood = Likelihood::new(config, segments)?;
 
         let log_prior = config.place.log_density(&low, &high);
+        let mut heights = config.height.log_nodes();
+        // Each height costs as much as a known one: fewer cells make up for half of that.
+        let max_cells = if heights.len() > 1 { config.max_cells / 2 } else { config.max_cells };
+        let max_cells = max_cells.max(LEAST_CELLS);
         let search = Search {
             low,
             high,
             place: config.place,
             margin_m: config.margin_m,
             cell_m: config.cell_m,
-            max_cells: config.max_cells,
+            max_cells,
         };
         let log_density = |place: &Vector2<f64>| log_prior(place) + log_likelihood(place);
-        let mut heights = config.height.log_nodes();
         let posterior = |grid| likelihood.posterior(grid, &heights, &regressors, &log_density);
         let searched = search.cover(posterior, |posterior| &posterior.map)?;
         for ((_, log_weight), share) in heights.iter_mut().zip(&searched.shares.heights) {
@@ -164,7 +167,7 @@ impl ShadowingGrid {
             let area = last.map.extent_of_mass();
             let side_m = (area.1 - area.0).min();
             let cuts = share > 0.0 && side_m < 0.5 * cut_for_m;
-            let finer = last.map.finer(config.max_cells / 2);
+            let finer = last.map.finer(max_cells / 2);
             if !cuts && finer.is_none() {
                 break;
             }
@@ -237,6 +240,9 @@ fn several_places(path: &Path, segments: &Segments) -> Result<(), ShadowingGridE
     let segments = segments.receivers.len();
     if segments < LEAST_SEGMENTS { Err(ShadowingGridError::TooFew { segments }) } else { Ok(()) }
 }
+
+/// Least number of cells of a grid.
+const LEAST_CELLS: u32 = 100;
 
 /// Probability of a height on the coarse cells below which finer ones do without it.
 const IMPROBABLE_HEIGHT: f64 = 0.02;
