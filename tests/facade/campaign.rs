@@ -141,7 +141,8 @@ fn the_default_in_full() {
         }
     }
     // The worlds of before, with bearings that are drawn apart from the pattern.
-    for (name, pattern_sigma_db, most_rms) in [("pritzl-7.3", 2.6, 1.35), ("pritzl-7.4", 3.45, 1.35)]
+    for (name, pattern_sigma_db, most_rms) in
+        [("pritzl-7.3", 2.6, 1.35), ("pritzl-7.4", 3.45, 1.35)]
     {
         let mut scenario = Scenario::find(name).expect("it is built in");
         let law = LogDistance::new(scenario.model.reference_dbm, scenario.model.exponent);

@@ -288,7 +288,7 @@ fn logs_of_hunts_are_calibrated_as_recordings_are() {
     // Turns without a bearing are levels alone in a log.
     assert!(counts[0] > 40 && counts[0] <= 48 && counts[1] == 0, "{counts:?}");
     has(&bearings["sigma"], &["scale", "floor_deg", "correlation", "correlation_p_value"]);
-    has(&report["path_loss"], &["p0_dbm", "exponent"]);
+    has(&report, &["p0_dbm", "exponent", "points"]);
     let printed = foxhunt(["calibrate", &log]);
     assert!(printed.stdout.contains("correlation of σ and |error|"), "{printed:?}");
     foxhunt(["calibrate", &log, "--extractor", "maximum"]).failed(2, &["already"]);
