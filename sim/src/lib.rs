@@ -42,8 +42,8 @@ mod world;
 pub use config::{
     BeaconConfig, BeaconCourse, ChannelConfig, DeadZoneConfig, DipoleConfig, DroneConfig, Interval,
     KinematicConfig, PathLossConfig, PulseTrain, RangeDifferenceConfig, ReflectorConfig,
-    ReliefConfig, ShadowingConfig, SimStepperConfig, ThreeAxisConfig, TwoRayConfig, VehicleConfig,
-    WorldConfig,
+    ReliefConfig, ScatteringConfig, ShadowingConfig, SimStepperConfig, ThreeAxisConfig,
+    TwoRayConfig, VehicleConfig, WorldConfig,
 };
 pub use devices::{
     LateSource, SimBody, SimClock, SimInstrument, SimOmnidirectional, SimRadio, SimRotator,

@@ -22,6 +22,7 @@ mod json;
 mod mapping;
 pub(crate) mod near_miss;
 mod north;
+mod of_log;
 mod options;
 mod parse;
 mod plain;

@@ -1,8 +1,14 @@
-use std::{collections::BTreeMap, fs, path::PathBuf};
+use std::{
+    collections::BTreeMap,
+    fs,
+    io::Read,
+    path::{Path, PathBuf},
+};
 
 use foxhunt::{
     calibration::{CalibrationFile, PathLossSection, StationSection},
     config::BoxedExtractor,
+    log::Log,
     recorded::{
         CalibrateConfig, StationConfig, calibrate, calibrate_bearings, fit_boresights,
         station_boresights,
@@ -27,14 +33,18 @@ use crate::{context::Context, error::CliError, writable};
 /// as a disturbed compass has it; the scale of their σ; and the boresights of a station with fixed
 /// antennas. Prints what cannot be fitted, and why.
 ///
+/// Logs of hunts (.jsonl) with a truth are recordings, too; their bearings and σ are those of the
+/// hunt's extractor.
+///
 /// --out writes the file that `foxhunt locate`, `bearing`, `hunt` and `campaign` take as
 /// --calibration.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
                         foxhunt calibrate flight.csv --truth 50.0755,14.4378 --max-exponent 3\n  \
-                        foxhunt calibrate monday.csv tuesday.csv --out calibration.toml")]
+                        foxhunt calibrate monday.csv tuesday.csv --out calibration.toml\n  \
+                        foxhunt calibrate out/hunt.jsonl")]
 pub(crate) struct Args {
-    /// Recordings: CSV with named columns
+    /// Recordings: CSV with named columns, or logs of hunts
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     /// The place of the transmitter in degrees (WGS84) [default: the recordings' own truth]
@@ -75,7 +85,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         return Err(CliError::input(format!("--max-exponent is {most}; it must be positive")));
     }
     args.out.iter().try_for_each(|path| writable::file(path))?;
-    let recordings = args.reading.read(&args.files)?;
+    let recordings = read(args)?;
     let beacon = args.reading.beacon(&recordings)?;
     let truth = match args.truth {
         Some(truth) => {
@@ -98,6 +108,40 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         output.note(&format!("calibration: {}", out.display()))?;
     }
     Ok(())
+}
+
+/// Reads logs of hunts, or else recordings.
+fn read(args: &Args) -> Result<Vec<Recording>, CliError> {
+    let is_log = |path: &&PathBuf| path.extension().is_some_and(|ending| ending == "jsonl");
+    let logs: Vec<&PathBuf> = args.files.iter().filter(is_log).collect();
+    if logs.is_empty() || !logs.iter().all(|path| is_hunt(path)) {
+        return args.reading.read(&args.files);
+    }
+    if logs.len() < args.files.len() {
+        return Err(CliError::input("give logs or recordings, not both"));
+    }
+    if args.extraction.is_given() {
+        let text = "--extractor and --antenna are for recordings: a log has bearings that were \
+                    made already";
+        return Err(CliError::input(text));
+    }
+    logs.into_iter()
+        .map(|path| {
+            let log = Log::read(path).map_err(CliError::input)?;
+            let name = path.display().to_string();
+            let nothing = || CliError::input(format!("{name}: the log has no reception"));
+            Recording::of_log(&log, &name).ok_or_else(nothing)
+        })
+        .collect()
+}
+
+/// Returns true if a file begins as the log of a hunt does; recordings of others end with .jsonl as
+/// well.
+fn is_hunt(path: &Path) -> bool {
+    let Ok(file) = fs::File::open(path) else { return false };
+    let mut begin = Vec::new();
+    let read = file.take(64).read_to_end(&mut begin);
+    read.is_ok() && begin.starts_with(b"{\"foxhunt_log\"")
 }
 
 /// Fits what the recordings allow; an error if that is nothing.

@@ -273,3 +273,24 @@ fn a_shipped_calibration_is_of_one_place() {
     let there = foxhunt(["bearing", &file, "--positions", "4"]);
     assert!(there.stderr.contains("as it comes with the program"), "{there:?}");
 }
+
+/// A log has the bearings of its hunt with their σ, and the truth.
+#[test]
+fn logs_of_hunts_are_calibrated_as_recordings_are() {
+    let folder = folder("calibrated-logs");
+    let out = folder.join("out").display().to_string();
+    let flown = foxhunt(["hunt", "pritzl-7.4", "--estimator", "ekf", "--out", &out]);
+    assert_eq!(flown.code, 0, "{flown:?}");
+    let log = folder.join("out").join("hunt.jsonl").display().to_string();
+    let report = foxhunt(["--json", "calibrate", &log]).json();
+    let bearings = &report["bearings"];
+    let counts = ["bearings", "refused"].map(|count| bearings[count].as_u64().expect("a number"));
+    // Turns without a bearing are levels alone in a log.
+    assert!(counts[0] > 40 && counts[0] <= 48 && counts[1] == 0, "{counts:?}");
+    has(&bearings["sigma"], &["scale", "floor_deg", "correlation", "correlation_p_value"]);
+    has(&report, &["p0_dbm", "exponent", "points"]);
+    let printed = foxhunt(["calibrate", &log]);
+    assert!(printed.stdout.contains("correlation of σ and |error|"), "{printed:?}");
+    foxhunt(["calibrate", &log, "--extractor", "maximum"]).failed(2, &["already"]);
+    foxhunt(["calibrate", &log, "no-such.csv"]).failed(2, &["not both"]);
+}

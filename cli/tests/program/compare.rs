@@ -128,6 +128,44 @@ fn antennas_are_compared_run_by_run() {
 }
 
 #[test]
+fn the_sigma_of_bearings_is_compared_with_a_constant_one() {
+    let args = ["compare", "sigmas", "pritzl-7.4", "--runs", "3", "--estimator", "ukf"];
+    let report = foxhunt(["--json"].iter().chain(&args)).json();
+    has(&report, &["scenario", "runs", "seed", "estimators"]);
+    let campaign = &report["estimators"][0];
+    let bearings = &campaign["bearings"];
+    has(
+        bearings,
+        &["bearings", "without", "rms_deg", "correlation", "correlation_p", "hunt_correlation"],
+    );
+    let turns = ["bearings", "without"].map(|count| bearings[count].as_u64().expect("a number"));
+    assert!(turns[0] + turns[1] == 144 && turns[1] < 9, "48 turns in each hunt: {turns:?}");
+    // What bends the patterns is in their σ.
+    let r = bearings["correlation"].as_f64().expect("a number");
+    assert!(r > 0.3 && bearings["correlation_p"].as_f64().is_some_and(|p| p < 1e-3), "{bearings}");
+    let setups = campaign["setups"].as_array().expect("a list");
+    let names: Vec<_> = setups.iter().map(|setup| setup["setup"].as_str()).collect();
+    assert_eq!(names, [Some("own"), Some("fitted"), Some("constant")]);
+    // The constant is as large as the errors are, and no bearing has its own share.
+    assert_eq!(setups[2]["calibration"]["sigma_floor_deg"], bearings["rms_deg"]);
+    assert_eq!(setups[2]["calibration"]["sigma_scale"], 0.0);
+    let comparisons = campaign["comparisons"].as_array().expect("a list");
+    assert_eq!(comparisons.len(), 2);
+    for comparison in comparisons {
+        has(comparison, &["beacon", "setup", "ratio", "ratio_interval", "p_value"]);
+        assert_eq!(comparison["pairs"], 3, "{comparison}");
+    }
+    // A constant that is given is used.
+    let given = ["--json", "--constant-deg", "20"];
+    let report = foxhunt(args.iter().chain(&given)).json();
+    let constant = &report["estimators"][0]["setups"][2];
+    assert_eq!(constant["calibration"]["sigma_floor_deg"], 20.0);
+    let printed = foxhunt(args);
+    assert!(printed.stdout.contains("constant") && printed.stdout.contains("Student's"));
+    foxhunt(args.iter().chain(&["--constant-deg", "0"])).failed(2, &["--constant-deg is 0"]);
+}
+
+#[test]
 fn planners_are_compared_with_the_reference_in_their_scenarios() {
     let args = ["compare", "planners", "--runs", "3", "--planner", "hold", "--estimator", "ekf"];
     let report = foxhunt(["--json"].iter().chain(&args)).json();

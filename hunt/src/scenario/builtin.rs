@@ -4,8 +4,9 @@ use super::Scenario;
 pub const DEFAULT_SCENARIO: &str = "pritzl-6.1";
 
 /// The built-in scenarios' texts, by name.
-const TEXTS: [(&str, &str); 16] = [
+const TEXTS: [(&str, &str); 17] = [
     ("pritzl-6.1", include_str!("../../scenarios/pritzl-6.1.toml")),
+    ("pritzl-6.1-scattered", include_str!("../../scenarios/pritzl-6.1-scattered.toml")),
     ("pritzl-7.2", include_str!("../../scenarios/pritzl-7.2.toml")),
     ("pritzl-7.3", include_str!("../../scenarios/pritzl-7.3.toml")),
     ("pritzl-7.4", include_str!("../../scenarios/pritzl-7.4.toml")),

@@ -1,3 +1,5 @@
+use foxhunt_sim::ScatteringConfig;
+
 /// The disturbances of the turns in a campaign of bearings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BearingCase {
@@ -13,6 +15,8 @@ pub struct BearingCase {
     pub blocked: f64,
     /// The amplitude of a reflection over that of the direct wave.
     pub reflected: f64,
+    /// The waves that surroundings scatter beside the direct one; none if absent.
+    pub scattering: Option<ScatteringConfig>,
 }
 
 impl BearingCase {
@@ -28,7 +32,7 @@ impl BearingCase {
 
 /// Every case that has a name.
 #[must_use]
-pub fn bearing_cases() -> [BearingCase; 5] {
+pub fn bearing_cases() -> [BearingCase; 6] {
     let clean = BearingCase {
         name: "bearing-clean",
         about: "turns of 128 × 6 readings with nothing but noise",
@@ -36,6 +40,7 @@ pub fn bearing_cases() -> [BearingCase; 5] {
         lost: 0.0,
         blocked: 0.0,
         reflected: 0.0,
+        scattering: None,
     };
     [
         clean,
@@ -49,6 +54,17 @@ pub fn bearing_cases() -> [BearingCase; 5] {
             name: "bearing-reflector",
             about: "turns with a reflection at half amplitude, its direction and phase by chance",
             reflected: 0.5,
+            ..clean
+        },
+        BearingCase {
+            name: "bearing-scattered",
+            about: "turns between houses: K of 5 dB with a σ of 5 dB, six waves by chance",
+            scattering: Some(ScatteringConfig {
+                k_db: 5.0,
+                k_sigma_db: 5.0,
+                waves: 6,
+                elevation_sigma_deg: 0.0,
+            }),
             ..clean
         },
         BearingCase {

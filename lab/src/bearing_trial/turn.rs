@@ -1,7 +1,8 @@
 use std::f64::consts::{PI, TAU};
 
 use foxhunt_core::{BeaconId, Pose, Sample, Sweep, angle};
-use foxhunt_sensors::{Antenna, SharedAntenna};
+use foxhunt_sensors::{Antenna, LogDistance, SharedAntenna};
+use foxhunt_sim::{BeaconConfig, ChannelConfig, DroneConfig, ScatteringConfig, World, WorldConfig};
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::{Distribution, StandardNormal};
 
@@ -38,6 +39,7 @@ impl Turn {
         let gain_db = |off: f64| antenna.gain_dbi(off, 0.0) - mean_db;
         let amplitude = |off: f64| 10.0_f64.powf(gain_db(off) / 20.0);
         let step = TAU / f64::from(case.boresights);
+        let world = case.scattering.map(|scattering| scattered(scattering, seed));
         let mut samples = Vec::new();
         let mut slopes = Vec::new();
         for index in 0..case.boresights {
@@ -49,7 +51,11 @@ impl Turn {
             let reflected = case.reflected * amplitude(mirror - boresight);
             let in_phase = direct + reflected * phase.cos();
             let power = in_phase * in_phase + (reflected * phase.sin()).powi(2);
-            let power_dbm = Self::LEVEL_DBM + 10.0 * power.log10();
+            let power_dbm = Self::LEVEL_DBM
+                + match &world {
+                    Some(world) => through(world, antenna, boresight - bearing),
+                    None => 10.0 * power.log10(),
+                };
             for _ in 0..BearingCase::READINGS {
                 // Drawn whether it is received or not: a turn with losses is the clean one with
                 // gaps.
@@ -84,6 +90,30 @@ impl Turn {
             ..Sweep::default()
         }
     }
+}
+
+/// A world without noise whose beacon is a metre to the East, at 0 dBm there: all that a seed draws
+/// are the scattered waves.
+fn scattered(scattering: ScatteringConfig, seed: u64) -> World {
+    let law = LogDistance::new(0.0, 2.0).expect("the exponent is positive");
+    let channel = ChannelConfig {
+        path_loss: law.into(),
+        scattering: Some(scattering),
+        pattern_sigma_db: 0.0,
+        sample_sigma_db: 0.0,
+        bearing_sigma_deg: 0.0,
+        ..ChannelConfig::default()
+    };
+    let beacons = vec![BeaconConfig { east_m: 1.0, ..BeaconConfig::default() }];
+    let drones = vec![DroneConfig::default()];
+    let config = WorldConfig { beacons, drones, channel, ..WorldConfig::default() };
+    World::new(&config, seed).expect("its scattering is in order, and nothing else is unusual")
+}
+
+/// The gain over its mean of an antenna that looks `off` to the left of the direct wave, in dB.
+fn through(world: &World, antenna: &SharedAntenna, off: f64) -> f64 {
+    let read = world.receive(0, BeaconId(0), antenna, off).expect("drone and beacon are there");
+    read.unwrap_or(f64::NEG_INFINITY)
 }
 
 /// σ² over Σ n (sᵢ − s̄)²: the mean slope goes into the level.

@@ -6,6 +6,7 @@ mod fleets;
 mod planners;
 mod report;
 mod run;
+mod sigmas;
 mod summary;
 
 pub use antennas::{
@@ -20,6 +21,10 @@ pub use planners::{
 };
 pub use report::{BeaconCampaign, CampaignReport, Checkpoint, EstimatorCampaign, OWN};
 pub use run::{CampaignError, Repetition, campaign, campaign_watched, campaign_with};
+pub use sigmas::{
+    BearingStatistics, SigmaCampaign, SigmaComparison, SigmaSetup, SigmasCampaign, SigmasReport,
+    sigmas_campaign,
+};
 pub use summary::BeaconRun;
 pub(crate) use summary::{BeaconSummary, Sample};
 #[cfg(feature = "store")]

@@ -2,16 +2,16 @@ use foxhunt_core::parameter::{FieldError, finite, in_range, not_negative, probab
 use foxhunt_sensors::{AntennaConfig, LogDistance};
 use serde::{Deserialize, Serialize};
 
-use super::{DeadZoneConfig, PathLossConfig, ReflectorConfig, ShadowingConfig};
+use super::{DeadZoneConfig, PathLossConfig, ReflectorConfig, ScatteringConfig, ShadowingConfig};
 
 /// The radio channel between a beacon's power and a drone's reading.
 ///
 /// A sample is P(d) + G − Ḡ + the place's shadowing + the pattern's offset + the sample's
 /// noise, all in dB: the power P by the law of propagation; the antenna's gain G for the direction
 /// in which the beacon lies from the drone's body, in azimuth and elevation, with the waves of the
-/// reflectors added to the direct one in amplitude; and the mean Ḡ of the gain over a level turn,
-/// in dB, so that the mean over such a turn follows the law. Then come the receiver's noise, its
-/// rounding, its floor, and losses.
+/// reflectors and the scattered ones added to the direct one in amplitude; and the mean Ḡ of the
+/// gain over a level turn, in dB, so that the mean over such a turn follows the law. Then come the
+/// receiver's noise, its rounding, its floor, and losses.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ChannelConfig {
@@ -26,6 +26,9 @@ pub struct ChannelConfig {
     /// The reflectors.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub reflectors: Vec<ReflectorConfig>,
+    /// Waves scattered by the surroundings, drawn for each pattern; none if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scattering: Option<ScatteringConfig>,
     /// The places where nothing is received.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub dead_zones: Vec<DeadZoneConfig>,
@@ -60,14 +63,15 @@ impl Default for ChannelConfig {
     /// The simulation of Pritzl 2018, §6.1, its noise read as standard deviations: 4 dB for each
     /// pattern, 2 dB for each sample, 30° for each pattern's direction; the law of the open field
     /// (−29.06 dBm, 2.765; §7.1); patterns of one round; the reference patch; 2440 MHz; neither
-    /// shadowing, reflectors nor dead zones, no noise of the receiver, no rounding, no floor, no
-    /// losses.
+    /// shadowing, reflectors, scattering nor dead zones, no noise of the receiver, no rounding, no
+    /// floor, no losses.
     fn default() -> Self {
         Self {
             path_loss: LogDistance::pritzl2018_field().into(),
             frequency_mhz: 2440.0,
             shadowing: None,
             reflectors: Vec::new(),
+            scattering: None,
             dead_zones: Vec::new(),
             antenna: AntennaConfig::ReferencePatch,
             pattern_sigma_db: 4.0,
@@ -92,6 +96,9 @@ impl ChannelConfig {
         }
         for (index, reflector) in self.reflectors.iter().enumerate() {
             reflector.check().map_err(|error| error.within(format_args!("reflectors[{index}]")))?;
+        }
+        if let Some(scattering) = &self.scattering {
+            scattering.check().map_err(|error| error.within("scattering"))?;
         }
         for (index, zone) in self.dead_zones.iter().enumerate() {
             let within = format_args!("dead_zones[{index}]");

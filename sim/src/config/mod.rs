@@ -16,7 +16,7 @@ pub use channel::ChannelConfig;
 pub use course::BeaconCourse;
 pub use devices::SimStepperConfig;
 pub use interval::Interval;
-pub use multipath::{DeadZoneConfig, ReflectorConfig, ShadowingConfig};
+pub use multipath::{DeadZoneConfig, ReflectorConfig, ScatteringConfig, ShadowingConfig};
 pub use path_loss::{PathLossConfig, TwoRayConfig};
 pub use range_difference::RangeDifferenceConfig;
 pub use relief::ReliefConfig;

@@ -1,4 +1,4 @@
-use foxhunt_core::parameter::{ParameterError, finite, not_negative, positive};
+use foxhunt_core::parameter::{ParameterError, finite, in_range, not_negative, positive};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -57,6 +57,45 @@ impl ReflectorConfig {
         finite("up_m", self.up_m)?;
         not_negative("amplitude", self.amplitude)?;
         finite("phase_deg", self.phase_deg)?;
+        Ok(())
+    }
+}
+
+/// Waves that surroundings scatter: they come in beside the direct one from azimuths by chance, and
+/// bend the pattern of a turn.
+///
+/// Every pattern draws its own, as its offset is drawn. Amplitudes are Rayleigh distributed, phases
+/// uniform, and the mean power of all waves together is that of the law of propagation. The
+/// envelope at an antenna without directions is therefore Rician, with the K-factor of the pattern.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ScatteringConfig {
+    /// K: the power of the direct wave over the mean power of all scattered ones, in dB; the
+    /// median over patterns.
+    pub k_db: f64,
+    /// σ of K over patterns in dB, which are drawn from a log-normal density; 0 unless given.
+    #[serde(default)]
+    pub k_sigma_db: f64,
+    /// The number of scattered waves; 6 unless given.
+    #[serde(default = "six")]
+    pub waves: u8,
+    /// σ of the waves' elevations in degrees: the ground scatters from below, roofs from above; 0,
+    /// the horizon, unless given.
+    #[serde(default)]
+    pub elevation_sigma_deg: f64,
+}
+
+fn six() -> u8 {
+    6
+}
+
+impl ScatteringConfig {
+    pub(super) fn check(&self) -> Result<(), ParameterError> {
+        in_range("k_db", self.k_db, -40.0..=60.0, "from -40 to 60")?;
+        in_range("k_sigma_db", self.k_sigma_db, 0.0..=20.0, "from 0 to 20")?;
+        in_range("waves", f64::from(self.waves), 1.0..=64.0, "from 1 to 64")?;
+        let elevations = 0.0..=45.0;
+        in_range("elevation_sigma_deg", self.elevation_sigma_deg, elevations, "from 0 to 45")?;
         Ok(())
     }
 }

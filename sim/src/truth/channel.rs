@@ -8,7 +8,10 @@ use nalgebra::Vector3;
 use rand::rngs::Xoshiro256PlusPlus;
 
 use super::{Port, shadowing::ShadowingField};
-use crate::{ChannelConfig, DeadZoneConfig, PathLossConfig, ReliefConfig, SimError, TwoRayConfig};
+use crate::{
+    ChannelConfig, DeadZoneConfig, PathLossConfig, ReliefConfig, ScatteringConfig, SimError,
+    TwoRayConfig,
+};
 
 /// Speed of light in metres per second.
 const SPEED_OF_LIGHT: f64 = 299_792_458.0;
@@ -30,6 +33,7 @@ pub(crate) struct Channel {
     /// The fields of shadowing, one for each beacon; empty without shadowing.
     shadowing: Vec<ShadowingField>,
     pub(super) reflectors: Vec<Reflector>,
+    pub(super) scattering: Option<ScatteringConfig>,
     dead_zones: Vec<DeadZoneConfig>,
     pub(super) pattern_sigma_db: f64,
     pub(super) sample_sigma_db: f64,
@@ -97,6 +101,7 @@ impl Channel {
             terrain,
             shadowing: fields.map(|shadowing| ShadowingField::draw(shadowing, rng)).collect(),
             reflectors: config.reflectors.iter().map(reflector).collect(),
+            scattering: config.scattering,
             dead_zones: config.dead_zones.clone(),
             pattern_sigma_db: config.pattern_sigma_db,
             sample_sigma_db: config.sample_sigma_db,

@@ -10,6 +10,7 @@ mod kinematics;
 mod path;
 mod port;
 mod receiver;
+mod scattering;
 mod shadowing;
 mod streams;
 mod time;

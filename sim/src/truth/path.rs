@@ -12,8 +12,18 @@ pub(super) struct Path {
     to: Vector3<f64>,
     /// The level over a level turn of the antenna.
     pub(super) level_dbm: f64,
-    /// The reflected waves: the way that each comes from, amplitude and phase over the direct one.
-    reflected: Vec<(Vector3<f64>, f64, f64)>,
+    reflected: Vec<Wave>,
+}
+
+/// A wave beside the direct one.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Wave {
+    /// The direction that it comes from, of any length.
+    pub(super) sight: Vector3<f64>,
+    /// Its amplitude over the direct wave's, before the antenna.
+    pub(super) amplitude: f64,
+    /// The phase by which it leads the direct wave, in radians.
+    pub(super) phase: f64,
 }
 
 /// The directions that the waves of a path come from in the body's own frame: what does not change
@@ -40,7 +50,8 @@ impl Path {
         let reflected = channel.reflectors.iter().map(|reflector| {
             let sight = reflector.place - from;
             let excess = sight.norm() + (to - reflector.place).norm() - direct;
-            (sight, reflector.amplitude, reflector.phase - channel.wave_number * excess)
+            let phase = reflector.phase - channel.wave_number * excess;
+            Wave { sight, amplitude: reflector.amplitude, phase }
         });
         Self { beacon, from, to, level_dbm, reflected: reflected.collect() }
     }
@@ -56,18 +67,25 @@ impl Path {
 
     /// The arrivals of its waves at a receiver in a pose.
     pub(super) fn arrivals(&self, pose: &Pose) -> Arrivals {
-        let arrival = |sight: &Vector3<f64>| {
-            let body = pose.to_body(sight);
-            let azimuth = libm::atan2(body.y, body.x);
-            (azimuth, libm::atan2(body.z, libm::hypot(body.x, body.y)))
-        };
-        let wave = |(sight, amplitude, phase): &(Vector3<f64>, f64, f64)| {
-            let (azimuth, elevation) = arrival(sight);
-            ReflectedWave { azimuth, elevation, amplitude: *amplitude, phase: *phase }
-        };
-        let reflected = self.reflected.iter().map(wave).collect();
-        Arrivals { pose: *pose, direct: arrival(&(self.to - self.from)), reflected }
+        let reflected = self.reflected.iter().map(|wave| wave.arrival(pose)).collect();
+        Arrivals { pose: *pose, direct: arrival(pose, &(self.to - self.from)), reflected }
     }
+}
+
+impl Wave {
+    /// The wave as it arrives at a body in a pose, its azimuth from the nose.
+    fn arrival(&self, pose: &Pose) -> ReflectedWave {
+        let Self { amplitude, phase, .. } = *self;
+        let (azimuth, elevation) = arrival(pose, &self.sight);
+        ReflectedWave { azimuth, elevation, amplitude, phase }
+    }
+}
+
+/// Azimuth from the nose and elevation of a direction, for a body in a pose.
+fn arrival(pose: &Pose, sight: &Vector3<f64>) -> (f64, f64) {
+    let body = pose.to_body(sight);
+    let azimuth = libm::atan2(body.y, body.x);
+    (azimuth, libm::atan2(body.z, libm::hypot(body.x, body.y)))
 }
 
 impl Arrivals {
@@ -76,11 +94,19 @@ impl Arrivals {
         self.pose == *pose
     }
 
-    /// The antenna's gain over its mean, in dB; the antenna is turned by `turned` from the nose. Of
-    /// an omnidirectional one, what reflections add.
-    pub(super) fn gain_db(&self, channel: &Channel, turned: f64, port: Port<'_>) -> f64 {
-        let wave = |wave: &ReflectedWave| ReflectedWave { azimuth: wave.azimuth - turned, ..*wave };
-        let reflected: Vec<_> = self.reflected.iter().map(wave).collect();
+    /// The antenna's gain over its mean, in dB; the antenna is turned by `turned` from the nose. An
+    /// omnidirectional one has only the gain that reflected and scattered waves add.
+    pub(super) fn gain_db(
+        &self,
+        channel: &Channel,
+        scattered: &[Wave],
+        turned: f64,
+        port: Port<'_>,
+    ) -> f64 {
+        let aimed = |wave: ReflectedWave| ReflectedWave { azimuth: wave.azimuth - turned, ..wave };
+        let scattered = scattered.iter().map(|wave| wave.arrival(&self.pose));
+        let reflected: Vec<_> =
+            self.reflected.iter().copied().chain(scattered).map(aimed).collect();
         let (azimuth, elevation) = self.direct;
         channel.relative_gain_db(azimuth - turned, elevation, &reflected, port)
     }
@@ -99,7 +125,7 @@ mod tests {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(1);
         let channel = Channel::new(&config, None, 1, &mut rng).expect("in order");
         let path = Path::new(&channel, 0, pose.position, to);
-        path.arrivals(pose).gain_db(&channel, turned, Port::Directional)
+        path.arrivals(pose).gain_db(&channel, &[], turned, Port::Directional)
     }
 
     #[test]

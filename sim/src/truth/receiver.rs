@@ -1,4 +1,7 @@
-use std::f64::consts::{FRAC_1_SQRT_2, TAU};
+use std::{
+    f64::consts::{FRAC_1_SQRT_2, TAU},
+    rc::Rc,
+};
 
 use foxhunt_core::{BeaconId, Pose};
 use nalgebra::Vector3;
@@ -7,7 +10,8 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::{
     Channel, Port,
-    path::{Arrivals, Path},
+    path::{Arrivals, Path, Wave},
+    scattering,
     streams::Streams,
     time::is_due,
 };
@@ -55,7 +59,7 @@ pub(super) struct Signal {
 }
 
 /// The draws that the samples of one pattern share.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Pattern {
     beacon: BeaconId,
     place: Vector3<f64>,
@@ -63,6 +67,8 @@ struct Pattern {
     spun: f64,
     offset_db: f64,
     bearing_error: f64,
+    /// The scattered waves; `None` where nothing scatters.
+    scattered: Option<Rc<[Wave]>>,
     /// Its turn is over.
     ended: bool,
 }
@@ -76,7 +82,7 @@ struct Way {
 
 /// The signal in one direction, which does not change while neither drone, beacon nor antenna
 /// moves; while the antenna alone does, all but the gain stays.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Look {
     beacon: BeaconId,
     turned: f64,
@@ -101,7 +107,9 @@ impl Way {
     fn power_dbm(&self, channel: &Channel, pattern: &Pattern, turned: f64, port: Port<'_>) -> f64 {
         // The pattern's error turns everything that the antenna receives.
         let turned = turned - pattern.bearing_error;
-        self.path.level_dbm + self.arrivals.gain_db(channel, turned, port) + pattern.offset_db
+        let scattered = pattern.scattered.as_deref().unwrap_or_default();
+        let gain_db = self.arrivals.gain_db(channel, scattered, turned, port);
+        self.path.level_dbm + gain_db + pattern.offset_db
     }
 }
 
@@ -258,26 +266,29 @@ impl Receiver {
     fn pattern_for(&mut self, channel: &Channel, arrival: &Arrival<'_>) -> Pattern {
         let known = self.patterns.iter().position(|p| p.beacon == arrival.beacon);
         if let Some(index) = known {
-            let pattern = self.patterns[index];
+            let pattern = &self.patterns[index];
             // A body that has been all the way round begins another one, as an antenna does.
             let ended = pattern.ended || (arrival.spun - pattern.spun).abs() > TAU - 1e-9;
             let stays = channel.patterns_stay || !ended;
             if (arrival.receiver.position - pattern.place).norm() <= SAME_PLACE && stays {
-                return pattern;
+                return pattern.clone();
             }
             self.patterns.swap_remove(index);
         }
         let offset: f64 = self.streams.pattern.sample(StandardNormal);
         let error: f64 = self.streams.pattern.sample(StandardNormal);
+        let draw = |scattering: &_| scattering::draw(scattering, &mut self.streams.pattern);
+        let (share_db, scattered) = channel.scattering.as_ref().map(draw).unzip();
         let pattern = Pattern {
             beacon: arrival.beacon,
             place: arrival.receiver.position,
             spun: arrival.spun,
-            offset_db: channel.pattern_sigma_db * offset,
+            offset_db: channel.pattern_sigma_db * offset + share_db.unwrap_or(0.0),
             bearing_error: channel.bearing_sigma * error,
+            scattered,
             ended: false,
         };
-        self.patterns.push(pattern);
+        self.patterns.push(pattern.clone());
         pattern
     }
 }

@@ -6,13 +6,15 @@ use foxhunt_sensors::{
     PatternTable, Propagation, RssBearing, TwoRay, WithElevationPattern,
 };
 use foxhunt_sim::{
-    ChannelConfig, DeadZoneConfig, DroneConfig, PathLossConfig, ShadowingConfig, TwoRayConfig,
-    World,
+    ChannelConfig, DeadZoneConfig, DroneConfig, PathLossConfig, ScatteringConfig, ShadowingConfig,
+    TwoRayConfig, World,
 };
 
 use nalgebra::{Vector2, Vector4};
 
-use crate::rig::{Rig, beacon, config, direction, level, omnidirectional, quiet, reflector};
+use crate::rig::{
+    Rig, beacon, config, direction, level, mean, omnidirectional, quiet, reflector, scattering,
+};
 
 /// The reading of a receiver at a power in dBm.
 fn read(power_dbm: f64, channel: &ChannelConfig) -> Option<f64> {
@@ -241,4 +243,64 @@ fn a_reflection_beats_with_the_direct_wave_and_comes_from_its_own_direction() {
         let expected = law + sum - patch.mean_gain_db(0.0);
         assert!((rss - expected).abs() < 1e-6, "{rss}, not {expected} dBm at {angle}");
     }
+}
+
+/// Every pattern draws its own waves, which bend it; a pattern's turn meets the same ones all along,
+/// from their own directions in the world, whether the antenna turns or the body with it.
+#[test]
+fn scattered_waves_bend_a_pattern_and_stay_where_they_are() {
+    let channel = ChannelConfig { scattering: Some(scattering()), ..quiet() };
+    let truth = 40.0_f64.atan2(30.0);
+    let headed = |heading_deg_ccw_from_east: f64, seed: u64| {
+        let mut config = config(channel.clone());
+        config.drones[0].heading_deg_ccw_from_east = heading_deg_ccw_from_east;
+        Rig::new(&config, seed)
+    };
+    let mut errors = Vec::new();
+    for seed in 0..40 {
+        let level = headed(0.0, seed).turn(0, 2);
+        assert!(level.chunks_exact(2).all(|pair| (pair[0].1 - pair[1].1).abs() < 1e-9));
+        // A quarter of a turn is 32 of 128 positions.
+        let turned = headed(90.0, seed).turn(0, 2);
+        let same = level.iter().skip(64).zip(&turned);
+        assert!(same.clone().count() == 192 && same.clone().all(|(a, b)| (a.1 - b.1).abs() < 1e-6));
+        errors.push(distance(direction(&level), truth).to_degrees());
+    }
+    assert!(mean(&errors) > 10.0, "{errors:?}");
+    // Forty dB below the direct wave they bend nothing.
+    let weak = ScatteringConfig { k_db: 40.0, ..scattering() };
+    let channel = ChannelConfig { scattering: Some(weak), ..quiet() };
+    let found = direction(&Rig::new(&config(channel), 1).turn(0, 1));
+    assert!(distance(found, truth) < 0.03, "{found}, not {truth}");
+}
+
+/// The mean power at an antenna without directions is that of the law, whatever K: 4000 patterns,
+/// whose powers have a standard deviation of their mean at most.
+#[test]
+fn scattering_keeps_the_mean_power() {
+    for k_db in [-10.0, 0.0, 6.0] {
+        let scattering = Some(ScatteringConfig { k_db, ..scattering() });
+        let channel = ChannelConfig { scattering, antenna: omnidirectional(), ..quiet() };
+        let mut rig = Rig::new(&config(channel), 9);
+        let law = -29.06 - 27.65 * 50.0_f64.log10();
+        let powers: Vec<f64> = (0..4000)
+            .map(|_| {
+                rig.world.begin_pattern(0).expect("it exists");
+                10.0_f64.powf((rig.receive(0) - law) / 10.0)
+            })
+            .collect();
+        assert!((mean(&powers) - 1.0).abs() < 0.06, "K {k_db} dB: {}", mean(&powers));
+    }
+}
+
+/// A channel without scattering draws what it drew before there was any.
+#[test]
+fn scattering_draws_after_the_pattern() {
+    let listen = |scattering| {
+        let channel = ChannelConfig { scattering, ..ChannelConfig::default() };
+        Rig::new(&config(channel), 4).receive(0)
+    };
+    let weak = ScatteringConfig { k_db: 60.0, ..scattering() };
+    let apart = listen(Some(weak)) - listen(None);
+    assert!(apart.abs() < 0.05, "{apart} dB");
 }

@@ -1,11 +1,12 @@
 use foxhunt_sensors::{AntennaConfig, GainRow, Hill, LogDistance, Polarisation};
 use foxhunt_sim::{
     BeaconConfig, BeaconCourse, ChannelConfig, DeadZoneConfig, DroneConfig, Interval,
-    KinematicConfig, PathLossConfig, QuadrotorConfig, ReliefConfig, ShadowingConfig, SimError,
-    SimStepperConfig, TwoRayConfig, VehicleConfig, WindConfig, World, WorldConfig,
+    KinematicConfig, PathLossConfig, QuadrotorConfig, ReliefConfig, ScatteringConfig,
+    ShadowingConfig, SimError, SimStepperConfig, TwoRayConfig, VehicleConfig, WindConfig, World,
+    WorldConfig,
 };
 
-use crate::rig::{beacon, config, omnidirectional, reflector};
+use crate::rig::{beacon, config, omnidirectional, reflector, scattering};
 
 fn hill(radius_m: f64) -> Hill {
     Hill { east_m: 15.0, north_m: 20.0, height_m: 10.0, radius_m }
@@ -23,7 +24,7 @@ fn a_number_out_of_range_is_refused_by_name() {
     let not_negative = [f64::NAN, f64::INFINITY, -1.0];
     let positive = [f64::NAN, f64::INFINITY, -1.0, 0.0].as_slice();
     let below_from = [f64::NAN, f64::INFINITY, 4.9];
-    let cases: [(&str, &[f64], Change); 33] = [
+    let cases: [(&str, &[f64], Change); 36] = [
         ("beacons[1].east_m", &anything, |c, v| c.beacons[1].east_m = v),
         ("beacons[1].north_m", &anything, |c, v| c.beacons[1].north_m = v),
         ("beacons[0].up_m", &anything, |c, v| c.beacons[0].up_m = v),
@@ -64,6 +65,16 @@ fn a_number_out_of_range_is_refused_by_name() {
         }),
         ("channel.reflectors[1].amplitude", &not_negative, |c, v| {
             c.channel.reflectors = vec![reflector(0.5), reflector(v)];
+        }),
+        ("channel.scattering.k_db", &[f64::NAN, -41.0, 61.0], |c, v| {
+            c.channel.scattering = Some(ScatteringConfig { k_db: v, ..scattering() });
+        }),
+        ("channel.scattering.k_sigma_db", &[f64::NAN, -0.1, 21.0], |c, v| {
+            c.channel.scattering = Some(ScatteringConfig { k_sigma_db: v, ..scattering() });
+        }),
+        ("channel.scattering.elevation_sigma_deg", &[f64::NAN, -0.1, 46.0], |c, v| {
+            c.channel.scattering =
+                Some(ScatteringConfig { elevation_sigma_deg: v, ..scattering() });
         }),
         ("channel.dead_zones[0].radius_m", positive, |c, v| {
             c.channel.dead_zones = vec![DeadZoneConfig { east_m: 1.0, north_m: 2.0, radius_m: v }];
@@ -147,6 +158,7 @@ fn a_world_comes_back_from_a_file_as_it_went() {
             frequency_mhz: 868.0,
             shadowing: Some(ShadowingConfig { sigma_db: 6.0, correlation_m: 20.0 }),
             reflectors: vec![reflector(0.5)],
+            scattering: Some(ScatteringConfig { k_sigma_db: 4.0, ..scattering() }),
             antenna: omnidirectional(),
             pattern_sigma_db: 1.0,
             sample_sigma_db: 0.5,
@@ -193,6 +205,17 @@ fn what_a_file_leaves_out_has_its_default() {
         ..WorldConfig::default()
     };
     assert_eq!(config, expected);
+}
+
+#[test]
+fn scattering_is_refused_without_waves_and_has_six_unless_given() {
+    let read = |text: &str| serde_json::from_str::<ScatteringConfig>(text);
+    assert_eq!(read(r#"{ "k_db": 0.0 }"#).expect("all others have defaults"), scattering());
+    assert!(read(r#"{ "k_sigma_db": 4.0 }"#).expect_err("no K").to_string().contains("k_db"));
+    let none = ScatteringConfig { waves: 0, ..scattering() };
+    let channel = ChannelConfig { scattering: Some(none), ..ChannelConfig::default() };
+    let error = World::new(&config(channel), 1).expect_err("no waves").to_string();
+    assert!(error.starts_with("channel.scattering.waves is 0"), "{error}");
 }
 
 #[test]

@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use foxhunt_core::{BeaconId, Radio, Rotator, Vehicle, Waypoint};
 use foxhunt_sensors::{AntennaConfig, GainRow};
 use foxhunt_sim::{
-    BeaconConfig, ChannelConfig, DroneConfig, KinematicConfig, ReflectorConfig, SimRadio,
-    SimRotator, SimStepperConfig, SimVehicle, VehicleConfig, World, WorldConfig,
+    BeaconConfig, ChannelConfig, DroneConfig, KinematicConfig, ReflectorConfig, ScatteringConfig,
+    SimRadio, SimRotator, SimStepperConfig, SimVehicle, VehicleConfig, World, WorldConfig,
 };
 use nalgebra::Vector3;
 
@@ -36,6 +36,11 @@ pub(crate) fn omnidirectional() -> AntennaConfig {
 /// Something 20 m to the West that reflects with this amplitude.
 pub(crate) fn reflector(amplitude: f64) -> ReflectorConfig {
     ReflectorConfig { east_m: -20.0, north_m: 0.0, up_m: 0.0, amplitude, phase_deg: 180.0 }
+}
+
+/// Six scattered waves on the horizon that have half the power together.
+pub(crate) fn scattering() -> ScatteringConfig {
+    ScatteringConfig { k_db: 0.0, k_sigma_db: 0.0, waves: 6, elevation_sigma_deg: 0.0 }
 }
 
 /// One drone at the origin, a beacon at (30, 40, 0), and another one elsewhere; devices that take

@@ -4,10 +4,11 @@ mod antennas;
 mod estimators;
 mod extractors;
 mod planners;
+mod sigmas;
 
 use crate::{context::Context, error::CliError};
 
-/// Compare estimators, extractors, antennas or planners
+/// Compare estimators, extractors, antennas, planners or the σ of bearings
 ///
 /// Runs every contender on the same seeds. `foxhunt campaign` compares estimators in flown hunts;
 /// `compare estimators` uses drawn bearings, which is much faster.
@@ -16,7 +17,8 @@ use crate::{context::Context, error::CliError};
                         foxhunt compare estimators isaacs-static --runs 1000\n  \
                         foxhunt compare extractors bearing-reflector --runs 2000\n  \
                         foxhunt compare antennas --runs 200 --estimator grid\n  \
-                        foxhunt compare planners --runs 100 --estimator grid")]
+                        foxhunt compare planners --runs 100 --estimator grid\n  \
+                        foxhunt compare sigmas pritzl-7.2 --runs 500 --estimator ukf")]
 pub(crate) struct Args {
     #[command(subcommand)]
     what: What,
@@ -29,6 +31,7 @@ enum What {
     Extractors(extractors::Args),
     Antennas(antennas::Args),
     Planners(planners::Args),
+    Sigmas(sigmas::Args),
 }
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
@@ -37,5 +40,6 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         What::Extractors(args) => extractors::run(args, context),
         What::Antennas(args) => antennas::run(args, context),
         What::Planners(args) => planners::run(args, context),
+        What::Sigmas(args) => sigmas::run(args, context),
     }
 }

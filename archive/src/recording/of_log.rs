@@ -1,0 +1,64 @@
+use foxhunt_hunt::{hunt::Event, log::Log};
+
+use super::{North, Record, RecordedBearing, Recording, Turns};
+
+impl Recording {
+    /// The receptions of a hunt's log as a recording with its truth: levels and ready-made bearings
+    /// with their σ, in the log's own frame. `name` is the file's name in messages; the line of a
+    /// record is that of its event. Returns `None` for a log without receptions.
+    #[must_use]
+    pub fn of_log(log: &Log, name: &str) -> Option<Self> {
+        let records: Vec<Record> = log
+            .events
+            .iter()
+            .zip(2..)
+            .filter_map(|(event, line)| {
+                let Event::Received { drone, reception, .. } = event else { return None };
+                let beacon = log.header.beacons.get(usize::from(reception.beacon.0));
+                let bearing = reception.bearing;
+                Some(Record {
+                    line,
+                    beacon: beacon.map(|beacon| beacon.name.clone()),
+                    drone: drone.to_string(),
+                    time: Some(reception.time),
+                    receiver: Some(reception.receiver),
+                    receiver_sigma_m: None,
+                    boresight: None,
+                    position: None,
+                    turn: None,
+                    rss_dbm: reception.level.map(|level| level.rss_dbm),
+                    floor_dbm: reception.silence.map(|floor| floor.rss_dbm),
+                    ceiling_dbm: reception.saturation.map(|ceiling| ceiling.rss_dbm),
+                    bearing: bearing.map(|bearing| RecordedBearing {
+                        angle: bearing.angle,
+                        sigma: Some(bearing.sigma),
+                    }),
+                    measured: reception.measured,
+                    known_range: None,
+                    truth: beacon.and_then(|beacon| beacon.place_at(reception.time)),
+                })
+            })
+            .collect();
+        let rows = u64::try_from(records.len()).unwrap_or(u64::MAX);
+        if rows == 0 {
+            return None;
+        }
+        Some(Self {
+            file: name.to_owned(),
+            format: "foxhunt log".to_owned(),
+            frame: None,
+            in_degrees: false,
+            north: North::True,
+            in_utc: false,
+            calibrated: true,
+            names_drones: true,
+            turns: Turns::Circle,
+            rows,
+            dropped: Vec::new(),
+            backwards: None,
+            ignored: Vec::new(),
+            remarks: Vec::new(),
+            records,
+        })
+    }
+}
