@@ -143,7 +143,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         let file = args.calibration.or_shipped(&own, recording);
         let mut read = Vec::new();
         for (number, part) in parts(recording, &file).into_iter().enumerate() {
-            for (name, extractor) in extractors(args, registry, &file, part.station)? {
+            for (name, extractor) in extractors(args, registry, &file, part.station.as_deref())? {
                 let extractor = extractor.as_ref();
                 let turns = bearings(&part.recording, extractor, args.reading.positions)
                     .map_err(CliError::input)?;

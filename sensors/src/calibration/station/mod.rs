@@ -1,7 +1,9 @@
-//! From bursts of a transmitter whose place is known to a station's coarse pattern.
+//! From bursts of a transmitter whose place is known to the coarse patterns of stations.
 
 mod fit;
 mod floor;
+mod lobe;
+mod pool;
 mod shape;
 
-pub use fit::{StationBurst, StationFit, fit_station};
+pub use fit::{StationBurst, StationDoubt, StationFit, StationRecord, StationsFit, fit_stations};
