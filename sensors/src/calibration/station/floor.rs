@@ -16,8 +16,9 @@ pub(super) enum Chance {
 
 impl Floor {
     /// Expected power where nothing was received, if the power without a floor is a Gaussian of
-    /// `sigma_db` about `expected`.
-    pub(super) fn imputed(&self, expected: f64, sigma_db: f64) -> f64 {
+    /// `sigma_db` about `expected`; and its mean square about that.
+    pub(super) fn imputed(&self, expected: f64, sigma_db: f64) -> (f64, f64) {
+        let variance = sigma_db * sigma_db;
         let spread = libm::hypot(self.width_db, sigma_db);
         let x = (self.dbm - expected) / spread;
         let below = normal_cdf(x);
@@ -28,7 +29,11 @@ impl Floor {
         };
         // A burst that was far above the floor was lost, and does not show its power.
         let lost = LOST / (LOST + (1.0 - LOST) * below);
-        expected - (1.0 - lost) * sigma_db * sigma_db / spread * hazard
+        let share = variance / (spread * spread);
+        let fallen = sigma_db * libm::sqrt(share) * hazard;
+        // Variance and squared mean of a Gaussian that is cut off above.
+        let square = variance * (1.0 - share * hazard * (hazard + x)) + fallen * fallen;
+        (expected - (1.0 - lost) * fallen, lost * variance + (1.0 - lost) * square)
     }
 
     /// Log likelihood of a silence at an expected power whose residuals have this scale.

@@ -1,5 +1,6 @@
 use alloc::vec::Vec;
 
+use foxhunt_core::angle;
 use nalgebra::{Matrix2, Vector2};
 
 use super::{
@@ -76,7 +77,7 @@ impl Pool {
         pool.look_about(bursts);
         pool.look_about(bursts);
         for round in 0..ROUNDS {
-            if round == 15 {
+            if round == 15 || round == 30 {
                 pool.look_about(bursts);
             }
             pool.step(bursts, round > 2, round % 5 == 4);
@@ -157,20 +158,22 @@ impl Pool {
         self.shared.lobe = Lobe::new(libm::exp(width + stretched), depth + deepened);
     }
 
-    /// Learns κ and τ by a step of expectation and maximisation of their marginal likelihood
-    /// (Dempster, Laird & Rubin 1977): mean squares of the deviations with their variances.
+    /// Learns κ and τ by their marginal likelihood (MacKay 1992): squares of the deviations by the
+    /// number of deviations that the readings determine.
     fn learn_spreads(&mut self) {
+        let turned = self.shared.boresight_sigma * self.shared.boresight_sigma;
+        let gained = self.shared.gain_sigma_db * self.shared.gain_sigma_db;
         let mut boresights =
             (BORESIGHTS_BEFORE, BORESIGHTS_BEFORE * BORESIGHT_SIGMA * BORESIGHT_SIGMA);
         let mut gains = (GAINS_BEFORE, GAINS_BEFORE * GAIN_SIGMA_DB * GAIN_SIGMA_DB);
         for own in &self.stations {
-            let antennas = own.antennas.iter().zip(&own.boresight_variances);
-            for ((antenna, turned), gained) in antennas.zip(&own.gain_variances) {
-                let off = foxhunt_core::angle::wrap(antenna.boresight - antenna.recorded_boresight);
-                boresights.0 += 1.0;
-                boresights.1 += off * off + turned;
-                gains.0 += 1.0;
-                gains.1 += antenna.gain_db * antenna.gain_db + gained;
+            let variances = own.boresight_variances.iter().zip(&own.gain_variances);
+            for (antenna, (of_boresight, of_gain)) in own.antennas.iter().zip(variances) {
+                let off = angle::wrap(antenna.boresight - antenna.recorded_boresight);
+                boresights.0 += (1.0 - of_boresight / turned).clamp(0.0, 1.0);
+                boresights.1 += off * off;
+                gains.0 += (1.0 - of_gain / gained).clamp(0.0, 1.0);
+                gains.1 += antenna.gain_db * antenna.gain_db;
             }
         }
         self.shared.boresight_sigma =

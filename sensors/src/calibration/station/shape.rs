@@ -135,25 +135,28 @@ impl Own {
                 let strongest = heard.fold(-200.0_f64, |a, &b| a.max(b));
                 strongest - gains.iter().copied().fold(f64::NEG_INFINITY, f64::max)
             });
-            let term = |(reading, gain): (&Option<f64>, &f64)| {
+            let mut freedom = -1.0;
+            let mut weights = 0.0;
+            let mut sum = 0.0;
+            let mut terms = Vec::with_capacity(count);
+            for (reading, gain) in burst.readings_dbm.iter().zip(&gains) {
                 let expected = level + gain;
-                let value =
-                    reading.unwrap_or_else(|| shared.floor.imputed(expected, shared.scale));
+                let (value, square) = match reading {
+                    Some(value) => (*value, None),
+                    None => {
+                        let (value, square) = shared.floor.imputed(expected, shared.scale);
+                        (value, Some(square))
+                    }
+                };
                 let off = (value - expected) / shared.scale;
                 let weight = (TAIL + 1.0) / (TAIL + off * off);
-                Term { value, weight, measured: reading.is_some() }
-            };
-            let terms: Vec<Term> = burst.readings_dbm.iter().zip(&gains).map(term).collect();
-            let weights: f64 = terms.iter().map(|term| term.weight).sum();
-            let sum: f64 =
-                terms.iter().zip(&gains).map(|(term, gain)| term.weight * (term.value - gain)).sum();
-            let mut measured = 0.0;
-            for (term, gain) in terms.iter().zip(&gains).filter(|(term, _)| term.measured) {
-                let off = term.value - level - gain;
-                measured += 1.0;
-                squares.sum += term.weight * off * off;
+                squares.sum += square.unwrap_or(weight * (value - expected) * (value - expected));
+                freedom += 1.0;
+                weights += weight;
+                sum += weight * (value - gain);
+                terms.push(Term { value, weight, measured: reading.is_some() });
             }
-            squares.freedom += (measured - 1.0_f64).max(0.0);
+            squares.freedom += f64::max(freedom, 0.0);
             levels.push(if weights > 0.0 { sum / weights } else { level });
             all.push(terms);
         }
@@ -273,10 +276,14 @@ impl Own {
             precisions[2 * pair + 1] = precision;
             k += 1.0;
         }
+        // The level of a burst takes one of its readings.
+        let count = self.antennas.iter().map(|_| 1.0).sum::<f64>();
+        let beside = 1.0 - 1.0 / f64::max(count, 1.0);
         self.site_determined = 0.0;
         for (antenna, own) in self.antennas.iter_mut().enumerate() {
             let mut normal = SMatrix::<f64, SITE_SIZE, SITE_SIZE>::from_diagonal(&precisions);
             let mut right = SVector::<f64, SITE_SIZE>::zeros();
+            let mut received = normal;
             for ((burst, terms), level) in bursts.iter().zip(&self.terms).zip(&self.levels) {
                 let Some(term) = terms.get(antenna) else { continue };
                 let mut row = SVector::<f64, SITE_SIZE>::zeros();
@@ -288,14 +295,19 @@ impl Own {
                 }
                 let lobe = shared.lobe.at(burst.truth - own.boresight).gain_db;
                 let left = term.value - level - own.gain_db - lobe;
-                normal += row * row.transpose() * term.weight;
+                let square = row * row.transpose() * term.weight;
+                normal += square;
+                if term.measured {
+                    received += square;
+                }
                 right += row * (term.weight * left);
             }
             let Some(factor) = normal.cholesky() else { continue };
             own.site_db = factor.solve(&right).iter().copied().collect();
-            let inverse = factor.inverse();
+            let Some(received) = received.cholesky() else { continue };
+            let inverse = received.inverse();
             let share = |k: usize| 1.0 - precisions[k] * inverse[(k, k)];
-            self.site_determined += (0..SITE_SIZE).map(share).sum::<f64>();
+            self.site_determined += (0..SITE_SIZE).map(share).sum::<f64>() * beside;
         }
     }
 
