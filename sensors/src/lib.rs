@@ -74,7 +74,9 @@ pub use calibration::{
     fit_bearing_offset, fit_log_distance, fit_sigma, heading_towards, unexplained_by_harmonics,
 };
 #[cfg(feature = "alloc")]
-pub use calibration::{StationBurst, StationDoubt, StationFit, StationRecord, StationsFit, fit_stations};
+pub use calibration::{
+    StationBurst, StationDoubt, StationFit, StationRecord, StationsFit, fit_stations,
+};
 pub use extractor::{Cell, Pattern, Pritzl2018, resultant_confidence};
 #[cfg(feature = "alloc")]
 pub use extractor::{

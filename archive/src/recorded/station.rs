@@ -76,7 +76,8 @@ pub fn station_boresights<'a>(
     recordings: impl IntoIterator<Item = &'a Recording>,
 ) -> Option<Vec<f64>> {
     let mut distinct: Vec<f64> = Vec::new();
-    for boresight in recordings.into_iter().flat_map(Recording::records).filter_map(|r| r.boresight) {
+    for boresight in recordings.into_iter().flat_map(Recording::records).filter_map(|r| r.boresight)
+    {
         if distinct.iter().all(|known| angle::distance(*known, boresight) > 1e-6) {
             distinct.push(boresight);
         }
@@ -105,7 +106,9 @@ pub fn fit_boresights(
         stations.iter().map(|own| Gathered::of(own, beacon, config)).collect();
     let records: Vec<StationRecord> =
         gathered.iter_mut().flatten().filter_map(|own| own.record.take()).collect();
-    if records.is_empty() && let Some(Err(why)) = gathered.pop() {
+    if records.is_empty()
+        && let Some(Err(why)) = gathered.pop()
+    {
         return Err(why);
     }
     let file = || stations.iter().flat_map(|own| own.iter()).next().map_or("", Recording::file);

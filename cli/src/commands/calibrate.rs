@@ -117,9 +117,7 @@ fn fit(
         .flat_map(Recording::by_drone)
         .filter(|own| !fixed || station_boresights([own]).is_none())
         .collect();
-    let has = |wanted: fn(&Record) -> bool| {
-        turns.iter().flat_map(Recording::records).any(wanted)
-    };
+    let has = |wanted: fn(&Record) -> bool| turns.iter().flat_map(Recording::records).any(wanted);
     if has(|record| record.boresight.is_some() || record.bearing.is_some()) {
         let extractor = args.extraction.build(registry)?;
         let turns = if fixed { &turns[..] } else { recordings };

@@ -269,8 +269,8 @@ fn doubt(of: &StationDoubt, antennas: &[StationAntenna]) -> String {
             half_interval.to_degrees()
         ),
         StationDoubt::Gain { antenna, gain_db, believed_db } => format!(
-            "the gain of the antenna recorded at {:.0}° is {gain_db:.1} dB, beyond the {believed_db:.1} \
-             dB that those of all stations make believable",
+            "the gain of the antenna recorded at {:.0}° is {gain_db:.1} dB, beyond the \
+             {believed_db:.1} dB that those of all stations make believable",
             recorded(antenna)
         ),
     }

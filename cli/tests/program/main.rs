@@ -13,6 +13,7 @@ mod hunt;
 mod listen;
 mod lists;
 mod live;
+mod network;
 mod pipes;
 mod plot;
 mod pulses;

@@ -228,9 +228,9 @@ fn bearing_of(pattern: &StationPattern, recorded: &[f64], burst: &StationBurst) 
     pattern.extract(&sweep_of(&samples)).ok()?.bearing.ok()
 }
 
-/// One burst at each of 800 stations that nobody fitted, κ = 20°, τ = 4 dB, seed 33. The errors of
-/// the bearings lie within 1.96 σ for 95 % ± 4·√(0.95·0.05/800) = 3.1 %, and 2 % for posteriors
-/// that are not Gaussian; with boresights and gains taken for known, for fewer than 91 %.
+/// One burst at each of 800 stations that nobody fitted, κ = 20°, τ = 4 dB, seed 33. The errors
+/// of the bearings lie within 1.96 σ for 95 % ± 4·√(0.95·0.05/800) = 3.1 %, and 2 % for
+/// posteriors that are not Gaussian; with boresights and gains taken for known, for fewer than 91 %.
 #[test]
 fn unknown_boresights_and_gains_are_part_of_sigma() {
     let (kappa, tau_db) = (20.0_f64.to_radians(), 4.0);
@@ -261,8 +261,8 @@ fn unknown_boresights_and_gains_are_part_of_sigma() {
     assert!(sure < 0.91, "{sure} of {shares:?}");
 }
 
-/// 16 stations of 3 to 6 antennas and one of a single one, six bursts each, κ = 10°, τ = 3 dB, seed
-/// 34. Alone each was refused for too few bursts.
+/// 16 stations of 3 to 6 antennas and one of a single one, six bursts each, κ = 10°, τ = 3 dB,
+/// seed 34. Alone each was refused for too few bursts.
 #[test]
 fn stations_of_few_bursts_lean_on_each_other() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(34);
@@ -330,7 +330,8 @@ fn what_bursts_do_not_determine_is_doubted() {
     for record in &mut records {
         record.recorded = (0..4).map(|_| rng.random_range(-PI..PI)).collect();
     }
-    records[3] = StationRecord { bursts: built[4].record(1, &mut rng).bursts, ..records[3].clone() };
+    records[3] =
+        StationRecord { bursts: built[4].record(1, &mut rng).bursts, ..records[3].clone() };
     let fit = fit_stations(&records).expect("a fit");
     assert!(fit.model.boresight_sigma > 1.0, "{:?}", fit.model);
     for (index, own) in fit.stations.iter().enumerate() {

@@ -92,10 +92,10 @@ const MOST_GROUPS: usize = 20;
 /// (beamwidth, front-to-back ratio), the receivers' floor and the scale of the residuals; each
 /// antenna has its boresight and gain, and the effect of its site.
 ///
-/// Boresights differ from the recorded ones by N(0, κ²), gains by N(0, τ²). Both spreads are learned
-/// from all stations by marginal likelihood: recorded boresights that are no more than labels make
-/// κ large, and a station of few bursts, or of a single antenna, stays near what is recorded. The
-/// level of each burst is free. Residuals have the tails of a Student's t; antennas that received
+/// Boresights differ from the recorded ones by N(0, κ²), gains by N(0, τ²). Both spreads are
+/// learned from all stations by marginal likelihood: recorded boresights that are no more than
+/// labels make κ large, and a station of few bursts, or of a single antenna, stays near what is
+/// recorded. The level of each burst is free. Residuals have the tails of a Student's t; antennas that received
 /// nothing take part as powers below the floor, imputed by expectation and maximisation (Dempster,
 /// Laird & Rubin 1977). Each boresight starts where the bursts come from that the antenna received
 /// best, and is looked for all over the circle.
@@ -159,11 +159,7 @@ fn others<'a>(
 }
 
 /// Half the 95 % interval of each boresight.
-fn half_intervals(
-    own: &StationPattern,
-    without: &[StationPattern],
-    groups: &[usize],
-) -> Vec<f64> {
+fn half_intervals(own: &StationPattern, without: &[StationPattern], groups: &[usize]) -> Vec<f64> {
     let left_out = |group: &usize| groups.contains(group);
     let half_interval = |(antenna, fitted): (usize, &crate::StationAntenna)| {
         let boresight = |pattern: &StationPattern| {

@@ -73,7 +73,8 @@ impl Pool {
         };
         let stations =
             recorded.iter().zip(bursts).map(|(recorded, own)| Own::new(recorded, own)).collect();
-        let mut pool = Self { scale_with_site: shared.scale, shared, stations, squares: Vec::new() };
+        let mut pool =
+            Self { scale_with_site: shared.scale, shared, stations, squares: Vec::new() };
         pool.look_about(bursts);
         pool.look_about(bursts);
         for round in 0..ROUNDS {
@@ -158,8 +159,8 @@ impl Pool {
         self.shared.lobe = Lobe::new(libm::exp(width + stretched), depth + deepened);
     }
 
-    /// Learns κ and τ by their marginal likelihood (MacKay 1992): squares of the deviations by the
-    /// number of deviations that the readings determine.
+    /// Learns κ and τ by their marginal likelihood (MacKay 1992): squares of the deviations by
+    /// the number of deviations that the readings determine.
     fn learn_spreads(&mut self) {
         let turned = self.shared.boresight_sigma * self.shared.boresight_sigma;
         let gained = self.shared.gain_sigma_db * self.shared.gain_sigma_db;

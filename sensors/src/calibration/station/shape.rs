@@ -205,7 +205,8 @@ impl Own {
             for antenna in 0..count {
                 let own = [0, 1].map(|k| covariance[(2 * antenna + k, 2 * antenna + k)]);
                 [self.boresight_variances[antenna], self.gain_variances[antenna]] = own;
-                let shares = own.iter().zip(&priors).map(|(own, prior)| 1.0 - own * prior / variance);
+                let shares =
+                    own.iter().zip(&priors).map(|(own, prior)| 1.0 - own * prior / variance);
                 self.determined += shares.sum::<f64>();
             }
             self.uncertain(&covariance);

@@ -67,8 +67,7 @@ impl StationPattern {
             };
             // Normalises the readings' densities, whose scales vary over the circle.
             let scales = each.iter().filter(|(reading, ..)| reading.is_some());
-            let widths: f64 =
-                scales.map(|(.., scale)| libm::log(scale / self.residual_db)).sum();
+            let widths: f64 = scales.map(|(.., scale)| libm::log(scale / self.residual_db)).sum();
             let mut best = f64::NEG_INFINITY;
             let mut ones = 0.0;
             let mut sum = 0.0;
