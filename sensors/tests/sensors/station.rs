@@ -303,6 +303,48 @@ fn stations_of_few_bursts_lean_on_each_other() {
     assert!(read.rss_sigma_db > 8.5 && (-81.0..-68.0).contains(&read.rss_dbm), "{read:?}");
 }
 
+/// Stations at the edge of their network, seed 36: all bursts come from a third of the circle, one
+/// antenna in four bursts receives anything, with reflections of 8 dB. Antennas that look away are
+/// not turned to where bursts come from; recorded boresights hold them.
+#[test]
+fn antennas_that_look_away_stay_as_recorded() {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(36);
+    let kappa = 10.0_f64.to_radians();
+    let noise = Normal::new(0.0, 8.0).expect("a σ");
+    let built: Vec<Built> = (0..6).map(|k| Built::draw(3 + k % 4, kappa, 3.0, &mut rng)).collect();
+    let records: Vec<StationRecord> = built
+        .iter()
+        .map(|one| {
+            let middle = rng.random_range(-PI..PI);
+            let mut bursts = Vec::new();
+            while bursts.len() < 120 {
+                let truth = wrap(middle + rng.random_range(-1.0..1.0));
+                let level = rng.random_range(-118.0..-98.0);
+                let reading = |(boresight, gain_db): (&f64, &f64)| {
+                    let dbm: f64 =
+                        level + gain(truth - boresight) + gain_db + noise.sample(&mut rng);
+                    (dbm > -105.0).then(|| dbm.round())
+                };
+                let readings_dbm: Vec<Option<f64>> =
+                    one.boresights.iter().zip(&one.gains_db).map(reading).collect();
+                if readings_dbm.iter().any(Option::is_some) {
+                    bursts.push(StationBurst { truth, group: 0, readings_dbm });
+                }
+            }
+            StationRecord { recorded: one.recorded.clone(), bursts }
+        })
+        .collect();
+    let fit = fit_stations(&records).expect("a fit");
+    assert!(fit.model.boresight_sigma < 20.0_f64.to_radians(), "{:?}", fit.model);
+    // A Student's t of 8 dB has a scale of some 6 dB.
+    assert!((4.5..8.5).contains(&fit.model.residual_db), "{:?}", fit.model);
+    for (built, own) in built.iter().zip(&fit.stations) {
+        for (antenna, truth) in own.pattern.antennas().iter().zip(&built.boresights) {
+            assert!(distance(antenna.boresight, *truth) < 0.8, "{antenna:?} {truth}");
+        }
+    }
+}
+
 /// A cable that is cut, and a station of labels that one burst cannot set right.
 #[test]
 fn what_bursts_do_not_determine_is_doubted() {

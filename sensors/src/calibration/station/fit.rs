@@ -183,11 +183,11 @@ fn doubts(own: &StationPattern, half_intervals: &[f64], gain_sigma_db: f64) -> V
     let mut doubts = Vec::new();
     for (antenna, (fitted, &half_interval)) in own.antennas().iter().zip(half_intervals).enumerate()
     {
-        if !(half_interval <= KNOWN_BORESIGHT) {
+        if half_interval.is_nan() || half_interval > KNOWN_BORESIGHT {
             doubts.push(StationDoubt::Boresight { antenna, half_interval });
         }
         let gain_db = fitted.gain_db;
-        if !(gain_db.abs() <= believed_db) {
+        if gain_db.is_nan() || gain_db.abs() > believed_db {
             doubts.push(StationDoubt::Gain { antenna, gain_db, believed_db });
         }
     }

@@ -1,4 +1,4 @@
-use crate::extractor::{LOST, normal_cdf};
+use crate::extractor::{LOST, TAIL, normal_cdf};
 
 /// The receivers' floor: the power at which half the bursts are received, and its spread in dB.
 #[derive(Clone, Copy, Debug)]
@@ -16,9 +16,8 @@ pub(super) enum Chance {
 
 impl Floor {
     /// Expected power where nothing was received, if the power without a floor is a Gaussian of
-    /// `sigma_db` about `expected`; and its mean square about that.
-    pub(super) fn imputed(&self, expected: f64, sigma_db: f64) -> (f64, f64) {
-        let variance = sigma_db * sigma_db;
+    /// `sigma_db` about `expected`.
+    pub(super) fn imputed(&self, expected: f64, sigma_db: f64) -> f64 {
         let spread = libm::hypot(self.width_db, sigma_db);
         let x = (self.dbm - expected) / spread;
         let below = normal_cdf(x);
@@ -29,15 +28,23 @@ impl Floor {
         };
         // A burst that was far above the floor was lost, and does not show its power.
         let lost = LOST / (LOST + (1.0 - LOST) * below);
-        let share = variance / (spread * spread);
-        let fallen = sigma_db * libm::sqrt(share) * hazard;
-        // Variance and squared mean of a Gaussian that is cut off above.
-        let square = variance * (1.0 - share * hazard * (hazard + x)) + fallen * fallen;
-        (expected - (1.0 - lost) * fallen, lost * variance + (1.0 - lost) * square)
+        expected - (1.0 - lost) * sigma_db * sigma_db / spread * hazard
+    }
+
+    /// Log likelihood of a reading, but for a constant and the logarithm of the scale, or of a
+    /// silence, at an expected power whose residuals have this scale.
+    pub(super) fn log_likelihood(&self, reading: Option<f64>, expected: f64, scale: f64) -> f64 {
+        match reading {
+            Some(reading) => {
+                let off = (reading - expected) / scale;
+                -0.5 * (TAIL + 1.0) * libm::log1p(off * off / TAIL)
+            }
+            None => self.log_silence(expected, scale),
+        }
     }
 
     /// Log likelihood of a silence at an expected power whose residuals have this scale.
-    pub(super) fn log_silence(&self, expected: f64, scale: f64) -> f64 {
+    fn log_silence(&self, expected: f64, scale: f64) -> f64 {
         let x = (self.dbm - expected) / libm::hypot(self.width_db, scale);
         libm::log(LOST + (1.0 - LOST) * normal_cdf(x))
     }

@@ -6,7 +6,7 @@ use nalgebra::{Matrix2, Vector2};
 use super::{
     floor::{Chance, Floor},
     lobe::{Lobe, UNIFORM_SIGMA},
-    shape::{Own, Shared, Squares},
+    shape::{Own, Shared},
 };
 use crate::{CalibrationError, StationBurst, StationModel, StationPattern};
 
@@ -27,6 +27,8 @@ const FIRST_BORESIGHT_SIGMA: f64 = 0.785;
 const BORESIGHT_SIGMA: f64 = 0.26;
 const BORESIGHTS_BEFORE: f64 = 2.0;
 const LEAST_BORESIGHT_SIGMA: f64 = 0.017;
+/// κ of the first steps at least (10°).
+const LEAST_FIRST_TURN: f64 = 0.17;
 
 /// τ before anything was received, as if this many gains had been off by so much, and its range.
 const GAIN_SIGMA_DB: f64 = 3.0;
@@ -36,8 +38,8 @@ const GAIN_SIGMAS_DB: [f64; 2] = [0.5, 6.0];
 /// Range of the residuals' scale in dB.
 const SCALES_DB: [f64; 2] = [0.1, 30.0];
 
-/// Readings for which the residuals of all stations stand in the scale of one of them.
-const SHARED_READINGS: f64 = 40.0;
+/// Largest share of the readings that counts as fitted.
+const MOST_FITTED: f64 = 0.75;
 
 /// Rounds of a fit: those of the lobe, boresights and gains, then those of the site.
 const ROUNDS: u32 = 55;
@@ -51,7 +53,6 @@ const SITE_REFIT_ROUNDS: u32 = 15;
 pub(super) struct Pool {
     pub(super) shared: Shared,
     pub(super) stations: Vec<Own>,
-    squares: Vec<Squares>,
     /// Scale of the residuals before the sites were fitted, which are then a part of them.
     scale_with_site: f64,
 }
@@ -73,15 +74,15 @@ impl Pool {
         };
         let stations =
             recorded.iter().zip(bursts).map(|(recorded, own)| Own::new(recorded, own)).collect();
-        let mut pool =
-            Self { scale_with_site: shared.scale, shared, stations, squares: Vec::new() };
+        let mut pool = Self { scale_with_site: shared.scale, shared, stations };
         pool.look_about(bursts);
         pool.look_about(bursts);
+        pool.shared.boresight_sigma = pool.usual_turn().max(LEAST_FIRST_TURN);
         for round in 0..ROUNDS {
             if round == 15 || round == 30 {
                 pool.look_about(bursts);
             }
-            pool.step(bursts, round > 2, round % 5 == 4);
+            pool.step(bursts, round % 5 == 4);
             if round % 20 == 19 {
                 pool.fit_floor(bursts);
             }
@@ -94,9 +95,9 @@ impl Pool {
     pub(super) fn refitted(&self, bursts: &Bursts<'_>) -> Self {
         let stations = self.stations.iter().map(Own::without_bursts).collect();
         let shared = Shared { scale: self.scale_with_site, ..self.shared.clone() };
-        let mut pool = Self { stations, squares: Vec::new(), shared, ..self.clone() };
+        let mut pool = Self { stations, shared, scale_with_site: self.scale_with_site };
         for round in 0..REFIT_ROUNDS {
-            pool.step(bursts, true, round % 5 == 4);
+            pool.step(bursts, round % 5 == 4);
             if round == 10 {
                 pool.fit_floor(bursts);
             }
@@ -105,34 +106,69 @@ impl Pool {
         pool
     }
 
+    /// Returns the σ of a Gaussian with the median of all boresights' distances from the recorded
+    /// ones.
+    fn usual_turn(&self) -> f64 {
+        let antennas = self.stations.iter().flat_map(|own| &own.antennas);
+        let mut turned: Vec<f64> =
+            antennas.map(|own| angle::distance(own.boresight, own.recorded_boresight)).collect();
+        turned.sort_by(f64::total_cmp);
+        turned.get(turned.len() / 2).map_or(0.0, |median| median / 0.6745)
+    }
+
     fn look_about(&mut self, bursts: &Bursts<'_>) {
         for (own, bursts) in self.stations.iter_mut().zip(bursts) {
             own.look_about(bursts, &self.shared);
         }
     }
 
-    /// Fits the levels of all bursts, and the residuals' scale where it is wanted.
-    fn level(&mut self, bursts: &Bursts<'_>, scaled: bool) {
-        let shared = &self.shared;
-        let each = self.stations.iter_mut().zip(bursts);
-        self.squares = each.map(|(own, bursts)| own.level(bursts, shared)).collect();
-        if scaled {
-            let sum: f64 = self.squares.iter().map(|of| of.sum).sum();
-            let freedom: f64 = self.squares.iter().map(|of| of.freedom).sum();
-            let [least, most] = SCALES_DB;
-            self.shared.scale = libm::sqrt(sum / freedom.max(1.0)).clamp(least, most);
+    /// Fits the levels of all bursts.
+    fn level(&mut self, bursts: &Bursts<'_>) {
+        for (own, bursts) in self.stations.iter_mut().zip(bursts) {
+            own.level(bursts, &self.shared);
         }
     }
 
-    /// One round of levels, boresights, gains and the lobe; with `spreads`, also κ and τ.
-    fn step(&mut self, bursts: &Bursts<'_>, scaled: bool, spreads: bool) {
-        self.level(bursts, scaled);
+    /// Learns the residuals' scale by its marginal likelihood, the bursts' levels integrated out,
+    /// and widens it by the numbers that were fitted to the readings.
+    fn learn_scale(&mut self, bursts: &Bursts<'_>) {
+        let each = || self.stations.iter().zip(bursts);
+        let value = |scale: f64| -> f64 {
+            each().map(|(own, bursts)| own.log_likelihood(bursts, &self.shared, scale)).sum()
+        };
+        let mut readings = 0.0;
+        let mut fitted = 0.0;
+        for [own, of_own] in each().map(|(own, bursts)| own.freedom(bursts)) {
+            readings += own;
+            fitted += of_own;
+        }
+        let widening = libm::sqrt(1.0 - (fitted / f64::max(readings, 1.0)).min(MOST_FITTED));
+        let [least, most] = SCALES_DB;
+        let mut scale = self.shared.scale * widening;
+        let mut best = value(scale);
+        let mut factor = 1.3;
+        while factor > 1.02 {
+            let tries = [scale * factor, scale / factor];
+            let tried = tries.map(|tried| (value(tried.clamp(least, most)), tried));
+            match tried.into_iter().find(|(value, _)| *value > best + 1e-9) {
+                Some((value, tried)) => (best, scale) = (value, tried.clamp(least, most)),
+                None => factor = libm::sqrt(factor),
+            }
+        }
+        self.shared.scale = (scale / widening).clamp(least, most);
+    }
+
+    /// One round of levels, boresights, gains and the lobe; with `spreads`, also of κ, τ and the
+    /// residuals' scale.
+    fn step(&mut self, bursts: &Bursts<'_>, spreads: bool) {
+        self.level(bursts);
         for (own, bursts) in self.stations.iter_mut().zip(bursts) {
             own.turn(bursts, &self.shared, spreads);
         }
         self.stretch(bursts);
         if spreads {
             self.learn_spreads();
+            self.learn_scale(bursts);
         }
     }
 
@@ -185,10 +221,13 @@ impl Pool {
 
     fn learn_sites(&mut self, bursts: &Bursts<'_>, rounds: u32) {
         self.scale_with_site = self.shared.scale;
-        for _ in 0..rounds {
-            self.level(bursts, true);
-            // Few bursts would otherwise have fitted sites that explain less than nothing.
-            self.shared.scale = self.shared.scale.min(self.scale_with_site);
+        for round in 0..rounds {
+            self.level(bursts);
+            if round % 5 == 4 {
+                self.learn_scale(bursts);
+                // Few bursts would otherwise have fitted sites that explain less than nothing.
+                self.shared.scale = self.shared.scale.min(self.scale_with_site);
+            }
             for (own, bursts) in self.stations.iter_mut().zip(bursts) {
                 own.learn_site(bursts, &self.shared);
             }
@@ -217,17 +256,12 @@ impl Pool {
         }
     }
 
-    /// Returns the pattern of a station; its residual's scale is drawn to the shared one.
+    /// Returns the pattern of a station.
     pub(super) fn pattern(&self, station: usize) -> Result<StationPattern, CalibrationError> {
         let Shared { lobe, scale, floor, .. } = &self.shared;
         let antennas = self.stations.get(station).map_or_else(Vec::new, |o| o.antennas.clone());
-        let own = self.squares.get(station).copied().unwrap_or_default();
-        let freedom = SHARED_READINGS + own.freedom.max(0.0);
-        let squares = SHARED_READINGS * scale * scale + own.sum;
-        let [least, most] = SCALES_DB;
-        let residual_db = libm::sqrt(squares / freedom).clamp(least, most);
         StationPattern::new(antennas, lobe.beamwidth, lobe.front_to_back_db)
-            .and_then(|pattern| pattern.with_residual_db(residual_db))
+            .and_then(|pattern| pattern.with_residual_db(*scale))
             .and_then(|pattern| pattern.with_floor(floor.dbm, floor.width_db))
             .map_err(CalibrationError::Station)
     }

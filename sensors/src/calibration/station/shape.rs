@@ -1,4 +1,5 @@
 use alloc::{vec, vec::Vec};
+use core::f64::consts::TAU;
 
 use foxhunt_core::angle;
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
@@ -23,8 +24,16 @@ const MOST_TURN: f64 = 0.087;
 /// Candidates of a boresight over the circle, where it is looked for.
 const CANDIDATES: u16 = 72;
 
+/// Nats by which another boresight has to be likelier, for a boresight that is looked for all over
+/// the circle fits a few bursts better than the true one.
+const CLEARLY: f64 = 4.0;
+
 /// Bursts that an antenna has to receive best before they show where it looks.
 const BEST_RECEIVED: f64 = 8.0;
+
+/// Range of levels about the strongest reading, in dB, and the step in scales of the residuals.
+const LEVELS_DB: [f64; 2] = [15.0, 35.0];
+const LEVEL_STEP: f64 = 0.5;
 
 /// Numbers that all stations share.
 #[derive(Clone, Debug)]
@@ -61,13 +70,6 @@ pub(super) struct Own {
     /// Numbers that the readings, and not their prior, determine.
     determined: f64,
     site_determined: f64,
-}
-
-/// Weighted squares of a station's residuals, and their degrees of freedom.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Squares {
-    pub(super) sum: f64,
-    pub(super) freedom: f64,
 }
 
 impl Own {
@@ -122,8 +124,7 @@ impl Own {
     }
 
     /// Fits the level of each burst, with silences imputed, and weighs the readings.
-    pub(super) fn level(&mut self, bursts: &[&StationBurst], shared: &Shared) -> Squares {
-        let mut squares = Squares::default();
+    pub(super) fn level(&mut self, bursts: &[&StationBurst], shared: &Shared) {
         let count = self.antennas.len();
         let mut levels = Vec::with_capacity(bursts.len());
         let mut all = Vec::with_capacity(bursts.len());
@@ -135,34 +136,70 @@ impl Own {
                 let strongest = heard.fold(-200.0_f64, |a, &b| a.max(b));
                 strongest - gains.iter().copied().fold(f64::NEG_INFINITY, f64::max)
             });
-            let mut freedom = -1.0;
             let mut weights = 0.0;
             let mut sum = 0.0;
             let mut terms = Vec::with_capacity(count);
             for (reading, gain) in burst.readings_dbm.iter().zip(&gains) {
                 let expected = level + gain;
-                let (value, square) = match reading {
-                    Some(value) => (*value, None),
-                    None => {
-                        let (value, square) = shared.floor.imputed(expected, shared.scale);
-                        (value, Some(square))
-                    }
-                };
+                let value = reading.unwrap_or_else(|| shared.floor.imputed(expected, shared.scale));
                 let off = (value - expected) / shared.scale;
                 let weight = (TAIL + 1.0) / (TAIL + off * off);
-                squares.sum += square.unwrap_or(weight * (value - expected) * (value - expected));
-                freedom += 1.0;
                 weights += weight;
                 sum += weight * (value - gain);
                 terms.push(Term { value, weight, measured: reading.is_some() });
             }
-            squares.freedom += f64::max(freedom, 0.0);
             levels.push(if weights > 0.0 { sum / weights } else { level });
             all.push(terms);
         }
         (self.levels, self.terms) = (levels, all);
-        squares.freedom -= self.determined + self.site_determined;
-        squares
+    }
+
+    /// Log likelihood of the bursts for a scale of the residuals, the level of each integrated out
+    /// under a uniform prior as the extractor does, but for a constant.
+    pub(super) fn log_likelihood(
+        &self,
+        bursts: &[&StationBurst],
+        shared: &Shared,
+        scale: f64,
+    ) -> f64 {
+        let step = LEVEL_STEP * scale;
+        let [below, above] = LEVELS_DB;
+        let mut sum = 0.0;
+        for burst in bursts {
+            let gain = |antenna| self.gain(&shared.lobe, antenna, burst.truth);
+            let gains: Vec<f64> = (0..self.antennas.len()).map(gain).collect();
+            let readings = || burst.readings_dbm.iter().zip(&gains);
+            let received = burst.readings_dbm.iter().flatten();
+            let count = received.clone().map(|_| 1.0).sum::<f64>();
+            let strongest = received.fold(f64::NEG_INFINITY, |a, &b| a.max(b));
+            let mut ones = 0.0;
+            let mut best = f64::NEG_INFINITY;
+            let mut level = strongest - below;
+            while count > 0.0 && level <= strongest + above {
+                let one = |(reading, gain): (&Option<f64>, &f64)| {
+                    shared.floor.log_likelihood(*reading, level + gain, scale)
+                };
+                let log: f64 = readings().map(one).sum();
+                if log > best {
+                    ones *= libm::exp(best - log);
+                    best = log;
+                }
+                ones += libm::exp(log - best);
+                level += step;
+            }
+            if ones > 0.0 {
+                sum += best + libm::log(ones * step) - count * libm::log(scale);
+            }
+        }
+        sum
+    }
+
+    /// Numbers of readings beside the first of each burst, and numbers fitted to them.
+    pub(super) fn freedom(&self, bursts: &[&StationBurst]) -> [f64; 2] {
+        let beside = |burst: &&StationBurst| -> f64 {
+            burst.readings_dbm.iter().flatten().skip(1).map(|_| 1.0).sum()
+        };
+        [bursts.iter().map(beside).sum(), self.determined + self.site_determined]
     }
 
     /// One step of Gauss and Newton for all boresights and gains of the station, its levels
@@ -312,68 +349,37 @@ impl Own {
         }
     }
 
-    /// Turns one antenna after the other to the likeliest direction all over the circle, as the
-    /// others look now.
+    /// Looks for better boresights: all as recorded, with equal gains, then one antenna after the
+    /// other all over the circle, as the others look now.
     pub(super) fn look_about(&mut self, bursts: &[&StationBurst], shared: &Shared) {
         if self.antennas.len() < 2 {
             return;
         }
+        let recorded = |own: &StationAntenna| StationAntenna {
+            site_db: own.site_db.clone(),
+            ..StationAntenna::as_recorded(own.recorded_boresight)
+        };
+        let recorded: Vec<StationAntenna> = self.antennas.iter().map(recorded).collect();
+        let mut best = log_posterior(&self.antennas, bursts, shared);
+        let value = log_posterior(&recorded, bursts, shared);
+        if value > best {
+            (best, self.antennas) = (value, recorded);
+        }
         for antenna in 0..self.antennas.len() {
-            let now = self.antennas[antenna].boresight;
-            let mut best = (self.log_posterior(antenna, now, bursts, shared), now);
-            for candidate in 0..CANDIDATES {
-                let step = core::f64::consts::TAU / f64::from(CANDIDATES);
-                let tried = angle::wrap(now + step * f64::from(candidate));
-                let value = self.log_posterior(antenna, tried, bursts, shared);
-                if value > best.0 {
-                    best = (value, tried);
+            let start = self.antennas[antenna].boresight;
+            let mut kept = start;
+            let mut needed = CLEARLY;
+            for candidate in 1..CANDIDATES {
+                let turned = TAU * f64::from(candidate) / f64::from(CANDIDATES);
+                let tried = angle::wrap(start + turned);
+                self.antennas[antenna].boresight = tried;
+                let value = log_posterior(&self.antennas, bursts, shared);
+                if value > best + needed {
+                    (best, kept, needed) = (value, tried, 0.0);
                 }
             }
-            self.antennas[antenna].boresight = best.1;
+            self.antennas[antenna].boresight = kept;
         }
-    }
-
-    /// Log posterior of an antenna's boresight, but for what does not depend on it; the level of
-    /// each burst is the mean of its readings without gains.
-    fn log_posterior(
-        &self,
-        antenna: usize,
-        boresight: f64,
-        bursts: &[&StationBurst],
-        shared: &Shared,
-    ) -> f64 {
-        let Some(own) = self.antennas.get(antenna) else { return 0.0 };
-        let off = angle::wrap(boresight - own.recorded_boresight) / shared.boresight_sigma;
-        let mut sum = -0.5 * off * off;
-        let mut gains = vec![0.0; self.antennas.len()];
-        for burst in bursts {
-            for (index, (gain, other)) in gains.iter_mut().zip(&self.antennas).enumerate() {
-                let looks = if index == antenna { boresight } else { other.boresight };
-                *gain = other.gain_db + shared.lobe.at(burst.truth - looks).gain_db;
-            }
-            let mut count = 0.0;
-            let mut level = 0.0;
-            for (reading, gain) in burst.readings_dbm.iter().zip(&gains) {
-                if let Some(reading) = reading {
-                    count += 1.0;
-                    level += reading - gain;
-                }
-            }
-            if count < 1.0 {
-                continue;
-            }
-            level /= count;
-            for (reading, gain) in burst.readings_dbm.iter().zip(&gains) {
-                sum += match reading {
-                    Some(reading) => {
-                        let off = (reading - level - gain) / shared.scale;
-                        -0.5 * (TAIL + 1.0) * libm::log1p(off * off / TAIL)
-                    }
-                    None => shared.floor.log_silence(level + gain, shared.scale),
-                };
-            }
-        }
-        sum
     }
 
     /// Receptions and silences, as the floor is fitted to them.
@@ -421,4 +427,35 @@ fn add_centred(
             *right += sums - mean * (rest / weights);
         }
     }
+}
+
+/// Log posterior of a station's antennas, but for a constant; the level of each burst is the mean
+/// of its readings without gains.
+fn log_posterior(antennas: &[StationAntenna], bursts: &[&StationBurst], shared: &Shared) -> f64 {
+    let mut sum = 0.0;
+    for own in antennas {
+        let off = angle::wrap(own.boresight - own.recorded_boresight) / shared.boresight_sigma;
+        let gain = own.gain_db / shared.gain_sigma_db;
+        sum -= 0.5 * (off * off + gain * gain);
+    }
+    let mut gains = vec![0.0; antennas.len()];
+    for burst in bursts {
+        let mut count = 0.0;
+        let mut level = 0.0;
+        for ((gain, own), reading) in gains.iter_mut().zip(antennas).zip(&burst.readings_dbm) {
+            *gain = own.gain_db + shared.lobe.at(burst.truth - own.boresight).gain_db;
+            if let Some(reading) = reading {
+                count += 1.0;
+                level += reading - *gain;
+            }
+        }
+        if count < 1.0 {
+            continue;
+        }
+        level /= count;
+        for (reading, gain) in burst.readings_dbm.iter().zip(&gains) {
+            sum += shared.floor.log_likelihood(*reading, level + gain, shared.scale);
+        }
+    }
+    sum
 }
