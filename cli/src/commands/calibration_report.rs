@@ -414,3 +414,25 @@ fn antennas(antennas: &[StationAntennaSection]) -> String {
     }
     rows.to_string()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn doubts_name_the_antenna_as_it_was_recorded() {
+        // East is 90° on the compass.
+        let antennas = [StationAntenna::as_recorded(0.0)];
+        let wide = StationDoubt::Boresight { antenna: 0, half_interval: 6.772 };
+        assert_eq!(
+            doubt(&wide, &antennas),
+            "the boresight of the antenna recorded at 90° is not known (± 388°)"
+        );
+        let deaf = StationDoubt::Gain { antenna: 0, gain_db: -31.04, believed_db: 10.5 };
+        assert_eq!(
+            doubt(&deaf, &antennas),
+            "the gain of the antenna recorded at 90° is -31.0 dB, beyond the 10.5 dB that those of \
+             all stations make believable"
+        );
+    }
+}

@@ -1,9 +1,11 @@
 //! From bursts of a transmitter whose place is known to the coarse patterns of stations.
 
+mod burst;
 mod fit;
 mod floor;
 mod lobe;
 mod pool;
 mod shape;
 
-pub use fit::{StationBurst, StationDoubt, StationFit, StationRecord, StationsFit, fit_stations};
+pub use burst::{StationBurst, StationRecord};
+pub use fit::{StationDoubt, StationFit, StationsFit, fit_stations};

@@ -4,11 +4,12 @@ use foxhunt_core::angle;
 use nalgebra::{Matrix2, Vector2};
 
 use super::{
+    burst::StationBurst,
     floor::{Chance, Floor},
     lobe::{Lobe, UNIFORM_SIGMA},
     shape::{Own, Shared},
 };
-use crate::{CalibrationError, StationBurst, StationModel, StationPattern};
+use crate::{CalibrationError, StationModel, StationPattern};
 
 /// Before anything was received: a beamwidth of 60° within a factor of 1.6, a front-to-back ratio
 /// of 15 ± 6 dB.

@@ -5,10 +5,11 @@ use foxhunt_core::angle;
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
 use super::{
+    burst::StationBurst,
     floor::{Chance, Floor},
     lobe::Lobe,
 };
-use crate::{StationAntenna, StationBurst, extractor::TAIL};
+use crate::{StationAntenna, extractor::TAIL};
 
 /// Number of harmonics of the site over the circle.
 const HARMONICS: usize = 5;
