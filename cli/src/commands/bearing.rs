@@ -144,10 +144,10 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         let mut read = Vec::new();
         let mut parts = parts(recording, &file);
         // A station without a directional antenna has no turns beside those that have.
-        let turns =
+        let has_turns =
             |part: &Part<'_, '_>| part.recording.records().iter().any(|r| r.boresight.is_some());
-        if parts.iter().any(turns) {
-            parts.retain(turns);
+        if parts.iter().any(has_turns) {
+            parts.retain(has_turns);
         }
         for (number, part) in parts.into_iter().enumerate() {
             for (name, extractor) in extractors(args, registry, &file, part.station.as_deref())? {
