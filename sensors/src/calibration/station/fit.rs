@@ -5,7 +5,7 @@ use foxhunt_core::angle;
 
 use super::{
     burst::{StationBurst, StationRecord},
-    pool::Pool,
+    pool::{Pool, likeliest_scale},
 };
 use crate::{CalibrationError, StationModel, StationPattern, calibration::student};
 
@@ -92,15 +92,28 @@ pub fn fit_stations(records: &[StationRecord]) -> Result<StationsFit, Calibratio
     let recorded: Vec<&[f64]> = records.iter().map(|record| &record.recorded[..]).collect();
     let bursts: Vec<Vec<&StationBurst>> =
         records.iter().map(|record| record.bursts.iter().collect()).collect();
-    let pool = Pool::fitted(&recorded, &bursts);
+    let mut pool = Pool::fitted(&recorded, &bursts);
     let (groups, count) = groups(records);
-    let without: Vec<Pool> = (0..count)
+    let mut without: Vec<Pool> = (0..count)
         .map(|left_out| {
             let each = bursts.iter().zip(&groups);
-            let rest: Vec<_> = each.map(|(own, groups)| others(own, groups, left_out)).collect();
+            let rest: Vec<_> =
+                each.map(|(own, groups)| chosen(own, groups, |group| group != left_out)).collect();
             pool.refitted(&rest)
         })
         .collect();
+    let left_out: Vec<Vec<Vec<&StationBurst>>> = (0..count)
+        .map(|left_out| {
+            let each = bursts.iter().zip(&groups);
+            each.map(|(own, groups)| chosen(own, groups, |group| group == left_out)).collect()
+        })
+        .collect();
+    // Bursts that had no part in a fit show how far it is off.
+    let scale = likeliest_scale(pool.scale(), |scale| {
+        let each = without.iter().zip(&left_out);
+        each.map(|(pool, bursts)| pool.log_likelihood(bursts, scale)).sum()
+    });
+    without.iter_mut().chain([&mut pool]).for_each(|pool| pool.set_scale(scale));
     let model = pool.model();
     let models: Vec<StationModel> = without.iter().map(Pool::model).collect();
     let mut stations = Vec::with_capacity(records.len());
@@ -131,13 +144,13 @@ pub fn fit_stations(records: &[StationRecord]) -> Result<StationsFit, Calibratio
     Ok(StationsFit { model, stations })
 }
 
-/// Returns the bursts that are not of a group.
-fn others<'a>(
+/// Returns the bursts of some groups.
+fn chosen<'a>(
     bursts: &[&'a StationBurst],
     groups: &[usize],
-    left_out: usize,
+    wanted: impl Fn(usize) -> bool,
 ) -> Vec<&'a StationBurst> {
-    let kept = bursts.iter().zip(groups).filter(|(_, group)| **group != left_out);
+    let kept = bursts.iter().zip(groups).filter(|(_, group)| wanted(**group));
     kept.map(|(burst, _)| *burst).collect()
 }
 

@@ -133,30 +133,36 @@ impl Pool {
     /// Learns the residuals' scale by its marginal likelihood, the bursts' levels integrated out,
     /// and widens it by the numbers that were fitted to the readings.
     fn learn_scale(&mut self, bursts: &Bursts<'_>) {
-        let each = || self.stations.iter().zip(bursts);
-        let value = |scale: f64| -> f64 {
-            each().map(|(own, bursts)| own.log_likelihood(bursts, &self.shared, scale)).sum()
-        };
+        let each = self.stations.iter().zip(bursts);
+        let value = |scale: f64| self.log_likelihood(bursts, scale);
         let mut readings = 0.0;
         let mut fitted = 0.0;
-        for [own, of_own] in each().map(|(own, bursts)| own.freedom(bursts)) {
+        for [own, of_own] in each.map(|(own, bursts)| own.freedom(bursts)) {
             readings += own;
             fitted += of_own;
         }
         let widening = libm::sqrt(1.0 - (fitted / f64::max(readings, 1.0)).min(MOST_FITTED));
         let [least, most] = SCALES_DB;
-        let mut scale = self.shared.scale * widening;
-        let mut best = value(scale);
-        let mut factor = 1.3;
-        while factor > 1.02 {
-            let tries = [scale * factor, scale / factor];
-            let tried = tries.map(|tried| (value(tried.clamp(least, most)), tried));
-            match tried.into_iter().find(|(value, _)| *value > best + 1e-9) {
-                Some((value, tried)) => (best, scale) = (value, tried.clamp(least, most)),
-                None => factor = libm::sqrt(factor),
-            }
-        }
+        let scale = likeliest_scale(self.shared.scale * widening, value);
         self.shared.scale = (scale / widening).clamp(least, most);
+    }
+
+    /// Returns the log likelihood of bursts that this was not fitted to, for a scale of the
+    /// residuals.
+    pub(super) fn log_likelihood(&self, bursts: &Bursts<'_>, scale: f64) -> f64 {
+        let each = self.stations.iter().zip(bursts);
+        each.map(|(own, bursts)| own.log_likelihood(bursts, &self.shared, scale)).sum()
+    }
+
+    /// Returns the scale of the residuals.
+    pub(super) fn scale(&self) -> f64 {
+        self.shared.scale
+    }
+
+    /// Sets the scale of the residuals to that of bursts that had no part in the fit.
+    pub(super) fn set_scale(&mut self, scale: f64) {
+        self.shared.scale = scale;
+        self.scale_with_site = self.scale_with_site.max(scale);
     }
 
     /// One round of levels, boresights, gains and the lobe; with `spreads`, also of κ, τ and the
@@ -266,4 +272,21 @@ impl Pool {
             .and_then(|pattern| pattern.with_floor(floor.dbm, floor.width_db))
             .map_err(CalibrationError::Station)
     }
+}
+
+/// Returns the scale of the residuals with the largest value, near `start`.
+pub(super) fn likeliest_scale(start: f64, value: impl Fn(f64) -> f64) -> f64 {
+    let [least, most] = SCALES_DB;
+    let mut scale = start.clamp(least, most);
+    let mut best = value(scale);
+    let mut factor = 1.3;
+    while factor > 1.02 {
+        let tries = [scale * factor, scale / factor].map(|tried| tried.clamp(least, most));
+        let mut tried = tries.into_iter().map(|tried| (value(tried), tried));
+        match tried.find(|(value, _)| *value > best + 1e-9) {
+            Some((value, tried)) => (best, scale) = (value, tried),
+            None => factor = libm::sqrt(factor),
+        }
+    }
+    scale
 }
