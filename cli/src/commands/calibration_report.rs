@@ -431,8 +431,8 @@ mod tests {
         let deaf = StationDoubt::Gain { antenna: 0, gain_db: -31.04, believed_db: 10.5 };
         assert_eq!(
             doubt(&deaf, &antennas),
-            "the gain of the antenna recorded at 90° is -31.0 dB, beyond the 10.5 dB that those of \
-             all stations make believable"
+            "the gain of the antenna recorded at 90° is -31.0 dB, beyond the 10.5 dB that those \
+             of all stations make believable"
         );
     }
 }

@@ -78,10 +78,10 @@ const MOST_GROUPS: usize = 20;
 /// Boresights differ from the recorded ones by N(0, κ²), gains by N(0, τ²). Both spreads are
 /// learned from all stations by marginal likelihood: recorded boresights that are no more than
 /// labels make κ large, and a station of few bursts, or of a single antenna, stays near what is
-/// recorded. The level of each burst is free. Residuals have the tails of a Student's t; antennas that received
-/// nothing take part as powers below the floor, imputed by expectation and maximisation (Dempster,
-/// Laird & Rubin 1977). Each boresight starts where the bursts come from that the antenna received
-/// best, and is looked for all over the circle.
+/// recorded. The level of each burst is free. Residuals have the tails of a Student's t; antennas
+/// that received nothing take part as powers below the floor, imputed by expectation and
+/// maximisation (Dempster, Laird & Rubin 1977). Each boresight starts where the bursts come from
+/// that the antenna received best, and is looked for all over the circle.
 ///
 /// # Errors
 ///
