@@ -13,7 +13,7 @@
 //! | a turn of the antenna, put in order | [`Pattern`] |
 //! | from a turn to level and bearing | [`Pritzl2018`]; [`Maximum`], [`FirstHarmonic`], [`MainLobeFit`]; with a known antenna [`CrossCorrelation`], [`MaximumLikelihood`] (`alloc`) |
 //! | fit of the transmitter's law | [`fit_log_distance`] |
-//! | a station of fixed antennas | [`StationPattern`], [`fit_station`] (`alloc`) |
+//! | a station of fixed antennas | [`StationPattern`], [`StationModel`], [`fit_stations`] (`alloc`) |
 //! | fit of the bearings' offset and of their σ | [`fit_bearing_offset`], [`fit_sigma`] |
 //! | an antenna's gain over direction | [`Antenna`] (`alloc`): [`Isotropic`], [`Dipole`], [`Cardioid`], [`Patch`], [`Yagi`] |
 //! | gain from a table | [`PatternTable`], [`PatternTable3d`], [`PrincipalCuts`] (`alloc`) |
@@ -74,14 +74,16 @@ pub use calibration::{
     fit_bearing_offset, fit_log_distance, fit_sigma, heading_towards, unexplained_by_harmonics,
 };
 #[cfg(feature = "alloc")]
-pub use calibration::{StationBurst, StationFit, fit_station};
+pub use calibration::{
+    StationBurst, StationDoubt, StationFit, StationRecord, StationsFit, fit_stations,
+};
 pub use extractor::{Cell, Pattern, Pritzl2018, resultant_confidence};
 #[cfg(feature = "alloc")]
 pub use extractor::{
     CrossCorrelation, FirstHarmonic, MainLobeFit, Maximum, MaximumLikelihood, Residuals,
 };
 #[cfg(feature = "alloc")]
-pub use extractor::{StationAntenna, StationPattern};
+pub use extractor::{StationAntenna, StationModel, StationPattern};
 pub use foxhunt_core::parameter::ParameterError;
 pub use models::{
     BearingMixture, BearingOnly, Censored, DifferentialRss, FreePathLoss, FreePathLossRssBearing,

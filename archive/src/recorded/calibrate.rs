@@ -41,21 +41,20 @@ pub struct Calibration {
 
 /// Fits the log-distance law to recordings whose ranges are known: the mean power of each turn
 /// of a directional antenna, as the reference calibrates it (Pritzl 2018, §7.1), or the power of
-/// each row of an omnidirectional one.
+/// each row of an omnidirectional one. Each recording is read with its own extractor.
 ///
 /// # Errors
 ///
 /// [`RecordedError`] names the file and line where a range is not known, or why the law
 /// cannot be fitted.
 pub fn calibrate(
-    recordings: &[Recording],
+    recordings: &[(&Recording, &dyn BearingExtractor)],
     beacon: Option<&str>,
-    extractor: &dyn BearingExtractor,
     config: &CalibrateConfig,
 ) -> Result<Calibration, RecordedError> {
     let mut points = Vec::new();
-    for recording in recordings {
-        add_points(recording, beacon, extractor, config, &mut points)?;
+    for (recording, extractor) in recordings {
+        add_points(recording, beacon, *extractor, config, &mut points)?;
     }
     let pairs = points.iter().map(|point| (point.range, point.rss_dbm));
     let mut fit = fit_log_distance(pairs, config.max_exponent).map_err(|source| {
@@ -68,7 +67,7 @@ pub fn calibrate(
                 RecordedError::Point { file: point.file.to_owned(), line: point.line, source }
             }
             None => {
-                let file = recordings.first().map_or("", Recording::file).to_owned();
+                let file = recordings.first().map_or("", |(first, _)| first.file()).to_owned();
                 RecordedError::Calibration { file, source }
             }
         }

@@ -61,9 +61,9 @@ pub enum RecordedError {
         /// The file.
         file: String,
     },
-    /// The recordings are not of a station with several fixed antennas.
+    /// The recordings are not of a station with fixed antennas.
     #[error(
-        "{file}: this is no station of fixed antennas: that has 2 to 16 boresights, each of which \
+        "{file}: this is no station of fixed antennas: that has 1 to 16 boresights, each of which \
          comes again and again"
     )]
     NoStation {

@@ -24,6 +24,7 @@ pub use receptions::{
 pub use residual::{RowResidual, row_name};
 pub use selection::{Selection, only_beacon};
 pub use station::{
-    CrossValidation, StationCalibration, StationConfig, fit_boresights, station_boresights,
+    CrossValidation, StationCalibration, StationConfig, StationsCalibration, fit_boresights,
+    station_boresights,
 };
 pub use truth::{recorded_truth, recorded_way, truth_at};

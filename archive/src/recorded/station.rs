@@ -2,7 +2,8 @@ use std::collections::BTreeMap;
 
 use foxhunt_core::{BeaconId, BearingExtractor, angle};
 use foxhunt_sensors::{
-    BearingError, CalibrationError, SigmaFit, StationBurst, StationFit, fit_sigma, fit_station,
+    BearingError, CalibrationError, SigmaFit, StationBurst, StationFit, StationModel,
+    StationRecord, fit_sigma, fit_stations,
 };
 use nalgebra::Vector2;
 
@@ -28,6 +29,15 @@ impl Default for StationConfig {
     }
 }
 
+/// Stations that were fitted together.
+#[derive(Debug)]
+pub struct StationsCalibration {
+    /// Their common pattern, for stations that were not fitted.
+    pub model: StationModel,
+    /// Each station in the order given, or why it had no part in the fit.
+    pub stations: Vec<Result<StationCalibration, RecordedError>>,
+}
+
 /// A station's antennas, fitted to recordings, and the errors of their bearings in
 /// cross-validation.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,8 +46,9 @@ pub struct StationCalibration {
     pub fit: StationFit,
     /// Number of days, or other groups, of the bursts.
     pub groups: usize,
-    /// The bearings of each day by the pattern fitted to the others.
-    pub cross_validation: CrossValidation,
+    /// The bearings of each day by the pattern fitted to the others; `None` where there are too few
+    /// of them.
+    pub cross_validation: Option<CrossValidation>,
 }
 
 /// Errors of bearings that had no part in the fit.
@@ -59,11 +70,14 @@ pub struct CrossValidation {
 const MOST_ANTENNAS: usize = 16;
 
 /// The recorded boresights of a station's fixed antennas, in radians; `None` where the antenna
-/// turned, or there is only one.
+/// turned, or has no boresight.
 #[must_use]
-pub fn station_boresights(recordings: &[Recording]) -> Option<Vec<f64>> {
+pub fn station_boresights<'a>(
+    recordings: impl IntoIterator<Item = &'a Recording>,
+) -> Option<Vec<f64>> {
     let mut distinct: Vec<f64> = Vec::new();
-    for boresight in recordings.iter().flat_map(Recording::records).filter_map(|r| r.boresight) {
+    for boresight in recordings.into_iter().flat_map(Recording::records).filter_map(|r| r.boresight)
+    {
         if distinct.iter().all(|known| angle::distance(*known, boresight) > 1e-6) {
             distinct.push(boresight);
         }
@@ -72,61 +86,109 @@ pub fn station_boresights(recordings: &[Recording]) -> Option<Vec<f64>> {
         }
     }
     distinct.sort_by(f64::total_cmp);
-    (distinct.len() > 1).then_some(distinct)
+    (!distinct.is_empty()).then_some(distinct)
 }
 
-/// Fits the boresights and the coarse pattern of a station's fixed antennas to recordings of a
-/// transmitter whose place is known, and judges it by leaving out one day after the other.
+/// Fits the boresights and the coarse patterns of stations of fixed antennas together, to
+/// recordings of a transmitter whose place is known, and judges each by leaving out one day after
+/// the other.
 ///
 /// # Errors
 ///
-/// [`RecordedError`] when the recordings are not of fixed antennas, or names the line where a
-/// place is not known, or why nothing can be fitted.
+/// [`RecordedError`] states why nothing can be fitted. A station whose recordings are not of fixed
+/// antennas, or whose place is not known in some line, is left out with its own error.
 pub fn fit_boresights(
-    recordings: &[Recording],
+    stations: &[&[Recording]],
     beacon: Option<&str>,
     config: &StationConfig,
-) -> Result<StationCalibration, RecordedError> {
-    let file = || recordings.first().map_or("", Recording::file).to_owned();
-    let none = || RecordedError::NoStation { file: file() };
-    let boresights = station_boresights(recordings).ok_or_else(none)?;
-    let mut bursts = Vec::new();
-    let mut sweeps = Vec::new();
-    for recording in recordings {
-        for (sweep, truth) in located(recording, beacon, config)? {
-            bursts.push(burst(&sweep, truth, &boresights));
-            sweeps.push((sweep, truth));
-        }
+) -> Result<StationsCalibration, RecordedError> {
+    let mut gathered: Vec<Result<Gathered<'_>, RecordedError>> =
+        stations.iter().map(|own| Gathered::of(own, beacon, config)).collect();
+    let records: Vec<StationRecord> =
+        gathered.iter_mut().flatten().filter_map(|own| own.record.take()).collect();
+    if records.is_empty()
+        && let Some(Err(why)) = gathered.pop()
+    {
+        return Err(why);
     }
-    let wrong = |source: CalibrationError| RecordedError::Calibration { file: file(), source };
-    let fit = fit_station(&boresights, &bursts).map_err(wrong)?;
-    let mut errors = Vec::new();
-    let mut refused = 0;
-    for ((sweep, truth), group) in sweeps.iter().zip(&fit.groups) {
-        let Some(pattern) = fit.without.get(*group) else { continue };
-        let reading = pattern
-            .extract(&sweep.as_sweep(BeaconId(0)))
-            .map_err(|source| RecordedError::Turn { file: file(), line: sweep.line, source })?;
-        match reading.bearing {
-            Ok(bearing) => {
-                let error = angle::wrap(bearing.angle - truth);
-                errors.push(BearingError { error, sigma: bearing.sigma });
-            }
-            Err(_) => refused += 1,
-        }
-    }
-    let sigma = fit_sigma(errors.iter().copied()).map_err(wrong)?;
-    let mut sizes: Vec<f64> = errors.iter().map(|e| e.error.abs()).collect();
-    sizes.sort_by(f64::total_cmp);
-    let cross_validation = CrossValidation {
-        bearings: errors.len(),
-        refused,
-        median_error: sizes.get(sizes.len() / 2).copied().unwrap_or_default(),
-        coverage_95: sigma.coverage_95,
-        sigma,
+    let file = || stations.iter().flat_map(|own| own.iter()).next().map_or("", Recording::file);
+    let wrong = |source| RecordedError::Calibration { file: file().to_owned(), source };
+    let fitted = fit_stations(&records).map_err(wrong)?;
+    let mut fits = fitted.stations.into_iter();
+    let judged = |own: Result<Gathered<'_>, RecordedError>| {
+        let own = own?;
+        let too_few = CalibrationError::TooFew { points: 0, needed: 1 };
+        let fit = fits.next().ok_or_else(|| wrong(too_few))?;
+        own.judged(fit)
     };
-    let groups = fit.without.len();
-    Ok(StationCalibration { fit, groups, cross_validation })
+    Ok(StationsCalibration {
+        model: fitted.model,
+        stations: gathered.into_iter().map(judged).collect(),
+    })
+}
+
+/// Bursts of a station, with the direction in which the transmitter truly was.
+struct Gathered<'a> {
+    file: &'a str,
+    sweeps: Vec<(RecordedSweep, f64)>,
+    record: Option<StationRecord>,
+}
+
+impl<'a> Gathered<'a> {
+    fn of(
+        recordings: &'a [Recording],
+        beacon: Option<&str>,
+        config: &StationConfig,
+    ) -> Result<Self, RecordedError> {
+        let file = recordings.first().map_or("", Recording::file);
+        let none = || RecordedError::NoStation { file: file.to_owned() };
+        let recorded = station_boresights(recordings).ok_or_else(none)?;
+        let mut bursts = Vec::new();
+        let mut sweeps = Vec::new();
+        for recording in recordings {
+            for (sweep, truth) in located(recording, beacon, config)? {
+                bursts.push(burst(&sweep, truth, &recorded));
+                sweeps.push((sweep, truth));
+            }
+        }
+        let record = Some(StationRecord { recorded, bursts });
+        Ok(Self { file, sweeps, record })
+    }
+
+    /// Judges the bearings of each group by the fit to the others.
+    fn judged(&self, fit: StationFit) -> Result<StationCalibration, RecordedError> {
+        let mut errors = Vec::new();
+        let mut refused = 0;
+        for ((sweep, truth), group) in self.sweeps.iter().zip(&fit.groups) {
+            let Some(pattern) = fit.without.get(*group) else { continue };
+            let wrong = |source| {
+                let file = self.file.to_owned();
+                RecordedError::Turn { file, line: sweep.line, source }
+            };
+            let reading = pattern.extract(&sweep.as_sweep(BeaconId(0))).map_err(wrong)?;
+            match reading.bearing {
+                Ok(bearing) => {
+                    let error = angle::wrap(bearing.angle - truth);
+                    errors.push(BearingError { error, sigma: bearing.sigma });
+                }
+                Err(_) => refused += 1,
+            }
+        }
+        let mut sizes: Vec<f64> = errors.iter().map(|e| e.error.abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        let of_sigma = |sigma: SigmaFit| CrossValidation {
+            bearings: errors.len(),
+            refused,
+            median_error: sizes.get(sizes.len() / 2).copied().unwrap_or_default(),
+            coverage_95: sigma.coverage_95,
+            sigma,
+        };
+        let cross_validation = fit_sigma(errors.iter().copied()).ok().map(of_sigma);
+        let mut groups = fit.groups.clone();
+        groups.sort_unstable();
+        groups.dedup();
+        Ok(StationCalibration { groups: groups.len(), fit, cross_validation })
+    }
 }
 
 /// The bursts of a recording with the direction in which the transmitter truly was.

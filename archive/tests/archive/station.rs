@@ -20,8 +20,10 @@ fn recording(name: &str) -> Option<Recording> {
 fn days_that_were_not_fitted_have_honest_bearings() {
     let Some(recording) = recording("uri_yagi_station/detections.csv") else { return };
     let config = StationConfig::default();
-    let calibration = fit_boresights(&[recording], Some("tag"), &config).expect("a fit");
-    let unfitted = &calibration.cross_validation;
+    let mut fitted = fit_boresights(&[&[recording]], Some("tag"), &config).expect("a fit");
+    let calibration = fitted.stations.remove(0).expect("a station");
+    assert!(calibration.fit.doubts.is_empty(), "{:?}", calibration.fit.doubts);
+    let unfitted = calibration.cross_validation.as_ref().expect("bearings of every day");
     assert_eq!(calibration.groups, 7, "seven days");
     assert!(unfitted.bearings > 900 && unfitted.refused < 120, "{unfitted:?}");
     assert!(unfitted.median_error < 22_f64.to_radians(), "{unfitted:?}");
@@ -72,6 +74,6 @@ fn bearings_of_an_unknown_site_are_honest() {
 #[test]
 fn an_antenna_that_turns_is_no_station() {
     let Some(recording) = recording("uavrt_rotation/rotation_B_2023-06.csv") else { return };
-    let calibration = fit_boresights(&[recording], Some("4"), &StationConfig::default());
-    assert!(matches!(calibration, Err(RecordedError::NoStation { .. })), "{calibration:?}");
+    let gathered = fit_boresights(&[&[recording]], Some("4"), &StationConfig::default());
+    assert!(matches!(gathered, Err(RecordedError::NoStation { .. })), "{gathered:?}");
 }

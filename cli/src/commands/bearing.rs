@@ -14,7 +14,7 @@ use foxhunt::{
 use serde::Serialize;
 
 use super::{
-    calibration::{Calibration, Surroundings, calibrated, parts},
+    calibration::{Calibration, Part, Surroundings, calibrated, parts},
     extraction::Extraction,
     recorded::Reading,
     views::{Antennas, Views},
@@ -142,8 +142,15 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     for recording in &recordings {
         let file = args.calibration.or_shipped(&own, recording);
         let mut read = Vec::new();
-        for (number, part) in parts(recording, &file).into_iter().enumerate() {
-            for (name, extractor) in extractors(args, registry, &file, part.station)? {
+        let mut parts = parts(recording, &file);
+        // A station without a directional antenna has no turns beside those that have.
+        let has_turns =
+            |part: &Part<'_, '_>| part.recording.records().iter().any(|r| r.boresight.is_some());
+        if parts.iter().any(has_turns) {
+            parts.retain(has_turns);
+        }
+        for (number, part) in parts.into_iter().enumerate() {
+            for (name, extractor) in extractors(args, registry, &file, part.station.as_deref())? {
                 let extractor = extractor.as_ref();
                 let turns = bearings(&part.recording, extractor, args.reading.positions)
                     .map_err(CliError::input)?;

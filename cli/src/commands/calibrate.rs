@@ -1,4 +1,5 @@
 use std::{
+    borrow::Cow,
     collections::BTreeMap,
     fs,
     io::Read,
@@ -6,19 +7,21 @@ use std::{
 };
 
 use foxhunt::{
-    calibration::{CalibrationFile, PathLossSection, StationSection},
+    calibration::{CalibrationFile, PathLossSection, StationModelSection, StationSection},
     config::BoxedExtractor,
+    core::BearingExtractor,
     log::Log,
     recorded::{
         CalibrateConfig, StationConfig, calibrate, calibrate_bearings, fit_boresights,
         station_boresights,
     },
-    recording::Recording,
+    recording::{Record, Recording},
+    registry::Registry,
     sensors::PathLossFit,
 };
 
 use super::{
-    calibration::station_place,
+    calibration::{Part, parts, station_place},
     calibration_report::{Report, Skipped, text},
     extraction::Extraction,
     recorded::{LatLon, Reading, no_degrees},
@@ -30,8 +33,8 @@ use crate::{context::Context, error::CliError, writable};
 /// Fits to recordings of a transmitter at a known place (from --truth, or from the recording's own
 /// columns) all that they allow: the path loss P = P₀ − 10 γ log₁₀ d with the joint
 /// confidence region of P₀ and γ; the offset of bearings, and whether it depends on the heading,
-/// as a disturbed compass has it; the scale of their σ; and the boresights of a station with fixed
-/// antennas. Prints what cannot be fitted, and why.
+/// as a disturbed compass has it; the scale of their σ; and the boresights of stations with fixed
+/// antennas, all stations together. Prints what cannot be fitted, and why.
 ///
 /// Logs of hunts (.jsonl) with a truth are recordings, too; their bearings and σ are those of the
 /// hunt's extractor.
@@ -100,8 +103,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         max_exponent: args.max_exponent,
         positions: args.reading.positions,
     };
-    let extractor = args.extraction.build(registry)?;
-    let report = fit(args, &recordings, beacon, extractor, &config)?;
+    let report = fit(args, &recordings, beacon, registry, &config)?;
     output.result(&report, text)?;
     if let Some(out) = &args.out {
         fs::write(out, report.file.to_toml()).map_err(|error| CliError::writing(out, error))?;
@@ -149,57 +151,51 @@ fn fit(
     args: &Args,
     recordings: &[Recording],
     beacon: Option<String>,
-    mut extractor: BoxedExtractor,
+    registry: &Registry,
     config: &CalibrateConfig,
 ) -> Result<Report, CliError> {
     let mut report = Report::new(recordings, beacon.clone());
-    let records = || recordings.iter().flat_map(Recording::records);
-
-    let stand = |recording: Recording| station_boresights(&[recording]).is_some();
-    if recordings.iter().flat_map(Recording::by_drone).all(stand) {
-        let station = StationConfig {
-            positions: config.positions,
-            least_range_m: args.least_range_m,
-            truth: config.truth,
-        };
-        let stations = by_station(recordings);
-        let single = stations.len() == 1;
-        for (name, own) in stations {
-            match fit_boresights(&own, beacon.as_deref(), &station) {
-                Ok(fitted) => {
-                    if single {
-                        extractor = Box::new(fitted.fit.pattern.clone());
-                    }
-                    let place = own.first().and_then(station_place);
-                    let section = StationSection::from(&fitted.fit);
-                    let section = StationSection { name, place, ..section };
-                    report.file.stations.push(section);
-                    report.stations.push((&fitted).into());
-                }
-                Err(error) => {
-                    let whose = name.map_or_else(String::new, |name| format!("{name}: "));
-                    report.skip("station", format!("{whose}{error}"));
-                }
-            }
-        }
-        let why = "the antennas do not turn: their boresights are the station's";
-        report.skip("bearings", why.to_owned());
-    } else if records().any(|record| record.boresight.is_some() || record.bearing.is_some()) {
-        match calibrate_bearings(recordings, beacon.as_deref(), extractor.as_ref(), config) {
+    let fixed = fit_fixed(args, recordings, &mut report, config);
+    // Stations' antennas do not turn.
+    let turns: Vec<Recording> = recordings
+        .iter()
+        .flat_map(Recording::by_drone)
+        .filter(|own| !fixed || station_boresights([own]).is_none())
+        .collect();
+    let has = |wanted: fn(&Record) -> bool| turns.iter().flat_map(Recording::records).any(wanted);
+    if has(|record| record.boresight.is_some() || record.bearing.is_some()) {
+        let extractor = args.extraction.build(registry)?;
+        let turns = if fixed { &turns[..] } else { recordings };
+        match calibrate_bearings(turns, beacon.as_deref(), extractor.as_ref(), config) {
             Ok(fitted) => {
-                let turns = records().any(|record| record.boresight.is_some());
+                let turns = has(|record| record.boresight.is_some());
                 let name = if turns { args.extraction.name() } else { "recorded" };
                 report.file.bearings = fitted.section(name);
                 report.bearings(&fitted);
             }
             Err(error) => report.skip("bearings", error.to_string()),
         }
+    } else if fixed {
+        let why = "the antennas do not turn: their boresights are the station's";
+        report.skip("bearings", why.to_owned());
     } else {
         report.skip("bearings", "there is neither a turn of an antenna nor a bearing".to_owned());
     }
 
     // Last, for the levels of a station's turns need its pattern.
-    let why = match calibrate(recordings, beacon.as_deref(), extractor.as_ref(), config) {
+    let mut read: Vec<(Cow<'_, Recording>, BoxedExtractor)> = Vec::new();
+    for recording in recordings {
+        for Part { recording, station } in parts(recording, &report.file) {
+            let extractor: BoxedExtractor = match station {
+                Some(station) => Box::new(station.build().map_err(CliError::input)?),
+                None => args.extraction.build(registry)?,
+            };
+            read.push((recording, extractor));
+        }
+    }
+    let each: Vec<(&Recording, &dyn BearingExtractor)> =
+        read.iter().map(|(own, extractor)| (&**own, &**extractor as _)).collect();
+    let why = match calibrate(&each, beacon.as_deref(), config) {
         Ok(calibration) if falls(&calibration.fit) => {
             report.file.path_loss = Some(PathLossSection::from(&calibration.fit));
             report.path_loss(&calibration);
@@ -217,8 +213,75 @@ fn fit(
     Ok(report)
 }
 
-/// Groups recordings by their receiver's name, as the antennas of each are fitted alone. Recordings
-/// without a name count as one receiver.
+/// Fits all stations of fixed antennas together; returns false if there is none. Stations with one
+/// antenna belong to them where another one has several.
+fn fit_fixed(
+    args: &Args,
+    recordings: &[Recording],
+    report: &mut Report,
+    config: &CalibrateConfig,
+) -> bool {
+    let station = StationConfig {
+        positions: config.positions,
+        least_range_m: args.least_range_m,
+        truth: config.truth,
+    };
+    let mut several = false;
+    let mut fixed = Vec::new();
+    let mut others = Vec::new();
+    for (name, own) in by_station(recordings) {
+        match station_boresights(&own) {
+            Some(boresights) => {
+                several |= boresights.len() > 1;
+                fixed.push((name, own));
+            }
+            None => others.push((name, own)),
+        }
+    }
+    if !several {
+        return false;
+    }
+    let called = |name: Option<&str>, why: String| match name {
+        Some(name) => format!("{name}: {why}"),
+        None => why,
+    };
+    for (name, own) in others {
+        let turns = own.iter().flat_map(Recording::records).any(|r| r.boresight.is_some());
+        let why = if turns {
+            "its antenna turns"
+        } else {
+            "no antenna of a known boresight; its levels are used as they are"
+        };
+        report.skip("station", called(name.as_deref(), why.to_owned()));
+    }
+    let own: Vec<&[Recording]> = fixed.iter().map(|(_, own)| &own[..]).collect();
+    let fitted = match fit_boresights(&own, report.beacon(), &station) {
+        Ok(fitted) => fitted,
+        Err(error) => {
+            report.skip("stations", error.to_string());
+            return true;
+        }
+    };
+    let mut count = 0;
+    for ((name, own), fitted) in fixed.iter().zip(&fitted.stations) {
+        match fitted {
+            Ok(fitted) => {
+                let place = own.first().and_then(station_place);
+                let section = StationSection::from(&fitted.fit);
+                report.file.stations.push(StationSection { name: name.clone(), place, ..section });
+                report.stations.push(fitted.into());
+                count += 1;
+            }
+            Err(error) => report.skip("station", called(name.as_deref(), error.to_string())),
+        }
+    }
+    let model = StationModelSection::from(&fitted.model);
+    report.file.station_model = Some(StationModelSection { stations: Some(count), ..model });
+    true
+}
+
+/// Groups recordings by their receiver's name, as each has its own antennas. Recordings without a
+/// name count as one receiver.
 fn by_station(recordings: &[Recording]) -> BTreeMap<Option<String>, Vec<Recording>> {
     let mut stations: BTreeMap<Option<String>, Vec<Recording>> = BTreeMap::new();
     for own in recordings.iter().flat_map(Recording::by_drone) {

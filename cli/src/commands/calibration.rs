@@ -5,6 +5,7 @@ use std::{borrow::Cow, path::PathBuf};
 use foxhunt::{
     calibration::{CalibrationFile, StationPlace, StationSection},
     config::BoxedExtractor,
+    recorded::station_boresights,
     recording::Recording,
     sensors::{AtSite, Site},
 };
@@ -99,21 +100,26 @@ impl Calibration {
 /// A recording, or one drone's part of it, and the station whose turns it holds.
 pub(super) struct Part<'r, 'f> {
     pub(super) recording: Cow<'r, Recording>,
-    pub(super) station: Option<&'f StationSection>,
+    pub(super) station: Option<Cow<'f, StationSection>>,
 }
 
 /// The parts of a recording that are read in different ways: where stations are calibrated, each
-/// drone's own.
+/// drone's own. A station of fixed antennas that has no section of its own is one of the model.
 pub(super) fn parts<'r, 'f>(
     recording: &'r Recording,
     file: &'f CalibrationFile,
 ) -> Vec<Part<'r, 'f>> {
-    if file.stations.is_empty() {
+    if file.stations.is_empty() && file.station_model.is_none() {
         return vec![Part { recording: Cow::Borrowed(recording), station: None }];
     }
     let part = |own: Recording| {
         let place = station_place(&own);
-        let station = own.drones().first().and_then(|name| file.station(name, place));
+        let known = own.drones().first().and_then(|name| file.station(name, place));
+        let of_model = || {
+            let boresights = station_boresights([&own])?;
+            file.station_model.as_ref()?.station(&boresights).ok()
+        };
+        let station = known.map(Cow::Borrowed).or_else(|| of_model().map(Cow::Owned));
         Part { station, recording: Cow::Owned(own) }
     };
     recording.by_drone().into_iter().map(part).collect()

@@ -3,9 +3,10 @@
 use foxhunt::{
     calibration::{BearingSection, CalibrationFile, StationAntennaSection},
     core::nalgebra::Vector3,
+    geodesy::radians_to_compass_deg,
     recorded::{BearingsFit, Calibration, StationCalibration},
     recording::Recording,
-    sensors::{BearingOffsetFit, SigmaFit},
+    sensors::{BearingOffsetFit, SigmaFit, StationAntenna, StationDoubt},
 };
 use serde::Serialize;
 
@@ -113,6 +114,16 @@ pub(super) struct Sigma {
 pub(super) struct Station {
     bursts: usize,
     groups: usize,
+    /// Numbers that the bursts did not determine, for which the station takes the common model.
+    doubts: Vec<String>,
+    /// Bearings of groups left out of the fit; absent if there are too few.
+    #[serde(flatten)]
+    left_out: Option<LeftOut>,
+}
+
+/// Bearings of groups that were left out of the fit.
+#[derive(Debug, Serialize)]
+struct LeftOut {
     bearings: usize,
     refused: usize,
     median_error_deg: f64,
@@ -139,6 +150,10 @@ impl Report {
             stations: Vec::new(),
             skipped: Vec::new(),
         }
+    }
+
+    pub(super) fn beacon(&self) -> Option<&str> {
+        self.beacon.as_deref()
     }
 
     pub(super) fn skip(&mut self, what: &'static str, why: String) {
@@ -225,16 +240,39 @@ impl From<&SigmaFit> for Sigma {
 
 impl From<&StationCalibration> for Station {
     fn from(station: &StationCalibration) -> Self {
-        let left_out = &station.cross_validation;
-        Self {
-            bursts: station.fit.groups.len(),
-            groups: station.groups,
+        let left_out = station.cross_validation.as_ref().map(|left_out| LeftOut {
             bearings: left_out.bearings,
             refused: left_out.refused,
             median_error_deg: left_out.median_error.to_degrees(),
             coverage_95: left_out.coverage_95,
             sigma: Sigma::from(&left_out.sigma),
+        });
+        let fit = &station.fit;
+        Self {
+            bursts: fit.groups.len(),
+            groups: station.groups,
+            doubts: fit.doubts.iter().map(|own| doubt(own, fit.pattern.antennas())).collect(),
+            left_out,
         }
+    }
+}
+
+fn doubt(of: &StationDoubt, antennas: &[StationAntenna]) -> String {
+    let recorded = |antenna: usize| {
+        let own = antennas.get(antenna);
+        own.map_or(f64::NAN, |own| radians_to_compass_deg(own.recorded_boresight))
+    };
+    match *of {
+        StationDoubt::Boresight { antenna, half_interval } => format!(
+            "the boresight of the antenna recorded at {:.0}° is not known (± {:.0}°)",
+            recorded(antenna),
+            half_interval.to_degrees()
+        ),
+        StationDoubt::Gain { antenna, gain_db, believed_db } => format!(
+            "the gain of the antenna recorded at {:.0}° is {gain_db:.1} dB, beyond the \
+             {believed_db:.1} dB that those of all stations make believable",
+            recorded(antenna)
+        ),
     }
 }
 
@@ -253,14 +291,26 @@ pub(super) fn text(report: &Report) -> String {
             station.bursts,
             station.groups
         ));
+        let doubts = station.doubts.iter();
+        lines.extend(doubts.map(|doubt| format!("{doubt}: the station takes the common model")));
+        lines.extend(station.left_out.as_ref().map(|left_out| {
+            format!(
+                "With each group left out of the fit: median error {:.1}°, {:.1} % within 1.96 σ, \
+                 rms(error/σ) {:.2}; {} bearings, {} refused",
+                left_out.median_error_deg,
+                100.0 * left_out.coverage_95,
+                left_out.sigma.rms_ratio,
+                left_out.bearings,
+                left_out.refused
+            )
+        }));
+    }
+    if let Some(model) = &report.file.station_model {
         lines.push(format!(
-            "With each group left out of the fit: median error {:.1}°, {:.1} % within 1.96 σ, \
-             rms(error/σ) {:.2}; {} bearings, {} refused",
-            station.median_error_deg,
-            100.0 * station.coverage_95,
-            station.sigma.rms_ratio,
-            station.bearings,
-            station.refused
+            "All stations: boresights are recorded to within {:.1}° (1 σ), gains to within {:.1} \
+             dB; residual {:.1} dB where nothing else is known. Stations without a section of \
+             their own are taken so.",
+            model.boresight_sigma_deg, model.gain_sigma_db, model.residual_db
         ));
     }
     let skipped = report.skipped.iter().map(|s| format!("not fitted: {}: {}", s.what, s.why));
@@ -363,4 +413,26 @@ fn antennas(antennas: &[StationAntennaSection]) -> String {
         ]);
     }
     rows.to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn doubts_name_the_antenna_as_it_was_recorded() {
+        // East is 90° on the compass.
+        let antennas = [StationAntenna::as_recorded(0.0)];
+        let wide = StationDoubt::Boresight { antenna: 0, half_interval: 6.772 };
+        assert_eq!(
+            doubt(&wide, &antennas),
+            "the boresight of the antenna recorded at 90° is not known (± 388°)"
+        );
+        let deaf = StationDoubt::Gain { antenna: 0, gain_db: -31.04, believed_db: 10.5 };
+        assert_eq!(
+            doubt(&deaf, &antennas),
+            "the gain of the antenna recorded at 90° is -31.0 dB, beyond the 10.5 dB that those \
+             of all stations make believable"
+        );
+    }
 }

@@ -154,6 +154,7 @@ impl Locating {
             |recording: &Recording| recording.records().iter().any(|r| r.boresight.is_some());
         if calibration.bearings.is_none()
             && calibration.stations.is_empty()
+            && calibration.station_model.is_none()
             && recordings.iter().any(turns)
         {
             self.surroundings.narrate();
@@ -237,7 +238,7 @@ impl Locating {
             let name = self.extraction.name();
             let around = &self.surroundings;
             let extractor = if station.is_none() || !self.extraction.is_given() {
-                calibrated(calibration, station, name, extractor, around)?
+                calibrated(calibration, station.as_deref(), name, extractor, around)?
             } else {
                 around.around(extractor)
             };

@@ -15,6 +15,7 @@ mod hunt;
 mod listen;
 mod lists;
 mod live;
+mod network;
 mod pipes;
 mod plot;
 mod pulses;

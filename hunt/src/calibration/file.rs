@@ -8,7 +8,10 @@ use serde::{
     },
 };
 
-use super::{BearingSection, CalibrationFileError, PathLossSection, StationPlace, StationSection};
+use super::{
+    BearingSection, CalibrationFileError, PathLossSection, StationModelSection, StationPlace,
+    StationSection,
+};
 use crate::document;
 
 /// The version of the file that this program writes and reads.
@@ -36,6 +39,10 @@ pub struct CalibrationFile {
     /// Errors of bearings; no correction where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bearings: Option<BearingSection>,
+    /// The model of stations of fixed antennas that have no section of their own; they are read as
+    /// antennas that turn where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub station_model: Option<StationModelSection>,
     /// The antennas of stations, one table `[station]` or several `[[station]]`; antennas that turn
     /// where absent. The first one that is of a receiver counts.
     #[serde(
@@ -80,6 +87,7 @@ impl Default for CalibrationFile {
             beacon: None,
             path_loss: None,
             bearings: None,
+            station_model: None,
             stations: Vec::new(),
         }
     }
@@ -141,6 +149,9 @@ impl CalibrationFile {
             let nothing = foxhunt_sensors::Pritzl2018::default();
             bearings.correction.wrap(nothing).map_err(wrong("bearings.correction"))?;
         }
+        if let Some(model) = &read.station_model {
+            model.station(&[0.0]).map_err(wrong("station_model"))?;
+        }
         for station in &read.stations {
             station.build().map_err(wrong("station"))?;
         }
@@ -164,7 +175,9 @@ mod tests {
             recorded_deg_compass: deg,
             boresight_deg_compass: deg + 1.0 / 3.0,
             half_interval_deg: Some(2.0),
+            boresight_sigma_deg: 0.7,
             gain_db: -0.1,
+            gain_sigma_db: 0.3,
             site_db: vec![0.1, -0.2],
         };
         CalibrationFile {
@@ -185,6 +198,16 @@ mod tests {
                 half_intervals_deg: Some([1.0, 0.0, 0.0]),
                 sigma_scale_interval: Some([0.1, 0.3]),
                 sigma_floor_interval_deg: Some([0.0, 1.0]),
+            }),
+            station_model: Some(StationModelSection {
+                stations: Some(1),
+                beamwidth_deg: 37.0,
+                front_to_back_db: 15.0,
+                residual_db: 5.1,
+                floor_dbm: Some(-106.5),
+                floor_width_db: 1.1,
+                boresight_sigma_deg: 9.5,
+                gain_sigma_db: 2.9,
             }),
             stations: vec![StationSection {
                 name: Some("hill".to_owned()),
@@ -253,6 +276,9 @@ mod tests {
             ("sigma_db = 2.5", "sigma_db = -2.5", "path_loss: sigma_db is -2.5"),
             ("sigma_scale = 1.0", "sigma_scale = -1.0", "bearings.correction: scale is -1"),
             ("beamwidth_deg = 36.0", "beamwidth_deg = 190.0", "station: beamwidth"),
+            ("boresight_sigma_deg = 9.5", "boresight_sigma_deg = -1.0", "station_model: boresight"),
+            ("gain_sigma_db = 2.9", "gain_sigma_deg = 2.9", "gain_sigma_deg"),
+            ("gain_sigma_db = 0.3", "gain_sigma_db = -0.3", "station: gain_sigma_db is -0.3"),
             ("lat_deg = 50.0", "lat_deg = 95.0", "station: place.lat_deg is 95"),
             ("foxhunt_calibration = 1", "foxhunt_calibration = 7", "is 7; this program reads 1"),
             ("beacon = \"fox\"", "becon = \"fox\"", "becon"),

@@ -14,5 +14,6 @@ pub use conformal::{
 pub use error::CalibrationFileError;
 pub use file::{CALIBRATION_VERSION, CalibrationFile};
 pub use sections::{
-    BearingSection, PathLossSection, StationAntennaSection, StationPlace, StationSection,
+    BearingSection, PathLossSection, StationAntennaSection, StationModelSection, StationPlace,
+    StationSection,
 };

@@ -1,6 +1,7 @@
 use foxhunt_core::parameter::{in_range, not_negative, require};
 use foxhunt_sensors::{
-    LogDistance, ParameterError, PathLossFit, StationAntenna, StationFit, StationPattern,
+    LogDistance, ParameterError, PathLossFit, StationAntenna, StationFit, StationModel,
+    StationPattern,
 };
 use foxhunt_wire::geodesy::{Geodetic, LocalFrame, compass_deg_to_radians, radians_to_compass_deg};
 use serde::{Deserialize, Serialize};
@@ -199,12 +200,18 @@ pub struct StationAntennaSection {
     pub recorded_deg_compass: f64,
     /// Its true boresight.
     pub boresight_deg_compass: f64,
-    /// Half the 95 % interval of that.
+    /// Half the 95 % interval of that, for the reader.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub half_interval_deg: Option<f64>,
+    /// Standard deviation of the boresight, which bearings take into account.
+    #[serde(default)]
+    pub boresight_sigma_deg: f64,
     /// Gain over the other antennas.
     #[serde(default)]
     pub gain_db: f64,
+    /// Standard deviation of the gain, which bearings take into account.
+    #[serde(default)]
+    pub gain_sigma_db: f64,
     /// Effect of the site on it: the coefficients of cos θ, sin θ, cos 2θ, … in dB, θ
     /// counter-clockwise from East.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -232,7 +239,9 @@ impl StationSection {
         let antenna = |own: &StationAntennaSection| StationAntenna {
             recorded_boresight: compass_deg_to_radians(own.recorded_deg_compass),
             boresight: compass_deg_to_radians(own.boresight_deg_compass),
+            boresight_sigma: own.boresight_sigma_deg.to_radians(),
             gain_db: own.gain_db,
+            gain_sigma_db: own.gain_sigma_db,
             site_db: own.site_db.clone(),
         };
         let antennas = self.antennas.iter().map(antenna).collect();
@@ -248,15 +257,25 @@ impl StationSection {
 
 impl From<&StationFit> for StationSection {
     fn from(fit: &StationFit) -> Self {
-        let pattern = &fit.pattern;
-        let antenna = |(own, half): (&StationAntenna, &f64)| StationAntennaSection {
+        let mut section = Self::from(&fit.pattern);
+        for (antenna, half) in section.antennas.iter_mut().zip(&fit.boresight_half_intervals) {
+            antenna.half_interval_deg = Some(half.to_degrees()).filter(|half| half.is_finite());
+        }
+        section
+    }
+}
+
+impl From<&StationPattern> for StationSection {
+    fn from(pattern: &StationPattern) -> Self {
+        let antenna = |own: &StationAntenna| StationAntennaSection {
             recorded_deg_compass: radians_to_compass_deg(own.recorded_boresight),
             boresight_deg_compass: radians_to_compass_deg(own.boresight),
-            half_interval_deg: Some(half.to_degrees()).filter(|half| half.is_finite()),
+            half_interval_deg: None,
+            boresight_sigma_deg: own.boresight_sigma.to_degrees(),
             gain_db: own.gain_db,
+            gain_sigma_db: own.gain_sigma_db,
             site_db: own.site_db.clone(),
         };
-        let intervals = &fit.boresight_half_intervals;
         Self {
             name: None,
             place: None,
@@ -265,7 +284,71 @@ impl From<&StationFit> for StationSection {
             residual_db: pattern.residual_db(),
             floor_dbm: pattern.floor().map(|[dbm, _]| dbm),
             floor_width_db: pattern.floor().map_or(one_db(), |[_, width]| width),
-            antennas: pattern.antennas().iter().zip(intervals).map(antenna).collect(),
+            antennas: pattern.antennas().iter().map(antenna).collect(),
+        }
+    }
+}
+
+/// Common pattern of stations of one make, for those that have no section of their own.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StationModelSection {
+    /// Number of stations that it was fitted to.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stations: Option<usize>,
+    /// The half-power beamwidth of each antenna.
+    pub beamwidth_deg: f64,
+    /// Attenuation of each antenna from behind.
+    pub front_to_back_db: f64,
+    /// The scale of what the pattern does not explain.
+    pub residual_db: f64,
+    /// The power at which half the bursts are received; not known where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub floor_dbm: Option<f64>,
+    /// Width in dB over which the probability of reception rises.
+    #[serde(default = "one_db")]
+    pub floor_width_db: f64,
+    /// κ: standard deviation of the recorded boresights' errors.
+    pub boresight_sigma_deg: f64,
+    /// τ: standard deviation of the antennas' gains.
+    pub gain_sigma_db: f64,
+}
+
+impl StationModelSection {
+    /// The section of a station with antennas of these recorded boresights, in radians.
+    ///
+    /// # Errors
+    ///
+    /// Names the number that is out of its range.
+    pub fn station(&self, recorded: &[f64]) -> Result<StationSection, ParameterError> {
+        self.model().pattern(recorded).map(|pattern| StationSection::from(&pattern))
+    }
+
+    /// The model.
+    #[must_use]
+    pub fn model(&self) -> StationModel {
+        StationModel {
+            beamwidth: self.beamwidth_deg.to_radians(),
+            front_to_back_db: self.front_to_back_db,
+            residual_db: self.residual_db,
+            floor: self.floor_dbm.map(|floor_dbm| [floor_dbm, self.floor_width_db]),
+            boresight_sigma: self.boresight_sigma_deg.to_radians(),
+            gain_sigma_db: self.gain_sigma_db,
+        }
+    }
+}
+
+impl From<&StationModel> for StationModelSection {
+    fn from(model: &StationModel) -> Self {
+        Self {
+            stations: None,
+            beamwidth_deg: model.beamwidth.to_degrees(),
+            front_to_back_db: model.front_to_back_db,
+            residual_db: model.residual_db,
+            floor_dbm: model.floor.map(|[dbm, _]| dbm),
+            floor_width_db: model.floor.map_or(one_db(), |[_, width]| width),
+            boresight_sigma_deg: model.boresight_sigma.to_degrees(),
+            gain_sigma_db: model.gain_sigma_db,
         }
     }
 }

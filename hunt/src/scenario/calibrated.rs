@@ -7,8 +7,8 @@ use crate::{
 };
 
 impl CalibrationFile {
-    /// An extractor with what is known of bearings: that of the station if it is one, else
-    /// `extractor` with its bearings corrected.
+    /// An extractor with what is known of bearings: that of the station if it is one, whose levels
+    /// have the σ of the calibrated path loss, else `extractor` with its bearings corrected.
     ///
     /// # Errors
     ///
@@ -19,7 +19,14 @@ impl CalibrationFile {
         extractor: BoxedExtractor,
     ) -> Result<BoxedExtractor, ParameterError> {
         match (station, &self.bearings) {
-            (Some(station), _) => Ok(Box::new(station.build()?)),
+            (Some(station), _) => {
+                let pattern = station.build()?;
+                let law = self.path_loss.as_ref().and_then(|law| law.sigma_db);
+                Ok(Box::new(match law {
+                    Some(sigma_db) => pattern.with_level_sigma_db(sigma_db)?,
+                    None => pattern,
+                }))
+            }
             (None, Some(bearings)) => Ok(Box::new(bearings.predictive().wrap(extractor)?)),
             (None, None) => Ok(extractor),
         }

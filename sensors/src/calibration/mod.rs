@@ -21,4 +21,6 @@ pub use offset::{BearingOffset, BearingOffsetFit, KnownBearing, OffsetTerms, fit
 pub use sigma::{BearingError, SigmaFit, fit_sigma};
 pub use site::{AtSite, Site};
 #[cfg(feature = "alloc")]
-pub use station::{StationBurst, StationFit, fit_station};
+pub use station::{
+    StationBurst, StationDoubt, StationFit, StationRecord, StationsFit, fit_stations,
+};

@@ -21,7 +21,7 @@ pub use likelihood::{CrossCorrelation, MaximumLikelihood, Residuals};
 pub use pattern::Pattern;
 pub use pritzl2018::Pritzl2018;
 #[cfg(feature = "alloc")]
-pub use station::{StationAntenna, StationPattern};
+pub use station::{StationAntenna, StationModel, StationPattern};
 
 #[cfg(feature = "alloc")]
 pub(crate) use likelihood::normal_cdf;

@@ -437,7 +437,8 @@ fn levels_at_known_distances() {
     assert_eq!(recording.beacons(), [Some("7")]);
     assert!(!recording.is_located());
     let config = CalibrateConfig::default();
-    let fit = calibrate(&[recording], Some("7"), &Pritzl2018::default(), &config);
+    let extractor = Pritzl2018::default();
+    let fit = calibrate(&[(&recording, &extractor)], Some("7"), &config);
     let fit = fit.expect("30 points").fit;
     // σ of the exponent is 0.06, of P₀ 1.1 dB.
     assert!((fit.exponent - 2.5).abs() < 0.25 && (fit.reference_dbm + 40.0).abs() < 4.0, "{fit:?}");

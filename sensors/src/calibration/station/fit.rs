@@ -1,33 +1,36 @@
-use alloc::{vec, vec::Vec};
+use alloc::vec::Vec;
+use core::f64::consts::FRAC_PI_2;
 
-use foxhunt_core::angle::{self, Resultant};
+use foxhunt_core::angle;
 
 use super::{
-    floor::{Chance, Floor},
-    shape::{Shape, Term},
+    burst::{StationBurst, StationRecord},
+    pool::{Pool, likeliest_scale},
 };
-use crate::{CalibrationError, StationPattern, calibration::student, extractor::TAIL};
+use crate::{CalibrationError, StationModel, StationPattern, calibration::student};
 
-/// A burst of the transmitter as a station received it.
+/// Stations of one make, fitted together.
 #[derive(Clone, Debug, PartialEq)]
-pub struct StationBurst {
-    /// The direction from the station to the transmitter, in radians counter-clockwise from East.
-    pub truth: f64,
-    /// The day, or another name for bursts that belong together and go through the same places.
-    pub group: i64,
-    /// The reading of each antenna in dBm; `None` where it received nothing.
-    pub readings_dbm: Vec<Option<f64>>,
+pub struct StationsFit {
+    /// Their common pattern, for stations that were not fitted.
+    pub model: StationModel,
+    /// Each station, in the order of the records.
+    pub stations: Vec<StationFit>,
 }
 
 /// A station's pattern fitted to bursts, and how well it is known.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StationFit {
-    /// The pattern, ready to take bearings with.
+    /// The pattern, ready to take bearings with: the station's own, or that of the common model if
+    /// there are doubts.
     pub pattern: StationPattern,
-    /// Half the 95 % interval of each boresight in radians: a jackknife over the groups, or over
-    /// ten runs of consecutive bursts where there are fewer than three, with Student's t. Bursts of
-    /// one walk share their reflections; to take each for itself would promise too much.
+    /// Half the 95 % interval of each boresight in radians: the larger one of that of the
+    /// posterior, and of a jackknife over the groups, or over ten runs of consecutive bursts where
+    /// there are fewer than three, with Student's t. Bursts of one walk share their reflections; to
+    /// take each for itself would promise too much.
     pub boresight_half_intervals: Vec<f64>,
+    /// Numbers that the bursts did not determine.
+    pub doubts: Vec<StationDoubt>,
     /// The group of each burst, counted from 0.
     pub groups: Vec<usize>,
     /// The pattern fitted without each of the groups: to judge bearings by bursts to which it was
@@ -35,43 +38,156 @@ pub struct StationFit {
     pub without: Vec<StationPattern>,
 }
 
-/// Fits boresights, gains, beamwidth, front-to-back ratio and the site's effect on each antenna to
-/// bursts from known directions; with them the receivers' floor and the scale of the residuals.
+/// Reason why a station is not believed to differ from the common model as it was fitted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum StationDoubt {
+    /// A boresight is not known to within a quarter of a turn.
+    Boresight {
+        /// Index of the antenna.
+        antenna: usize,
+        /// Half the 95 % interval of its boresight, in radians.
+        half_interval: f64,
+    },
+    /// A gain is beyond the spread of all gains.
+    Gain {
+        /// Index of the antenna.
+        antenna: usize,
+        /// The gain in dB.
+        gain_db: f64,
+        /// The largest one that is believed.
+        believed_db: f64,
+    },
+}
+
+/// Largest half interval of a boresight that is known.
+const KNOWN_BORESIGHT: f64 = FRAC_PI_2;
+
+/// Largest gain that is believed, in standard deviations of gains: one in 2000 is beyond.
+const BELIEVED_GAIN: f64 = 3.5;
+
+/// Bursts that are needed of all stations together.
+const NEEDED: usize = 8;
+
+/// Largest number of groups that are left out one after the other; more are joined.
+const MOST_GROUPS: usize = 20;
+
+/// Fits stations of fixed antennas together to bursts from known directions. They share the lobe
+/// (beamwidth, front-to-back ratio), the receivers' floor and the scale of the residuals; each
+/// antenna has its boresight and gain, and the effect of its site.
 ///
-/// The level of each burst is free. Residuals have the tails of a Student's t; antennas that
-/// received nothing take part as powers below the floor, imputed by expectation and maximisation
-/// (Dempster, Laird & Rubin 1977). `recorded` are the antennas' boresights as recordings have them,
-/// in radians; they name the antennas and are not believed: each starts where the bursts come from
-/// that it received best.
+/// Boresights differ from the recorded ones by N(0, κ²), gains by N(0, τ²). Both spreads are
+/// learned from all stations by marginal likelihood: recorded boresights that are no more than
+/// labels make κ large, and a station of few bursts, or of a single antenna, stays near what is
+/// recorded. The level of each burst is free. Residuals have the tails of a Student's t; antennas
+/// that received nothing take part as powers below the floor, imputed by expectation and
+/// maximisation (Dempster, Laird & Rubin 1977). Each boresight starts where the bursts come from
+/// that the antenna received best, and is looked for all over the circle.
 ///
 /// # Errors
 ///
-/// Names the number that is not finite, or states that there are too few bursts.
-pub fn fit_station(
-    recorded: &[f64],
-    bursts: &[StationBurst],
-) -> Result<StationFit, CalibrationError> {
-    check(recorded, bursts)?;
-    let all: Vec<&StationBurst> = bursts.iter().collect();
-    let pattern = fit(recorded, &all)?;
-    let groups = groups(bursts);
-    let count = groups.iter().max().map_or(0, |last| last + 1);
-    let without = (0..count)
+/// Names the number that is not finite, or states that there are too few bursts of stations with
+/// several antennas.
+pub fn fit_stations(records: &[StationRecord]) -> Result<StationsFit, CalibrationError> {
+    check(records)?;
+    let recorded: Vec<&[f64]> = records.iter().map(|record| &record.recorded[..]).collect();
+    let bursts: Vec<Vec<&StationBurst>> =
+        records.iter().map(|record| record.bursts.iter().collect()).collect();
+    let mut pool = Pool::fitted(&recorded, &bursts);
+    let (groups, count) = groups(records);
+    let mut without: Vec<Pool> = (0..count)
         .map(|left_out| {
-            let others = bursts.iter().zip(&groups).filter(|(_, group)| **group != left_out);
-            let rest: Vec<&StationBurst> = others.map(|(burst, _)| burst).collect();
-            fit(recorded, &rest)
+            let each = bursts.iter().zip(&groups);
+            let rest: Vec<_> =
+                each.map(|(own, groups)| chosen(own, groups, |group| group != left_out)).collect();
+            pool.refitted(&rest)
         })
-        .collect::<Result<Vec<_>, _>>()?;
-    let half_interval = |antenna: usize| {
+        .collect();
+    let left_out: Vec<Vec<Vec<&StationBurst>>> = (0..count)
+        .map(|left_out| {
+            let each = bursts.iter().zip(&groups);
+            each.map(|(own, groups)| chosen(own, groups, |group| group == left_out)).collect()
+        })
+        .collect();
+    // Bursts that had no part in a fit show how far it is off.
+    let scale = likeliest_scale(pool.scale(), |scale| {
+        let each = without.iter().zip(&left_out);
+        each.map(|(pool, bursts)| pool.log_likelihood(bursts, scale)).sum()
+    });
+    without.iter_mut().chain([&mut pool]).for_each(|pool| pool.set_scale(scale));
+    let model = pool.model();
+    let models: Vec<StationModel> = without.iter().map(Pool::model).collect();
+    let mut stations = Vec::with_capacity(records.len());
+    for (index, (record, groups)) in records.iter().zip(groups).enumerate() {
+        let own = pool.pattern(index)?;
+        let without: Vec<StationPattern> =
+            without.iter().map(|pool| pool.pattern(index)).collect::<Result<_, _>>()?;
+        let half_intervals = half_intervals(&own, &without, &groups);
+        let doubts = doubts(&own, &half_intervals, model.gain_sigma_db);
+        let (pattern, without) = if doubts.is_empty() {
+            (own, without)
+        } else {
+            let as_model = |model: &StationModel| model.pattern(&record.recorded);
+            let without = models.iter().map(as_model).collect::<Result<_, _>>();
+            (
+                as_model(&model).map_err(CalibrationError::Station)?,
+                without.map_err(CalibrationError::Station)?,
+            )
+        };
+        stations.push(StationFit {
+            pattern,
+            boresight_half_intervals: half_intervals,
+            doubts,
+            groups,
+            without,
+        });
+    }
+    Ok(StationsFit { model, stations })
+}
+
+/// Returns the bursts of some groups.
+fn chosen<'a>(
+    bursts: &[&'a StationBurst],
+    groups: &[usize],
+    wanted: impl Fn(usize) -> bool,
+) -> Vec<&'a StationBurst> {
+    let kept = bursts.iter().zip(groups).filter(|(_, group)| wanted(**group));
+    kept.map(|(burst, _)| *burst).collect()
+}
+
+/// Half the 95 % interval of each boresight.
+fn half_intervals(own: &StationPattern, without: &[StationPattern], groups: &[usize]) -> Vec<f64> {
+    let left_out = |group: &usize| groups.contains(group);
+    let half_interval = |(antenna, fitted): (usize, &crate::StationAntenna)| {
         let boresight = |pattern: &StationPattern| {
             pattern.antennas().get(antenna).map_or(0.0, |own| own.boresight)
         };
-        let moved = without.iter().map(|one| angle::wrap(boresight(one) - boresight(&pattern)));
-        jackknife(&moved.collect::<Vec<_>>())
+        let moved: Vec<f64> = without
+            .iter()
+            .enumerate()
+            .filter(|(group, _)| left_out(group))
+            .map(|(_, one)| angle::wrap(boresight(one) - fitted.boresight))
+            .collect();
+        let of_groups = if moved.len() < 3 { 0.0 } else { jackknife(&moved) };
+        of_groups.max(1.96 * fitted.boresight_sigma)
     };
-    let boresight_half_intervals = (0..recorded.len()).map(half_interval).collect();
-    Ok(StationFit { pattern, boresight_half_intervals, groups, without })
+    own.antennas().iter().enumerate().map(half_interval).collect()
+}
+
+/// Numbers of a station that are not known.
+fn doubts(own: &StationPattern, half_intervals: &[f64], gain_sigma_db: f64) -> Vec<StationDoubt> {
+    let believed_db = BELIEVED_GAIN * gain_sigma_db;
+    let mut doubts = Vec::new();
+    for (antenna, (fitted, &half_interval)) in own.antennas().iter().zip(half_intervals).enumerate()
+    {
+        if half_interval.is_nan() || half_interval > KNOWN_BORESIGHT {
+            doubts.push(StationDoubt::Boresight { antenna, half_interval });
+        }
+        let gain_db = fitted.gain_db;
+        if gain_db.is_nan() || gain_db.abs() > believed_db {
+            doubts.push(StationDoubt::Gain { antenna, gain_db, believed_db });
+        }
+    }
+    doubts
 }
 
 /// Half the 95 % interval from what an estimate moves when one of the groups is left out (Efron &
@@ -84,133 +200,58 @@ fn jackknife(moved: &[f64]) -> f64 {
     student::quantile(n - 1.0, 0.95).map_or(f64::INFINITY, |t| t * error)
 }
 
-/// The group of each burst, counted from 0: its own, or one of ten runs.
-fn groups(bursts: &[StationBurst]) -> Vec<usize> {
+/// The group of each burst of each station, counted from 0, and their number: the burst's own
+/// group, or, where there are fewer than three, one of ten runs of the station's bursts.
+fn groups(records: &[StationRecord]) -> (Vec<Vec<usize>>, usize) {
     let mut names: Vec<i64> = Vec::new();
-    let mut place = |name: i64| {
-        names.iter().position(|known| *known == name).unwrap_or_else(|| {
-            names.push(name);
-            names.len() - 1
-        })
-    };
-    let own: Vec<usize> = bursts.iter().map(|burst| place(burst.group)).collect();
-    if names.len() >= 3 {
-        return own;
+    for burst in records.iter().flat_map(|record| &record.bursts) {
+        if let Err(place) = names.binary_search(&burst.group) {
+            names.insert(place, burst.group);
+        }
     }
-    (0..bursts.len()).map(|index| 10 * index / bursts.len()).collect()
+    if names.len() >= 3 {
+        let count = names.len().min(MOST_GROUPS);
+        let group = |burst: &StationBurst| {
+            let place = names.binary_search(&burst.group).unwrap_or_default();
+            count * place / names.len()
+        };
+        let of = |record: &StationRecord| record.bursts.iter().map(group).collect();
+        return (records.iter().map(of).collect(), count);
+    }
+    let longest = records.iter().map(|record| record.bursts.len()).max().unwrap_or_default();
+    let count = longest.min(10);
+    let runs = |record: &StationRecord| {
+        let own = record.bursts.len();
+        (0..own).map(|index| count * index / own).collect()
+    };
+    (records.iter().map(runs).collect(), count)
 }
 
-fn check(recorded: &[f64], bursts: &[StationBurst]) -> Result<(), CalibrationError> {
+fn check(records: &[StationRecord]) -> Result<(), CalibrationError> {
     let field = |index, field, value| {
         Err(CalibrationError::Field { index, field, value, requirement: "finite" })
     };
-    for (index, boresight) in recorded.iter().enumerate() {
-        if !boresight.is_finite() {
-            return field(index, "recorded boresight", *boresight);
-        }
-    }
-    for (index, burst) in bursts.iter().enumerate() {
-        if !burst.truth.is_finite() {
-            return field(index, "true bearing", burst.truth);
-        }
-        if let Some(bad) = burst.readings_dbm.iter().flatten().find(|value| !value.is_finite()) {
-            return field(index, "reading", *bad);
-        }
-    }
-    // Four for each of an antenna's numbers, boresight and gain, in the antennas' own bursts.
-    let needed = 8 * recorded.len();
-    let useful = bursts.iter().filter(|burst| burst.readings_dbm.iter().any(Option::is_some));
-    let points = useful.count();
-    if points < needed { Err(CalibrationError::TooFew { points, needed }) } else { Ok(()) }
-}
-
-/// Rounds of the fit, of which the last ones learn the site too.
-const ROUNDS: u32 = 80;
-const SITE_FROM: u32 = 55;
-
-fn fit(recorded: &[f64], bursts: &[&StationBurst]) -> Result<StationPattern, CalibrationError> {
-    let mut shape = Shape::new(recorded, start(recorded, bursts));
-    let weakest = bursts.iter().flat_map(|b| b.readings_dbm.iter().flatten());
-    let weakest = weakest.fold(f64::INFINITY, |a, &b| a.min(b));
-    let mut floor = Floor { dbm: weakest + 1.0, width_db: 2.0 };
-    let mut scale = 6.0;
-    let mut levels: Vec<f64> = bursts.iter().map(|burst| first_level(&shape, burst)).collect();
-    for round in 0..ROUNDS {
-        let mut terms: Vec<Vec<Term>> = vec![Vec::with_capacity(bursts.len()); recorded.len()];
-        let mut squares = 0.0;
-        let mut freedom = 0.0;
-        for (burst, level) in bursts.iter().zip(&mut levels) {
-            let mut sum = 0.0;
-            let mut weights = 0.0;
-            let mut measured = 0.0;
-            let mut own = Vec::with_capacity(recorded.len());
-            for (antenna, reading) in burst.readings_dbm.iter().enumerate().take(recorded.len()) {
-                let gain = shape.gain(antenna, burst.truth);
-                let expected = *level + gain;
-                let value = reading.unwrap_or_else(|| floor.imputed(expected, scale));
-                let off = (value - expected) / scale;
-                let weight = (TAIL + 1.0) / (TAIL + off * off);
-                sum += weight * (value - gain);
-                weights += weight;
-                if reading.is_some() {
-                    measured += 1.0;
-                    squares += weight * (value - expected) * (value - expected);
-                }
-                own.push((value, weight));
-            }
-            *level = sum / weights;
-            freedom += (measured - 1.0_f64).max(0.0);
-            for (terms, (value, weight)) in terms.iter_mut().zip(own) {
-                let rest_db = value - *level;
-                terms.push(Term { direction: burst.truth, rest_db, weight });
+    let mut points = 0;
+    for StationRecord { recorded, bursts } in records {
+        for (index, boresight) in recorded.iter().enumerate() {
+            if !boresight.is_finite() {
+                return field(index, "recorded boresight", *boresight);
             }
         }
-        if round > 2 {
-            scale = libm::sqrt(squares / freedom.max(1.0)).clamp(0.1, 30.0);
-        }
-        let variance = scale * scale;
-        if round < SITE_FROM {
-            shape.turn(&terms, variance);
-            shape.stretch(&terms, variance);
-        } else {
-            shape.learn_site(&terms, variance);
-        }
-        if round % 20 == 19 {
-            let chances = bursts.iter().zip(&levels).flat_map(|(burst, level)| {
-                let shape = &shape;
-                burst.readings_dbm.iter().enumerate().map(move |(antenna, reading)| {
-                    let expected = level + shape.gain(antenna, burst.truth);
-                    reading.map_or(Chance::Silent(expected), Chance::Received)
-                })
-            });
-            floor = floor.fitted(chances, scale);
+        for (index, burst) in bursts.iter().enumerate() {
+            if !burst.truth.is_finite() {
+                return field(index, "true bearing", burst.truth);
+            }
+            let mut readings = burst.readings_dbm.iter().flatten();
+            if let Some(bad) = readings.find(|value| !value.is_finite()) {
+                return field(index, "reading", *bad);
+            }
+            let received = burst.readings_dbm.iter().any(Option::is_some);
+            points += usize::from(recorded.len() > 1 && received);
         }
     }
-    StationPattern::new(shape.antennas, shape.beamwidth, shape.front_to_back_db)
-        .and_then(|pattern| pattern.with_residual_db(scale))
-        .and_then(|pattern| pattern.with_floor(floor.dbm, floor.width_db))
-        .map_err(CalibrationError::Station)
-}
-
-/// Mean direction of the bursts that each antenna received stronger than any other did; its
-/// recorded boresight if there is no such burst.
-fn start(recorded: &[f64], bursts: &[&StationBurst]) -> Vec<f64> {
-    let mut best = vec![Resultant::default(); recorded.len()];
-    for burst in bursts {
-        let readings = burst.readings_dbm.iter().enumerate();
-        let strongest = readings
-            .filter_map(|(antenna, reading)| Some((antenna, (*reading)?)))
-            .max_by(|a, b| a.1.total_cmp(&b.1));
-        if let Some(resultant) = strongest.and_then(|(antenna, _)| best.get_mut(antenna)) {
-            resultant.add(burst.truth, 1.0);
-        }
+    if points < NEEDED {
+        return Err(CalibrationError::TooFew { points, needed: NEEDED });
     }
-    recorded.iter().zip(best).map(|(own, best)| best.direction(0.2).unwrap_or(*own)).collect()
-}
-
-/// The level at which the antenna of the largest gain gives the strongest reading.
-fn first_level(shape: &Shape, burst: &StationBurst) -> f64 {
-    let strongest = burst.readings_dbm.iter().flatten().fold(-200.0_f64, |a, &b| a.max(b));
-    let gains = (0..shape.antennas.len()).map(|antenna| shape.gain(antenna, burst.truth));
-    strongest - gains.fold(f64::NEG_INFINITY, f64::max)
+    Ok(())
 }

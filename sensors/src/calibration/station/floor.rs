@@ -1,4 +1,4 @@
-use crate::extractor::{LOST, normal_cdf};
+use crate::extractor::{LOST, TAIL, normal_cdf};
 
 /// The receivers' floor: the power at which half the bursts are received, and its spread in dB.
 #[derive(Clone, Copy, Debug)]
@@ -31,6 +31,24 @@ impl Floor {
         expected - (1.0 - lost) * sigma_db * sigma_db / spread * hazard
     }
 
+    /// Log likelihood of a reading, but for a constant and the logarithm of the scale, or of a
+    /// silence, at an expected power whose residuals have this scale.
+    pub(super) fn log_likelihood(&self, reading: Option<f64>, expected: f64, scale: f64) -> f64 {
+        match reading {
+            Some(reading) => {
+                let off = (reading - expected) / scale;
+                -0.5 * (TAIL + 1.0) * libm::log1p(off * off / TAIL)
+            }
+            None => self.log_silence(expected, scale),
+        }
+    }
+
+    /// Log likelihood of a silence at an expected power whose residuals have this scale.
+    fn log_silence(&self, expected: f64, scale: f64) -> f64 {
+        let x = (self.dbm - expected) / libm::hypot(self.width_db, scale);
+        libm::log(LOST + (1.0 - LOST) * normal_cdf(x))
+    }
+
     /// The floor that makes the receptions and silences most likely (Tobin 1958, with a floor that
     /// is not sharp).
     pub(super) fn fitted(
@@ -43,10 +61,7 @@ impl Floor {
                 Chance::Received(reading) => {
                     libm::log(normal_cdf((reading - floor.dbm) / floor.width_db).max(1e-300))
                 }
-                Chance::Silent(expected) => {
-                    let x = (floor.dbm - expected) / libm::hypot(floor.width_db, sigma_db);
-                    libm::log(LOST + (1.0 - LOST) * normal_cdf(x))
-                }
+                Chance::Silent(expected) => floor.log_silence(expected, sigma_db),
             };
             chances.clone().map(one).sum()
         };

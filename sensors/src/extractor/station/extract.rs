@@ -5,7 +5,10 @@ use foxhunt_core::{
     angle,
 };
 
-use super::{StationPattern, pattern::NODES};
+use super::{
+    StationPattern,
+    pattern::{Gain, NODES},
+};
 use crate::extractor::{
     check,
     likelihood::{Node, Peak, normal_cdf, peaks, summit},
@@ -28,10 +31,6 @@ const STEP: f64 = 0.4;
 /// degree.
 const SAME_ANTENNA: f64 = 0.0175;
 
-/// σ of a level along a path-loss law over a wooded site, in dB, as the reference has it in its
-/// field (Pritzl 2018, §7.5).
-const RSS_SIGMA_DB: f64 = 7.9;
-
 impl StationPattern {
     /// The mean reading of each antenna in dBm, where it received the burst.
     fn measured(&self, sweep: &Sweep<'_>) -> Vec<Option<f64>> {
@@ -49,17 +48,26 @@ impl StationPattern {
     fn nodes(&self, measured: &[Option<f64>]) -> Vec<Node> {
         let strongest = measured.iter().flatten().fold(f64::NEG_INFINITY, |a, &b| a.max(b));
         let step = STEP * self.residual_db;
+        let variance = self.residual_db * self.residual_db;
         #[expect(clippy::cast_possible_truncation, reason = "the scale is bounded from below")]
         #[expect(clippy::cast_sign_loss, reason = "all three are positive")]
         let steps = libm::ceil((BELOW + ABOVE) / step) as u32;
         let node = |node: usize| {
-            let log_likelihood = |off: f64| -> f64 {
-                let one = |(reading, gains): (&Option<f64>, &Vec<f64>)| {
-                    let gain = gains.get(node).copied().unwrap_or_default();
-                    self.log_likelihood(*reading, strongest + off + gain)
-                };
-                measured.iter().zip(&self.gains).map(one).sum()
+            let at_node = |(reading, gains): (&Option<f64>, &Vec<Gain>)| {
+                let Gain { mean_db, variance: own } = gains.get(node).copied().unwrap_or_default();
+                (*reading, mean_db, libm::sqrt(variance + own))
             };
+            let each: Vec<(Option<f64>, f64, f64)> =
+                measured.iter().zip(&self.gains).map(at_node).collect();
+            let log_likelihood = |off: f64| -> f64 {
+                let one = |&(reading, gain, scale): &(Option<f64>, f64, f64)| {
+                    self.log_likelihood(reading, strongest + off + gain, scale)
+                };
+                each.iter().map(one).sum()
+            };
+            // Normalises the readings' densities, whose scales vary over the circle.
+            let scales = each.iter().filter(|(reading, ..)| reading.is_some());
+            let widths: f64 = scales.map(|(.., scale)| libm::log(scale / self.residual_db)).sum();
             let mut best = f64::NEG_INFINITY;
             let mut ones = 0.0;
             let mut sum = 0.0;
@@ -79,7 +87,7 @@ impl StationPattern {
             }
             let mean = sum / ones;
             Node {
-                log_density: best + libm::log(ones),
+                log_density: best + libm::log(ones) - widths,
                 level: strongest + mean,
                 level_variance: (squares / ones - mean * mean).max(0.0),
             }
@@ -87,15 +95,16 @@ impl StationPattern {
         (0..usize::from(NODES)).map(node).collect()
     }
 
-    /// The log likelihood of an antenna's reading, or of its silence, at an expected power.
-    fn log_likelihood(&self, reading: Option<f64>, expected: f64) -> f64 {
+    /// The log likelihood of an antenna's reading, or of its silence, at an expected power whose
+    /// residuals have this scale.
+    fn log_likelihood(&self, reading: Option<f64>, expected: f64, scale: f64) -> f64 {
         match (reading, self.floor) {
             (Some(reading), _) => {
-                let off = (reading - expected) / self.residual_db;
+                let off = (reading - expected) / scale;
                 -0.5 * (TAIL + 1.0) * libm::log1p(off * off / TAIL)
             }
             (None, Some([floor, width])) => {
-                let x = (floor - expected) / libm::hypot(width, self.residual_db);
+                let x = (floor - expected) / libm::hypot(width, scale);
                 libm::log(LOST + (1.0 - LOST) * normal_cdf(x))
             }
             (None, None) => 0.0,
@@ -150,7 +159,7 @@ impl BearingExtractor for StationPattern {
         let covariance = if bearing.is_ok() { found.iter().map(product).sum() } else { 0.0 };
         Ok(Reading {
             rss_dbm: level,
-            rss_sigma_db: libm::hypot(RSS_SIGMA_DB, libm::sqrt(level_variance)),
+            rss_sigma_db: libm::hypot(self.level_sigma_db, libm::sqrt(level_variance)),
             bearing,
             covariance,
             modes: BearingModes::new(directions.get(..found.len()).unwrap_or(&[]))

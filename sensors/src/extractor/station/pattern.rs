@@ -15,8 +15,12 @@ pub struct StationAntenna {
     pub recorded_boresight: f64,
     /// The fitted boresight, in radians in the world frame.
     pub boresight: f64,
+    /// Standard deviation of that, in radians; zero where it is known.
+    pub boresight_sigma: f64,
     /// Its gain over the others, in dB.
     pub gain_db: f64,
+    /// Standard deviation of that, in dB; zero where it is known.
+    pub gain_sigma_db: f64,
     /// The site's effect on it, as a Fourier series over the world direction in dB: the
     /// coefficients of cos θ, sin θ, cos 2θ, sin 2θ, …; empty where unknown.
     pub site_db: Vec<f64>,
@@ -30,7 +34,11 @@ pub struct StationAntenna {
 /// antenna that receives nothing was below the receiver's floor, or lost the burst. The level L is
 /// integrated out under a uniform prior, the posterior of the direction reckoned over the circle.
 /// The residual's scale comes from recordings with truth, so that σ is wide where the site is
-/// treacherous. The reported level is the mean over a turn of one such antenna.
+/// treacherous. Boresights and gains that are not known are integrated out: an antenna's gain has
+/// the mean of its lobe over them, and their variance is added to the residual's. The reported
+/// level is the mean over a turn of one such antenna.
+///
+/// One antenna alone shows no direction; its level then includes all that its lobe may have taken.
 ///
 /// The bearing is the most likely direction, and its σ the root of the mean square about that over
 /// all of the circle, so that it covers the other peaks; [`Reading::modes`] has them all. The mean
@@ -46,17 +54,32 @@ pub struct StationPattern {
     pub(super) residual_db: f64,
     pub(super) floor: Option<[f64; 2]>,
     pub(super) max_sigma: f64,
-    /// The gain of each antenna at each node, in dB.
-    pub(super) gains: Vec<Vec<f64>>,
+    /// σ of levels about the path-loss law, in dB.
+    pub(super) level_sigma_db: f64,
+    /// The gain of each antenna at each node.
+    pub(super) gains: Vec<Vec<Gain>>,
     /// The mean of the lobe over a turn, in dB.
     pub(super) mean_db: f64,
 }
+
+/// Gain of an antenna in a direction, as far as it is known.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Gain {
+    /// Its mean in dB.
+    pub(super) mean_db: f64,
+    /// Its variance in dB².
+    pub(super) variance: f64,
+}
+
+/// σ of a level along a path-loss law over a wooded site, in dB, as the reference has it in its
+/// field (Pritzl 2018, §7.5).
+const RSS_SIGMA_DB: f64 = 7.9;
 
 /// Number of equal steps from East at which directions are reckoned.
 pub(super) const NODES: u16 = 180;
 
 impl StationPattern {
-    /// The station with these antennas, 2 to 16 of them, of one half-power beamwidth in radians and
+    /// The station with these antennas, 1 to 16 of them, of one half-power beamwidth in radians and
     /// one front-to-back ratio in dB; a residual of 6 dB, no floor, and bearings up to a σ of
     /// 1.7 rad unless set otherwise.
     ///
@@ -69,7 +92,7 @@ impl StationPattern {
         front_to_back_db: f64,
     ) -> Result<Self, ParameterError> {
         let count = antennas.len();
-        require((2..=16).contains(&count), "antennas", as_value(count), "2 to 16")?;
+        require((1..=16).contains(&count), "antennas", as_value(count), "1 to 16")?;
         let holds = beamwidth > 0.0 && beamwidth < 0.5 * TAU;
         require(holds, "beamwidth", beamwidth, "between 0 and π rad")?;
         positive("front_to_back_db", front_to_back_db)?;
@@ -77,6 +100,13 @@ impl StationPattern {
             finite("recorded_boresight", antenna.recorded_boresight)?;
             finite("boresight", antenna.boresight)?;
             finite("gain_db", antenna.gain_db)?;
+            let sigmas = [
+                ("boresight_sigma", antenna.boresight_sigma),
+                ("gain_sigma_db", antenna.gain_sigma_db),
+            ];
+            for (name, sigma) in sigmas {
+                require(sigma >= 0.0 && sigma.is_finite(), name, sigma, "finite, zero or more")?;
+            }
             let harmonics = antenna.site_db.len();
             let whole = harmonics.is_multiple_of(2) && harmonics <= 64;
             require(whole, "site_db", as_value(harmonics), "pairs, at most 32")?;
@@ -87,7 +117,12 @@ impl StationPattern {
         let node = |node: u16| TAU * f64::from(node) / f64::from(NODES);
         let lobe = |angle: f64| lobe_db(angle, beamwidth, front_to_back_db);
         let gain = |antenna: &StationAntenna, direction: f64| {
-            antenna.gain_db + lobe(direction - antenna.boresight) + antenna.site(direction)
+            let Gain { mean_db, variance } =
+                blurred(&lobe, direction - antenna.boresight, antenna.boresight_sigma);
+            Gain {
+                mean_db: antenna.gain_db + mean_db + antenna.site(direction),
+                variance: variance + antenna.gain_sigma_db * antenna.gain_sigma_db,
+            }
         };
         let gains = antennas
             .iter()
@@ -101,6 +136,7 @@ impl StationPattern {
             residual_db: 6.0,
             floor: None,
             max_sigma: 1.7,
+            level_sigma_db: RSS_SIGMA_DB,
             gains,
             mean_db,
         })
@@ -135,6 +171,16 @@ impl StationPattern {
     /// If it is not a positive number.
     pub fn with_max_sigma(self, sigma: f64) -> Result<Self, ParameterError> {
         Ok(Self { max_sigma: positive("max_sigma", sigma)?, ..self })
+    }
+
+    /// Sets the σ of levels about the path-loss law in dB, to which the extraction's own is added;
+    /// 7.9 dB unless set.
+    ///
+    /// # Errors
+    ///
+    /// If it is not a positive number.
+    pub fn with_level_sigma_db(self, sigma_db: f64) -> Result<Self, ParameterError> {
+        Ok(Self { level_sigma_db: positive("level_sigma_db", sigma_db)?, ..self })
     }
 
     /// The antennas.
@@ -178,7 +224,44 @@ impl StationPattern {
     }
 }
 
+/// Mean and variance of a lobe at an angle that is uncertain by a Gaussian of `sigma` radians,
+/// which is cut off at half a turn.
+fn blurred(lobe: &impl Fn(f64) -> f64, angle: f64, sigma: f64) -> Gain {
+    /// Angles on either side, over three σ.
+    const SIDE: i16 = 16;
+    if sigma <= 0.0 {
+        return Gain { mean_db: lobe(angle), variance: 0.0 };
+    }
+    let step = (3.0 * sigma).min(0.5 * TAU) / f64::from(SIDE);
+    let mut ones = 0.0;
+    let mut sum = 0.0;
+    let mut squares = 0.0;
+    for k in -SIDE..=SIDE {
+        let off = f64::from(k) * step;
+        let weight = libm::exp(-0.5 * (off / sigma) * (off / sigma));
+        let value = lobe(angle + off);
+        ones += weight;
+        sum += weight * value;
+        squares += weight * value * value;
+    }
+    let mean_db = sum / ones;
+    Gain { mean_db, variance: (squares / ones - mean_db * mean_db).max(0.0) }
+}
+
 impl StationAntenna {
+    /// An antenna that looks where it is recorded to look, and has the gain of the others.
+    #[must_use]
+    pub fn as_recorded(boresight: f64) -> Self {
+        Self {
+            recorded_boresight: boresight,
+            boresight,
+            boresight_sigma: 0.0,
+            gain_db: 0.0,
+            gain_sigma_db: 0.0,
+            site_db: Vec::new(),
+        }
+    }
+
     /// The site's effect in a direction, in dB.
     pub(crate) fn site(&self, direction: f64) -> f64 {
         let mut sum = 0.0;
