@@ -109,6 +109,12 @@ impl Recording {
         &self.format
     }
 
+    /// Returns true if every row has a time.
+    #[must_use]
+    pub fn is_timed(&self) -> bool {
+        self.records.iter().all(|record| record.time.is_some())
+    }
+
     /// The rows that were kept, in the file's order.
     #[must_use]
     pub fn records(&self) -> &[Record] {

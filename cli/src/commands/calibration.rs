@@ -152,6 +152,8 @@ pub(super) fn calibrated(
         if let Some(bearings) = &mut file.to_mut().bearings {
             bearings.correction.sigma_scale = 1.0;
             bearings.correction.sigma_floor_deg = 0.0;
+            // Without the number that was fitted nothing is widened but by the offset's σ.
+            bearings.bearings = None;
         }
     }
     let extractor = file.extractor(station, extractor).map_err(|error| {

@@ -146,6 +146,10 @@ impl Locating {
         // Mistakes of the command line are reported before those of files.
         self.power(&own)?;
         let (recordings, clock_offset_s) = self.reading.read_with_clock(files)?;
+        let is_timed = recordings.iter().all(Recording::is_timed);
+        if clock_offset_s.abs() > 0.0 && !is_timed {
+            return Err(CliError::input("--clock-offset-s needs the time of each row"));
+        }
         let calibration = match recordings.first() {
             Some(first) => self.calibration.or_shipped(&own, first),
             None => Cow::Borrowed(&own),
@@ -197,6 +201,7 @@ impl Locating {
             margin_m: self.margin_m,
             reference_m: self.reference_m.map(Into::into),
             clock_offset_s,
+            is_timed,
             seed: self.seed,
             ..LocateConfig::default()
         };
@@ -402,9 +407,7 @@ impl Prepared {
         tracking: &TrackingConfig,
         watch: &dyn Fn(usize, usize),
     ) -> Result<(Tracked, Vec<Listener>), CliError> {
-        let timeless =
-            |recording: &&Recording| recording.records().iter().any(|r| r.time.is_none());
-        if let Some(recording) = self.recordings.iter().find(timeless) {
+        if let Some(recording) = self.recordings.iter().find(|recording| !recording.is_timed()) {
             let message = format!("{}: --track needs the time of each row", recording.file());
             return Err(CliError::input(message));
         }

@@ -229,7 +229,15 @@ impl Reading {
                 "--date is of use for magnetic North alone (--north magnetic)",
             ));
         }
-        Ok((recordings, if has_path { 0.0 } else { self.clock_offset_s }))
+        let clock_offset_s = if has_path { 0.0 } else { self.clock_offset_s };
+        let span_s = recordings.iter().map(span_s).fold(0.0, f64::max);
+        if clock_offset_s.abs() > span_s {
+            return Err(CliError::input(format!(
+                "--clock-offset-s is {clock_offset_s} s, and the recording with places of its own \
+                 lasts {span_s:.0} s"
+            )));
+        }
+        Ok((recordings, clock_offset_s))
     }
 
     /// The files that are paths of a receiver, at most one, and the recordings.
@@ -300,6 +308,14 @@ pub(super) fn no_degrees(flag: &str) -> CliError {
         "{flag}: the recording has no places in degrees, so the distance to it is not known; \
          give the columns truth_east_m and truth_north_m instead"
     ))
+}
+
+/// Returns the seconds from the first to the last row that has a time.
+fn span_s(recording: &Recording) -> f64 {
+    let times = || recording.records().iter().filter_map(|record| record.time);
+    let first = times().fold(f64::INFINITY, f64::min);
+    let last = times().fold(f64::NEG_INFINITY, f64::max);
+    (last - first).max(0.0)
 }
 
 #[cfg(test)]

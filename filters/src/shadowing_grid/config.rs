@@ -16,7 +16,8 @@ pub enum Intercept {
     /// at zero. Its error is independent of the readings', and of the slope where `regressor` is
     /// the centroid of the calibration.
     Calibrated {
-        /// Slope's regressor of the calibration: −10 log₁₀ of the distance for a received level.
+        /// Slope's regressor of the calibration: −10 log₁₀ of the distance for a received
+        /// level.
         regressor: f64,
         /// Measured value there, in the readings' unit.
         value: f64,
@@ -177,12 +178,12 @@ const FULL_SCALE_M: f64 = 200.0;
 /// For a received level over −10 log₁₀ of the distance and 20 log₁₀ of the elevation's cosine: flat
 /// intercept; slope N(2.3, 0.5²) on 1, 1.25 … 4, between free space's 2 and the 2.7 to 3.5 of towns
 /// (Rappaport 2002, table 4.2); gain N(0.5, 1²) on −1.5, −1 … 2.5, from antennas that look down to
-/// two vertical dipoles; the height 0; the place near the receivers; correlation lengths 15, 30 … 240 m, from
-/// the 10 m of street canyons (3GPP TR 38.901, table 7.5-6) to the hundreds of suburbs (Gudmundson
-/// 1991) and of an antenna's own lobes; nuggets 0.03, 0.1, 0.3 and 1; margin 200 m, cells of 10 m,
-/// at most 2000; segments of 25 m, then of 0.15 of the distance, at most 400; of readings that fade
-/// the 0.9 quantile, as fading takes power away and adds next to none; receivers at known places;
-/// σ of 4 dB for one reading.
+/// two vertical dipoles; the height 0; the place near the receivers; correlation lengths 15, 30 …
+/// 240 m, from the 10 m of street canyons (3GPP TR 38.901, table 7.5-6) to the hundreds of suburbs
+/// (Gudmundson 1991) and of an antenna's own lobes; nuggets 0.03, 0.1, 0.3 and 1; margin 200 m,
+/// cells of 10 m, at most 2000; segments of 25 m, then of 0.15 of the distance, at most 400; of
+/// readings that fade the 0.9 quantile, as fading takes power away and adds next to none; receivers
+/// at known places; σ of 4 dB for one reading.
 impl Default for ShadowingGridConfig {
     fn default() -> Self {
         let proper = "the limits are finite and in order";

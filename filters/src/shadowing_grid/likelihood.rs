@@ -36,7 +36,7 @@ pub(super) struct Likelihood {
     offset: f64,
     /// True if the intercept is estimated, also where a calibration tells of it.
     intercept_is_flat: bool,
-    /// Regressors of the calibration, the last reading behind those of the receivers.
+    /// Regressors of the calibration, which is the last reading.
     calibration: Option<[f64; 2]>,
     /// One per correlation length and nugget, the nuggets of a length side by side.
     regressions: Vec<Regression>,
@@ -154,8 +154,8 @@ impl Likelihood {
         self.receivers.len()
     }
 
-    /// The posterior over a grid, from the target's heights with their log-weights, −∞ for those that
-    /// are ruled out, and the log-density of places before the readings.
+    /// The posterior over a grid, from the target's heights with their log-weights, −∞ for
+    /// those that are ruled out, and the log-density of places before the readings.
     pub(super) fn posterior(
         &self,
         grid: Grid,
@@ -218,7 +218,12 @@ impl Likelihood {
             let weights = self.gains.iter().map(|(_, log_weight)| libm::exp(*log_weight));
             let total: f64 = weights.clone().sum();
             let prior: Vec<f64> = weights.map(|weight| weight / total).collect();
-            cells.iter_mut().for_each(|cell| cell.shares.gains.clone_from(&prior));
+            let first = self.gains.first().map_or(0.0, |(_, log_weight)| *log_weight);
+            for cell in &mut cells {
+                // One gain stood for all: layers of other heights have summed over them.
+                cell.log_mass += libm::log(total) - first;
+                cell.shares.gains.clone_from(&prior);
+            }
         }
         cells
     }
@@ -351,10 +356,12 @@ impl Likelihood {
         conditionals
     }
 
-    /// Takes the first row from all: a constant in a regressor is the intercept's, and taking it
+    /// Takes one row from all: a constant in a regressor is the intercept's, and taking it
     /// out first saves digits.
     fn without_origin(&self, rows: &mut [Row]) -> Row {
-        let origin = rows.first().copied().filter(|_| self.intercept_is_flat);
+        // A calibration's row, which may be known far better than all others, is 0 without it.
+        let origin = if self.calibration.is_some() { rows.last() } else { rows.first() };
+        let origin = origin.copied().filter(|_| self.intercept_is_flat);
         let origin = origin.unwrap_or([0.0; LANES]);
         for row in rows {
             *row = core::array::from_fn(|k| row[k] - origin[k]);

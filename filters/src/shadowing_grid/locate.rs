@@ -15,9 +15,10 @@ use super::{
 /// `value_i = a + b · x(cell, receiver_i) + c · g(cell, receiver_i) + e_i`, e ~ N(0, σ² C),
 /// `C_ij = (1 − nugget) exp(−D_ij/ℓ) + nugget δ_ij` with D the distance of the receivers
 /// (Gudmundson 1991, "Correlation model for shadow fading in mobile radio systems"). a has a flat
-/// prior or is known, b and c are known or have a prior on nodes, σ has the prior 1/σ, ℓ and the
-/// nugget are each one of a few. With a and σ integrated out (Handcock & Stein 1993, "A Bayesian
-/// analysis of kriging") the likelihood of a cell, a slope, a gain and a correlation is
+/// prior, is known, or was calibrated, which is one more reading; b and c are known or have a prior
+/// on nodes, σ has the prior 1/σ, ℓ and the nugget are each one of a few. With a and σ
+/// integrated out (Handcock & Stein 1993, "A Bayesian analysis of kriging") the likelihood of a
+/// cell, a slope, a gain and a correlation is
 /// |C|^−½ (u·u)^−½ SSR^(−(n−1)/2), where C = L Lᵀ, u = L⁻¹ 1 and SSR is the square of
 /// L⁻¹ (values − b x − c g) less its part along u; with a known it is |C|^−½ SSR^(−n/2).
 ///
@@ -79,6 +80,8 @@ impl ShadowingGrid {
     /// segments have them, to the power 1 / Σⱼ Cᵢⱼ over all such segments: those that fade together
     /// count as one (a composite likelihood: Varin, Reid & Firth 2011).
     ///
+    /// The target's height is not looked at: [`locate_with`](Self::locate_with) takes it.
+    ///
     /// `regressors` are x and g for a target at the given East and North and a receiver; a place
     /// for which they are not finite is held impossible. Where the prior of the place reaches
     /// beyond the area and there is mass on its border, up to six wider grids follow; where the
@@ -105,8 +108,8 @@ impl ShadowingGrid {
 
     /// Locates the target with further evidence of its place: `log_likelihood` is the evidence's
     /// logarithm for a target at the given East and North, `others` are where it was received. The
-    /// prior of the place is that of all receivers. `regressors` are given the target's height, too,
-    /// one of the prior's.
+    /// prior of the place is that of all receivers. `regressors` are given the target's height,
+    /// too, one of the prior's.
     ///
     /// # Errors
     ///

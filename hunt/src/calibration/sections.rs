@@ -55,6 +55,7 @@ impl PathLossSection {
             not_negative("sigma_db", sigma_db)?;
         }
         if let Some([[level, shared], [also_shared, slope]]) = self.covariance {
+            require(self.sigma_db.is_some(), "sigma_db", f64::NAN, "given beside a covariance")?;
             not_negative("the variance of P₀", level)?;
             not_negative("the variance of γ", slope)?;
             let most = (level * slope).sqrt();
@@ -115,8 +116,8 @@ const HALF_95: f64 = 1.96;
 const FITTED: f64 = 3.0;
 
 impl BearingSection {
-    /// Returns the correction for new bearings. Their σ is that of the fit, of whose scale n
-    /// bearings tell as Student's t does, with that of the offset.
+    /// Returns the correction with σ widened for a new bearing: scale and floor by √(ν / (ν
+    /// − 2)) with ν = n − 3, the floor also by the σ of the offset.
     #[must_use]
     pub fn predictive(&self) -> BearingCalibration {
         let [offset, sine, cosine] = self.half_intervals_deg.unwrap_or_default();

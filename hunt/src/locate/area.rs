@@ -59,7 +59,6 @@ impl Area {
     }
 
     /// The length of a side in metres.
-    #[cfg(feature = "batch")]
     pub(crate) fn side(&self) -> f64 {
         2.0 * self.half_side
     }
@@ -90,9 +89,10 @@ pub(crate) fn free_power(
     let model = FreePowerRssBearing::new(exponent)?.with_target_up(up)?;
     let place = area.prior();
     let (power, sigma_db) = match power.centroid() {
-        Some(centroid) => {
-            (centroid.reference_dbm(exponent), centroid.sigma_db(area.side()).max(LEAST_SIGMA_DB))
-        }
+        Some(centroid) => (
+            centroid.reference_dbm(exponent),
+            centroid.most_sigma_db(area.side()).max(LEAST_SIGMA_DB),
+        ),
         None => (reference_power(receptions, &place.mean, up, exponent)?, FREE_POWER_SIGMA_DB),
     };
     let mut prior = Estimate::isotropic(place.mean.push(power), sigma_db);

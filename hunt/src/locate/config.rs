@@ -49,6 +49,9 @@ pub struct LocateConfig {
     /// was made where the receiver was that much later.
     #[serde(default)]
     pub clock_offset_s: f64,
+    /// True if the receptions have times in seconds, false if they are only in order.
+    #[serde(default = "yes")]
+    pub is_timed: bool,
     /// Place of the reference receiver of range and level differences: East, North and Up in
     /// metres.
     pub reference_m: Option<Vector3<f64>>,
@@ -56,18 +59,22 @@ pub struct LocateConfig {
     pub seed: u64,
 }
 
+fn yes() -> bool {
+    true
+}
+
 /// Knowledge of a transmitter's height.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Height {
-    /// It is [`LocateConfig::target_up_m`].
+    /// The assumed one, [`LocateConfig::target_up_m`].
     #[default]
     Known,
-    /// It is estimated along with the place, from the ground up to the receivers. Estimators that
-    /// cannot do so refuse.
+    /// Estimated along with the place: 1, 6, 15, 35 or 70 m, none above the highest receiver but
+    /// for the first two. Estimators that cannot do so refuse.
     Free,
-    /// It is estimated where the estimator can do so and a receiver is 10 m up or more: from there
-    /// levels right above the transmitter depend on it. Else it is [`LocateConfig::target_up_m`].
+    /// Estimated where the estimator can do so and a receiver is 10 m up or more: from there
+    /// levels right above the transmitter depend on it. Else [`LocateConfig::target_up_m`].
     FreeInFlight,
 }
 
@@ -122,9 +129,9 @@ pub(crate) struct Centroid {
     pub(crate) level_dbm: f64,
     /// Variance of its error, in dB².
     pub(crate) variance: f64,
-    /// γ with the prior that all estimators have of it, and its σ.
+    /// γ with the prior that all estimators have of it.
     pub(crate) exponent: f64,
-    /// See [`exponent`](Self::exponent).
+    /// σ of that.
     pub(crate) exponent_sigma: f64,
 }
 
@@ -135,7 +142,10 @@ pub(crate) const FREE_EXPONENT: f64 = 2.3;
 /// Prior of γ: mean and σ (Rappaport 2002, table 4.2).
 const EXPONENT_PRIOR: (f64, f64) = (FREE_EXPONENT, 0.5);
 
-/// σ of γ in dB below which γ is known.
+/// Distance near a receiver, in metres.
+const NEAR_M: f64 = 10.0;
+
+/// σ of γ below which γ is known.
 const KNOWN_EXPONENT: f64 = 0.01;
 
 impl CalibratedPower {
@@ -166,6 +176,12 @@ impl Centroid {
     /// Reference power of the law with an exponent, in dBm.
     pub(crate) fn reference_dbm(&self, exponent: f64) -> f64 {
         self.level_dbm - exponent * self.loss
+    }
+
+    /// Largest σ in dB of the levels that the law predicts near a receiver and over a side of the
+    /// area; farther away a transmitter would rarely be heard.
+    pub(crate) fn most_sigma_db(&self, side_m: f64) -> f64 {
+        self.sigma_db(NEAR_M).max(self.sigma_db(side_m))
     }
 
     /// σ in dB of the level that the law predicts at a distance, without the levels' own.
@@ -253,6 +269,7 @@ impl Default for LocateConfig {
             bearing_freedom: 2.0,
             assumed_bearing_sigma: None,
             clock_offset_s: 0.0,
+            is_timed: true,
             reference_m: None,
             seed: 1,
         }

@@ -182,8 +182,9 @@ impl Locator for LeastAbsolute {
         if exponent.is_some() {
             information[(2, 2)] = 1.0;
         }
-        let covariance = information.cholesky().ok_or(BatchError::Flat { rcond: 0.0 })?.inverse();
-        let mut covariance = (covariance * (cost * cost)).fixed_view::<2, 2>(0, 0).into_owned();
+        let inverse = information.cholesky().ok_or(BatchError::Flat { rcond: 0.0 })?.inverse();
+        let inverse = inverse.fixed_view::<2, 2>(0, 0).into_owned();
+        let mut covariance = inverse * (cost * cost);
         if let Some(law) = config.power.centroid() {
             let level: Vec<f64> = vec![1.0; received.len()];
             let slope = fit.attenuations(best.xy()).map(|loss| loss - law.loss).collect();
@@ -192,7 +193,7 @@ impl Locator for LeastAbsolute {
                 let along = |axis: usize| -> f64 {
                     columns[axis].iter().zip(&column).map(|(a, b)| a * b).sum()
                 };
-                covariance * Vector2::new(along(0), along(1)) * (sigma / (cost * cost))
+                inverse * Vector2::new(along(0), along(1)) * sigma
             });
             covariance += moved.map(|step| step * step.transpose()).iter().sum::<Matrix2<f64>>();
         }

@@ -238,8 +238,8 @@ impl Located {
         Some(log_norm + weights.ln() - most - sum.ln())
     }
 
-    /// Returns the height of the transmitter above the ground in metres: the estimated one, or that of
-    /// the settings.
+    /// Returns the height of the transmitter above the ground in metres: the estimated one, or that
+    /// of the settings.
     #[must_use]
     pub fn up_m(&self, config: &LocateConfig) -> f64 {
         let estimated = self.explanation.as_ref().and_then(|explanation| explanation.target_up_m);

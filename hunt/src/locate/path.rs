@@ -1,7 +1,8 @@
 use foxhunt_core::Reception;
 use nalgebra::Vector3;
 
-/// Speed between two receptions above which they are of different paths, in metres per second.
+/// Speed between two receptions above which they are of different paths, in metres per second; less
+/// than a second apart, their distance in metres.
 const MOST_SPEED_MPS: f64 = 300.0;
 
 /// Paths of the receivers through their receptions, each in the order of time.
@@ -33,16 +34,13 @@ impl<'a> Paths<'a> {
         parts.map(|(begin, end)| self.receptions.get(begin..end).unwrap_or_default())
     }
 
-    /// Length and duration of all paths together, in metres and seconds.
-    pub(crate) fn extent(&self) -> (f64, f64) {
-        let of = |path: &[Reception]| {
+    /// Length of all paths together, in metres.
+    pub(crate) fn length_m(&self) -> f64 {
+        let of = |path: &[Reception]| -> f64 {
             let pairs = path.iter().zip(path.iter().skip(1));
-            pairs.fold((0.0, 0.0), |(metres, seconds), (a, b)| {
-                let way = (b.receiver.position - a.receiver.position).norm();
-                (metres + way, seconds + b.time - a.time)
-            })
+            pairs.map(|(a, b)| (b.receiver.position - a.receiver.position).norm()).sum()
         };
-        self.each().map(of).fold((0.0, 0.0), |sum, own| (sum.0 + own.0, sum.1 + own.1))
+        self.each().map(of).sum()
     }
 
     /// Returns one reception in `stride`, with its receiver where it was `offset_s` later; before
@@ -100,8 +98,7 @@ mod tests {
         // A second receiver has a path of its own.
         let both: Vec<_> = walks.iter().chain(&[reception(0.0, 50.0)]).copied().collect();
         assert_eq!(east(&both, 1.0), [2.0, 4.0, 6.0, 8.0, 8.0, 50.0]);
-        let (metres, seconds) = Paths::new(&both).extent();
-        assert!((metres - 8.0).abs() < 1e-12 && (seconds - 4.0).abs() < 1e-12);
+        assert!((Paths::new(&both).length_m() - 8.0).abs() < 1e-12);
         let apart = [reception(0.0, 0.0), reception(1.0, 5000.0)];
         assert_eq!(east(&apart, 0.5), [0.0, 5000.0]);
         assert!(Paths::new(&[]).shifted(1.0, 1).is_empty());

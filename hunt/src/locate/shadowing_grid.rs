@@ -25,9 +25,12 @@ pub(crate) struct CorrelatedShadowing;
 /// reflections: 20 dB below the maximum.
 const NULL: f64 = 0.1;
 
-/// Number of readings that a calibration's σ counts for at most: σ differs from flight to flight by
-/// a third (4.5 to 8.1 dB over one site), as that of a sample of eight does.
+/// Number of readings that a calibration's σ counts for at most: σ differs from flight to flight
+/// by a third (4.5 to 8.1 dB over one site), as that of a sample of eight does.
 const MOST_READINGS_OF_SIGMA: f64 = 8.0;
+
+/// Variance of a calibrated level over that of readings, below which digits are lost.
+const LEAST_VARIANCE: f64 = 1e-9;
 
 /// σ in dB below which a calibration's levels are rounding.
 const LEAST_SIGMA_DB: f64 = 0.1;
@@ -35,9 +38,10 @@ const LEAST_SIGMA_DB: f64 = 0.1;
 /// Nodes of γ on one side of its mean, and σ from one to the next.
 const NODES: (f64, f64) = (4.0, 0.6);
 
-/// Heights that a transmitter may have in metres, each with its weight: on the ground, an animal or a
-/// person; on a car or a mast; on a house or in a tree; on a tower.
-const HEIGHTS: [(f64, f64); 4] = [(1.0, 0.45), (6.0, 0.25), (15.0, 0.18), (35.0, 0.12)];
+/// Heights that a transmitter may have in metres, each with its weight: on the ground, an animal or
+/// a person; on a car or a mast; on a house or in a tree; on a tower.
+const HEIGHTS: [(f64, f64); 5] =
+    [(1.0, 0.45), (6.0, 0.25), (15.0, 0.15), (35.0, 0.1), (70.0, 0.05)];
 
 /// Height in metres that a transmitter may have wherever the receivers are.
 const LEAST_MOST_M: f64 = 6.0;
@@ -54,7 +58,7 @@ fn heights(receptions: &[Reception]) -> Slope {
 fn prior_of(calibrated: &CalibratedPower) -> Result<(Intercept, Slope), LocateError> {
     let Centroid { loss, level_dbm, variance, exponent, exponent_sigma } = calibrated.centroid();
     let sigma_db = calibrated.sigma_db.max(LEAST_SIGMA_DB);
-    let variance = (variance / (sigma_db * sigma_db)).max(f64::EPSILON);
+    let variance = (variance / (sigma_db * sigma_db)).max(LEAST_VARIANCE);
     let intercept = Intercept::Calibrated { regressor: loss, value: level_dbm, variance };
     if exponent_sigma <= 0.0 {
         return Ok((intercept, Slope::Known(exponent)));

@@ -282,7 +282,9 @@ impl EstimatorEntry {
         change(&mut settings);
         let name = self.name.clone();
         let about = self.about.clone();
-        Ok(Self::of_settings(name, about, self.source.clone(), settings))
+        let changed = Self::of_settings(name, about, self.source.clone(), settings);
+        let (when, leaves_out_outliers) = (self.when.clone(), self.leaves_out_outliers);
+        Ok(Self { when, leaves_out_outliers, ..changed })
     }
 
     /// Returns its locator, if it takes all receptions at once.

@@ -63,13 +63,7 @@ impl EstimatorEntry {
         if config.height == Height::Free && !can_estimate {
             return Err(LocateError::NoFreeHeight { estimator: self.name.clone().into_owned() });
         }
-        let moved: Vec<Reception>;
-        let receptions = if config.clock_offset_s.abs() > 0.0 {
-            moved = Paths::new(receptions).shifted(config.clock_offset_s, 1);
-            &moved
-        } else {
-            receptions
-        };
+        let receptions = &*on_clock(receptions, config);
         let mut located = self.unexamined(receptions, config)?;
         let config = &LocateConfig { target_up_m: located.up_m(config), ..config.clone() };
         let uses = self.uses();
@@ -87,6 +81,8 @@ impl EstimatorEntry {
         match without {
             Ok(mut without) if self.leaves_out_outliers() => {
                 without.rejected += outliers.len();
+                let up_m = without.up_m(config);
+                let config = &LocateConfig { target_up_m: up_m, ..config.clone() };
                 let _ = examine(&mut without, &kept, config, uses, name);
                 // What the outliers themselves cast doubt on is settled without them.
                 let told = located.remarks.into_iter().filter(|remark| remark.code == "outlier");
@@ -154,7 +150,7 @@ impl EstimatorEntry {
         config: &LocateConfig,
     ) -> Vec<Residual> {
         let config = LocateConfig { target_up_m: located.up_m(config), ..config.clone() };
-        residuals(located, receptions, &config, self.uses())
+        residuals(located, &on_clock(receptions, &config), &config, self.uses())
     }
 
     /// Locates a transmitter without a look at how well the receptions fit.
@@ -232,7 +228,16 @@ impl Registry {
     }
 }
 
-/// Returns the receptions with levels as uncertain as those of the calibration.
+/// Returns the receptions with the receivers where they were by the measurements' clock.
+fn on_clock<'a>(receptions: &'a [Reception], config: &LocateConfig) -> Cow<'a, [Reception]> {
+    if config.clock_offset_s.abs() > 0.0 {
+        Cow::Owned(Paths::new(receptions).shifted(config.clock_offset_s, 1))
+    } else {
+        Cow::Borrowed(receptions)
+    }
+}
+
+/// Returns the receptions with at least the calibration's σ of levels.
 fn about_law(receptions: &[Reception], power: Power) -> Cow<'_, [Reception]> {
     let Power::Calibrated(CalibratedPower { sigma_db, .. }) = power else {
         return Cow::Borrowed(receptions);
@@ -284,9 +289,7 @@ fn in_time(
     let prior = area.prior();
     let (law, power_sigma_db) = match config.power.law() {
         Some((reference_dbm, exponent)) => {
-            // Beyond the area a transmitter would rarely be heard.
-            let (_, half_side) = area.square();
-            let sigma_db = config.power.centroid().map(|law| law.sigma_db(2.0 * half_side));
+            let sigma_db = config.power.centroid().map(|law| law.most_sigma_db(area.side()));
             (LogDistance::new(reference_dbm, exponent)?, sigma_db.filter(|sigma| *sigma > 0.0))
         }
         None => {

@@ -24,8 +24,8 @@ pub type SharedAntenna = Arc<dyn Antenna + Send + Sync>;
 #[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
 #[non_exhaustive]
 pub enum AntennaConfig {
-    /// [`PatternTable::reference_patch`]: 70.1° half-power beamwidth, 17.0 dB front-to-back, figures
-    /// of ours; gain over its maximum.
+    /// [`PatternTable::reference_patch`]: 70.1° half-power beamwidth, 17.0 dB front-to-back,
+    /// figures of ours; gain over its maximum.
     #[default]
     ReferencePatch,
     /// [`Isotropic`].

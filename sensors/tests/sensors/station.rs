@@ -230,7 +230,8 @@ fn bearing_of(pattern: &StationPattern, recorded: &[f64], burst: &StationBurst) 
 
 /// One burst at each of 800 stations that nobody fitted, κ = 20°, τ = 4 dB, seed 33. The errors
 /// of the bearings lie within 1.96 σ for 95 % ± 4·√(0.95·0.05/800) = 3.1 %, and 2 % for
-/// posteriors that are not Gaussian; with boresights and gains taken for known, for fewer than 91 %.
+/// posteriors that are not Gaussian; with boresights and gains taken for known, for fewer than 91
+/// %.
 #[test]
 fn unknown_boresights_and_gains_are_part_of_sigma() {
     let (kappa, tau_db) = (20.0_f64.to_radians(), 4.0);

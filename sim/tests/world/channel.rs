@@ -245,8 +245,8 @@ fn a_reflection_beats_with_the_direct_wave_and_comes_from_its_own_direction() {
     }
 }
 
-/// Every pattern draws its own waves, which bend it; a pattern's turn meets the same ones all along,
-/// from their own directions in the world, whether the antenna turns or the body with it.
+/// Every pattern draws its own waves, which bend it; a pattern's turn meets the same ones all
+/// along, from their own directions in the world, whether the antenna turns or the body with it.
 #[test]
 fn scattered_waves_bend_a_pattern_and_stay_where_they_are() {
     let channel = ChannelConfig { scattering: Some(scattering()), ..quiet() };

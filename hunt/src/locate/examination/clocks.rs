@@ -3,7 +3,7 @@ use foxhunt_core::Remark;
 use super::{
     super::Located,
     law::gain,
-    paths::{Fit, Hypotheses, LIKELY, MOST_OF_BEST, MOST_TO_COMPARE, least},
+    paths::{Fit, Hypotheses, LIKELY_1D, MOST_OF_BEST, MOST_PER_HYPOTHESIS, least},
 };
 
 /// Largest offset that is looked for, in seconds, and its share of all that was recorded.
@@ -16,9 +16,9 @@ const OFFSETS: i32 = 12;
 /// Rounds about the best offset, each twice as fine.
 const FINER: u32 = 5;
 
-/// Twice the logarithm of the likelihood ratio from which on the clocks differ. χ² with one degree
-/// of freedom exceeds it once in 100,000; some twenty offsets are tried, and shadowing makes more
-/// levels alike than neighbours show.
+/// Twice the logarithm of the likelihood ratio from which on the clocks differ. χ² with one
+/// degree of freedom exceeds it once in 100,000; some twenty offsets are tried, and shadowing makes
+/// more levels alike than neighbours show.
 const DIFFER: f64 = 20.0;
 
 /// Returns a remark if the levels fit the path of the receiver far better where it was some time
@@ -29,7 +29,7 @@ pub(super) fn differ(located: &Located, hypotheses: &Hypotheses<'_>) -> Option<R
     let step_s = (MOST_SHARE * duration_s).min(MOST_S) / f64::from(OFFSETS);
     let offsets = (-OFFSETS..=OFFSETS).map(|number| f64::from(number) * step_s);
     let coarse: Vec<Fit<f64>> =
-        offsets.filter_map(|offset_s| at(offset_s, MOST_TO_COMPARE)).collect();
+        offsets.filter_map(|offset_s| at(offset_s, MOST_PER_HYPOTHESIS)).collect();
     let now = coarse.iter().find(|own| own.hypothesis.abs() <= 0.0)?;
     let best = least(&coarse)?;
     if gain(&best.residuals, &now.residuals, best.sigma_db).1 < DIFFER {
@@ -47,8 +47,9 @@ pub(super) fn differ(located: &Located, hypotheses: &Hypotheses<'_>) -> Option<R
     }
     let best = least(&tried)?;
     let best_s = best.hypothesis;
-    let likely =
-        tried.iter().filter(|own| gain(&best.residuals, &own.residuals, best.sigma_db).1 < LIKELY);
+    let likely = tried
+        .iter()
+        .filter(|own| gain(&best.residuals, &own.residuals, best.sigma_db).1 < LIKELY_1D);
     let [from_s, to_s] = likely.fold([best_s, best_s], |[from, to], own| {
         [from.min(own.hypothesis), to.max(own.hypothesis)]
     });

@@ -60,7 +60,7 @@ pub(super) fn residuals(rows: &[Row], config: &LocateConfig) -> Option<Vec<f64>>
     Some(rows.iter().map(|row| law.residual(row)).collect())
 }
 
-/// Returns the mean square of residuals elsewhere over that of those here, of which σ is the
+/// Returns the ratio of the mean squares of residuals, elsewhere over here, where σ is their
 /// spread, and twice the logarithm of the likelihood ratio. Residuals beyond 4 σ count as that
 /// much, so that fading and outliers decide nothing; neighbours that shadowing makes alike count
 /// for fewer.

@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::{
-    super::{Area, LocateConfig, Located, Power},
+    super::{Area, LocateConfig, Located, Power, config::Centroid},
     clocks,
     law::{LEAST_TO_COMPARE, Law, MOST_TO_COMPARE, Row, best_place, gain, residuals, rows},
     motion,
@@ -159,7 +159,9 @@ fn range_open(
     count: usize,
 ) -> Option<Remark> {
     // A known power makes a distance of every level.
-    if has_law(config) {
+    let (_, half_m) = Area::about(receptions, 0.0).square();
+    let is_known = |law: Centroid| law.sigma_db(FAR * half_m) < KNOWN_LAW_DB;
+    if has_law(config) && config.power.centroid().is_none_or(is_known) {
         return None;
     }
     let stride = count.div_ceil(MOST_TO_COMPARE);
@@ -193,6 +195,9 @@ fn range_open(
         )
     })
 }
+
+/// σ in dB of a calibrated law far away below which it makes a distance of every level.
+const KNOWN_LAW_DB: f64 = 3.0;
 
 /// Distance of a transmitter far away, in half sides of the receivers' square.
 const FAR: f64 = 6.0;

@@ -4,7 +4,7 @@ use nalgebra::Vector2;
 
 use super::{
     law::gain,
-    paths::{Fit, Hypotheses, MOST_OF_BEST, MOST_TO_COMPARE, least},
+    paths::{Fit, Hypotheses, MOST_OF_BEST, MOST_PER_HYPOTHESIS, least},
 };
 
 /// Twice the logarithm of the likelihood ratio from which on a transmitter moves. χ² with two
@@ -27,7 +27,7 @@ pub(super) fn moves(hypotheses: &Hypotheses<'_>) -> Option<Remark> {
         .iter()
         .flat_map(|east| SHARES.iter().map(move |north| Vector2::new(*east, *north) * most_mps));
     let coarse: Vec<Fit<Vector2<f64>>> =
-        velocities.filter_map(|velocity| at(velocity, MOST_TO_COMPARE)).collect();
+        velocities.filter_map(|velocity| at(velocity, MOST_PER_HYPOTHESIS)).collect();
     let still = coarse.iter().find(|own| own.hypothesis.norm() <= 0.0)?;
     let best = least(&coarse)?;
     if gain(&best.residuals, &still.residuals, best.sigma_db).1 < MOVES {

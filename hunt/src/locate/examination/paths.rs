@@ -7,13 +7,13 @@ use super::{
 };
 
 /// Largest number of levels at which hypotheses are compared.
-pub(super) const MOST_TO_COMPARE: usize = 120;
+pub(super) const MOST_PER_HYPOTHESIS: usize = 120;
 
 /// Largest number of levels by which the best hypothesis is refined.
 pub(super) const MOST_OF_BEST: usize = 1000;
 
 /// χ² with one degree of freedom that a true value exceeds with 5 %.
-pub(super) const LIKELY: f64 = 3.84;
+pub(super) const LIKELY_1D: f64 = 3.84;
 
 /// Cells of the coarse search for a place, on either side of its middle.
 const REACH: i32 = 5;
@@ -50,11 +50,13 @@ impl<'a> Hypotheses<'a> {
         levels: &'a [Reception],
         config: &'a LocateConfig,
     ) -> Option<Self> {
-        let is_timed = levels.iter().all(|reception| reception.time.is_finite());
-        if levels.len() < LEAST_TO_COMPARE || !is_timed {
+        if levels.len() < LEAST_TO_COMPARE || !config.is_timed {
             return None;
         }
-        let (length_m, duration_s) = Paths::new(levels).extent();
+        let length_m = Paths::new(levels).length_m();
+        let times = levels.iter().map(|reception| reception.time);
+        let first = times.clone().fold(f64::INFINITY, f64::min);
+        let duration_s = times.fold(f64::NEG_INFINITY, f64::max) - first;
         (length_m > 0.0 && duration_s > 0.0).then(|| Self {
             levels,
             config,
@@ -71,8 +73,8 @@ impl<'a> Hypotheses<'a> {
         self.fit(offset_s, &Paths::new(self.levels).shifted(offset_s, stride))
     }
 
-    /// Returns the fit of a transmitter with a velocity in m/s: in its frame the receivers drift the
-    /// other way.
+    /// Returns the fit of a transmitter with a velocity in m/s: in its frame the receivers drift
+    /// the other way.
     pub(super) fn drifting(
         &self,
         velocity: Vector2<f64>,
