@@ -138,9 +138,8 @@ fn tags_at_known_distances_calibrate_the_path_loss() {
     let recording =
         Recording::read(folder.join("vhf_tags.csv"), &ReadOptions::default()).expect("it is read");
     let extractor = ExtractorConfig::default().build().expect("the default");
-    let fit = calibrate(&[recording], Some("0"), extractor.as_ref(), &CalibrateConfig::default())
-        .expect("847 points")
-        .fit;
+    let sources = [(&recording, extractor.as_ref() as &dyn foxhunt::core::BearingExtractor)];
+    let fit = calibrate(&sources, Some("0"), &CalibrateConfig::default()).expect("847 points").fit;
     assert_eq!(fit.points, 847);
     assert!((fit.exponent - 2.29).abs() < 0.005, "the exponent is {}", fit.exponent);
     assert!((fit.sigma_db - 4.1).abs() < 0.05, "σ is {} dB", fit.sigma_db);

@@ -936,5 +936,13 @@ fn an_autopilots_log_is_the_path_of_the_levels() {
     foxhunt(["locate", &path]).failed(2, &["an ArduPilot log", "LEVELS.csv"]);
     let other = file("flight.ulg");
     foxhunt(["locate", &path, &other, &levels]).failed(2, &["flight.ulg", "both paths"]);
-    foxhunt(["locate", &levels, "--clock-offset-s", "3"]).failed(2, &["--clock-offset-s"]);
+    foxhunt(["locate", &levels, "--clock-offset-s", "3"]).failed(2, &["levels.csv", "no places"]);
+    let walk = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/walk.csv");
+    let moved = foxhunt(["locate", "--json", walk, "--clock-offset-s", "-20"]).json();
+    let stated = foxhunt(["locate", "--json", walk]).json();
+    let east =
+        |report: &serde_json::Value| report["estimate"]["east_m"].as_f64().expect("a number");
+    assert!((east(&moved) - east(&stated)).abs() > 0.1, "{moved}");
+    foxhunt(["locate", walk].iter().chain(&began)).failed(2, &["--clock-offset-s", "lasts"]);
+    foxhunt(["bearing", walk, "--clock-offset-s", "3"]).failed(2, &["--clock-offset-s"]);
 }

@@ -39,7 +39,7 @@ pub fn scenario_keys() -> &'static [KeyTable] {
     &TABLES
 }
 
-const TABLES: [KeyTable; 25] = [
+const TABLES: [KeyTable; 26] = [
     KeyTable {
         table: "world.beacons",
         about: "a beacon of the simulated world",
@@ -129,6 +129,7 @@ const TABLES: [KeyTable; 25] = [
             ),
             key("shadowing", "", "none", "fading that belongs to places"),
             key("reflectors", "", "none", "places that reflect"),
+            key("scattering", "", "none", "waves that the surroundings scatter"),
             key("dead_zones", "", "none", "circles without reception"),
             key(
                 "pattern_sigma_db",
@@ -153,6 +154,16 @@ const TABLES: [KeyTable; 25] = [
             key("whole_db", "", "`false`", "`true`: readings are rounded to whole dB"),
             key("floor_dbm", "dBm", "none", "the level below which an answer is not received"),
             key("loss_probability", "", "0", "the share of answers that are lost at any power"),
+        ],
+    },
+    KeyTable {
+        table: "world.channel.scattering",
+        about: "waves that the surroundings scatter, drawn for each pattern",
+        keys: &[
+            key("k_db", "dB", "needed", "power of the direct wave over all scattered ones, median"),
+            key("k_sigma_db", "dB", "0", "σ of that over patterns"),
+            key("waves", "", "6", "the number of scattered waves"),
+            key("elevation_sigma_deg", "degrees", "0", "σ of the waves' elevations"),
         ],
     },
     KeyTable {
@@ -540,7 +551,8 @@ mod tests {
     use foxhunt_sensors::{BodyConfig, OmnidirectionalConfig, StepperConfig, TurnGoalConfig};
     use foxhunt_sim::{
         BeaconConfig, ChannelConfig, DipoleConfig, DroneConfig, PulseTrain, RangeDifferenceConfig,
-        ReliefConfig, SimStepperConfig, ThreeAxisConfig, VehicleConfig, WindConfig,
+        ReliefConfig, ScatteringConfig, SimStepperConfig, ThreeAxisConfig, VehicleConfig,
+        WindConfig,
     };
     use serde::{Serialize, de::DeserializeOwned};
     use toml::{Table, Value};
@@ -636,6 +648,8 @@ mod tests {
         }
         let differences = RangeDifferenceConfig { reference_m: [0.0; 3], sigma_m: 3.0 };
         let train = PulseTrain { pulse_s: 0.02, interval_s: 1.3, jitter_s: 0.0, phase_s: 0.0 };
+        let scattering =
+            ScatteringConfig { k_db: 5.0, k_sigma_db: 0.0, waves: 6, elevation_sigma_deg: 0.0 };
         let dipole =
             DipoleConfig { moment_ma_m2: 6.3, azimuth_deg_ccw_from_east: 0.0, elevation_deg: 0.0 };
         let model = ModelConfig {
@@ -669,6 +683,7 @@ mod tests {
             "world.beacons.dipole": dipole;
             "world.drones": DroneConfig::default();
             "world.channel": ChannelConfig::default();
+            "world.channel.scattering": scattering;
             "world.terrain": ReliefConfig::default();
             "world.vehicle": VehicleConfig::default(), but quadrotors;
             "world.vehicle quadrotor": quadrotor, but kinds;
