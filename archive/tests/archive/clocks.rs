@@ -69,7 +69,7 @@ fn an_offset_is_found_and_taken_off() {
     }
 }
 
-/// Of 30 clean flights none has the remark; neither has a straight one, along which another clock
+/// No remark on 30 clean flights, nor on a straight one, along which another clock
 /// is another place.
 #[test]
 fn clocks_that_agree_and_paths_that_do_not_show_it_have_no_remark() {

@@ -30,7 +30,7 @@ fn locate(receptions: &[Reception], config: &LocateConfig) -> Located {
     entry.locate(receptions, config).expect("it is located")
 }
 
-/// Of 40 regions with 95 % at least 35 hold with a probability of 95 %. The estimated height is
+/// At least 35 of 40 regions of 95 % hold, with a probability of 95 %. The estimated height is
 /// within its σ as often as it should be, and an assumed one that is 18 m off is not.
 #[test]
 fn a_height_that_is_not_known_is_estimated() {

@@ -523,10 +523,9 @@ fn kind(measurand: Measurand) -> &'static str {
 
 /// Returns the best explanation of the levels, in a sentence.
 fn explained(explanation: &Explanation, whose: &str) -> String {
-    let Explanation { exponent, dipoles, target_up_m, sigma_db, correlation_lengths_m, own_shares } =
-        explanation;
-    let (length_m, of_length) = likeliest(correlation_lengths_m);
-    let (share, of_share) = likeliest(own_shares);
+    let Explanation { exponent, dipoles, target_up_m, sigma_db, .. } = explanation;
+    let (length_m, of_length) = likeliest(&explanation.correlation_lengths_m);
+    let (share, of_share) = likeliest(&explanation.own_shares);
     let antennas = match dipoles {
         Some(dipoles) => {
             format!("{:.1} ± {:.1} vertical dipoles on the way", dipoles.mean, dipoles.sd)
@@ -537,8 +536,8 @@ fn explained(explanation: &Explanation, whose: &str) -> String {
         format!(", a transmitter {:.0} ± {:.0} m above the ground", height.mean, height.sd)
     });
     format!(
-        "\nThe levels{whose} are best explained by an exponent of {:.1} ± {:.1}, {antennas}{height}, \
-         and shadowing of {:.0} ± {:.0} dB over {length_m:.0} m \
+        "\nThe levels{whose} are best explained by an exponent of {:.1} ± {:.1}, \
+         {antennas}{height}, and shadowing of {:.0} ± {:.0} dB over {length_m:.0} m \
          ({:.0} %), {:.0} % of its variance each reading's own ({:.0} %).",
         exponent.mean,
         exponent.sd,

@@ -658,8 +658,8 @@ pub(super) fn shared_truth(given: Option<LatLon>, beacons: usize) -> Option<Rema
     let remark = is_shared.then(|| {
         let text = format!(
             "--truth is taken for all {beacons} beacons alike: errors, NEES and coverage are of \
-             use only if they were at one place; choose one with --beacon, or give each its own with \
-             the columns truth_lat_deg and truth_lon_deg"
+             use only if they were at one place; choose one with --beacon, or give each its own \
+             with the columns truth_lat_deg and truth_lon_deg"
         );
         Remark::new("one-truth-for-all", text)
     });

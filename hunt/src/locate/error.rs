@@ -84,8 +84,8 @@ pub enum LocateError {
     },
     /// The estimator takes the transmitter's height for known.
     #[error(
-        "the estimator {estimator} does not estimate the transmitter's height (--target-up-m free); \
-         shadowing-grid does"
+        "the estimator {estimator} does not estimate the transmitter's height \
+         (--target-up-m free); shadowing-grid does"
     )]
     NoFreeHeight {
         /// Name of the estimator.

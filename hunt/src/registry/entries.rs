@@ -283,8 +283,8 @@ impl EstimatorEntry {
         let name = self.name.clone();
         let about = self.about.clone();
         let changed = Self::of_settings(name, about, self.source.clone(), settings);
-        let (when, leaves_out_outliers) = (self.when.clone(), self.leaves_out_outliers);
-        Ok(Self { when, leaves_out_outliers, ..changed })
+        let leaves_out_outliers = self.leaves_out_outliers;
+        Ok(Self { when: self.when.clone(), leaves_out_outliers, ..changed })
     }
 
     /// Returns its locator, if it takes all receptions at once.

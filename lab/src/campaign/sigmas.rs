@@ -25,7 +25,7 @@ pub enum SigmaSetup {
     Own,
     /// The extractor's σ, scaled and with a floor so that it is as large as the errors are.
     Fitted,
-    /// The same σ for every bearing: the root mean square of the errors.
+    /// One σ for every bearing: the root mean square of the errors.
     Constant,
 }
 

@@ -99,7 +99,8 @@ fn what_is_not_received_informs_too() {
 fn bursts(turned: [f64; 4], count: u32, rng: &mut Xoshiro256PlusPlus) -> Vec<StationBurst> {
     let tails = StudentT::new(4.0).expect("degrees of freedom");
     let burst = |index: u32| {
-        let (truth, level) = (rng.random_range(-PI..PI), rng.random_range(-100.0..-70.0));
+        let truth = rng.random_range(-PI..PI);
+        let level = rng.random_range(-100.0..-70.0);
         let reading = |(recorded, turned): (&f64, f64)| {
             let off = truth - recorded - turned;
             let dbm: f64 = level + gain(off) + 3.0 * tails.sample(rng);
@@ -206,7 +207,8 @@ impl Built {
     /// −105 dBm.
     fn burst(&self, group: i64, rng: &mut Xoshiro256PlusPlus) -> StationBurst {
         let tails = StudentT::new(4.0).expect("degrees of freedom");
-        let (truth, level) = (rng.random_range(-PI..PI), rng.random_range(-100.0..-70.0));
+        let truth = rng.random_range(-PI..PI);
+        let level = rng.random_range(-100.0..-70.0);
         let reading = |(boresight, gain_db): (&f64, &f64)| {
             let dbm: f64 = level + gain(truth - boresight) + gain_db + 3.0 * tails.sample(rng);
             (dbm > -105.0).then(|| dbm.round())
@@ -234,7 +236,8 @@ fn bearing_of(pattern: &StationPattern, recorded: &[f64], burst: &StationBurst) 
 /// %.
 #[test]
 fn unknown_boresights_and_gains_are_part_of_sigma() {
-    let (kappa, tau_db) = (20.0_f64.to_radians(), 4.0);
+    let kappa = 20.0_f64.to_radians();
+    let tau_db = 4.0;
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(33);
     let model = StationModel {
         beamwidth: 1.0,
