@@ -1,12 +1,10 @@
 use foxhunt::{
     Spread,
     campaign::{AntennaSetup, AntennasReport, BeaconCampaign, antennas_campaign},
-    registry::EstimatorEntry,
-    scenario::DEFAULT_SCENARIO,
 };
 
+use super::flown::Flown;
 use crate::{
-    commands::{choice, planning::Planning, repetition::Runs, settings::Settings},
     context::Context,
     error::CliError,
     table::{number, table, text},
@@ -19,33 +17,16 @@ use crate::{
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  foxhunt compare antennas --runs 200 --estimator grid")]
 pub(super) struct Args {
-    /// A built-in scenario (`foxhunt list scenarios`) or a TOML file
-    #[arg(default_value = DEFAULT_SCENARIO)]
-    scenario: String,
     #[command(flatten)]
-    runs: Runs,
-    /// An estimator; may be repeated [default: the scenario's own]
-    #[arg(long, value_name = "NAME")]
-    estimator: Vec<String>,
-    #[command(flatten)]
-    planning: Planning,
-    #[command(flatten)]
-    settings: Settings,
+    flown: Flown,
 }
 
 pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
-    let mut scenario = choice::scenario(&args.scenario)?;
-    args.settings.apply_to(&mut scenario, registry)?;
-    args.planning.apply_to(&mut scenario, registry)?;
-    let chosen = choice::estimators_of(registry, &args.estimator, &scenario, &args.scenario)?;
-    let estimators: Vec<EstimatorEntry> =
-        chosen.into_iter().map(|entry| args.settings.estimator(entry)).collect::<Result<_, _>>()?;
-    let contenders = estimators.len() * AntennaSetup::ALL.len();
-    let report = args.runs.with_progress(output, "hunts", contenders, |repetition| {
-        antennas_campaign(registry, &scenario, &estimators, repetition)
-    });
-    let report = report.map_err(|error| choice::campaign_error(error, &args.scenario))?;
+    let setups = AntennaSetup::ALL.len();
+    let report = args.flown.campaign(context, setups, |scenario, estimators, repetition| {
+        antennas_campaign(registry, scenario, estimators, repetition)
+    })?;
     output.result(&report, tables)
 }
 

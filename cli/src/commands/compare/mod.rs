@@ -3,6 +3,7 @@
 mod antennas;
 mod estimators;
 mod extractors;
+mod flown;
 mod planners;
 mod sigmas;
 

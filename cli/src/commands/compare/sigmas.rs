@@ -1,12 +1,10 @@
 use foxhunt::{
     Spread,
     campaign::{SigmaSetup, SigmasReport, sigmas_campaign},
-    registry::EstimatorEntry,
-    scenario::DEFAULT_SCENARIO,
 };
 
+use super::flown::Flown;
 use crate::{
-    commands::{choice, planning::Planning, repetition::Runs, settings::Settings},
     context::Context,
     error::CliError,
     table::{number, table, text},
@@ -20,21 +18,11 @@ use crate::{
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  foxhunt compare sigmas pritzl-7.2 --runs 500 --estimator ukf")]
 pub(super) struct Args {
-    /// A built-in scenario (`foxhunt list scenarios`) or a TOML file
-    #[arg(default_value = DEFAULT_SCENARIO)]
-    scenario: String,
     #[command(flatten)]
-    runs: Runs,
-    /// An estimator; may be repeated [default: the scenario's own]
-    #[arg(long, value_name = "NAME")]
-    estimator: Vec<String>,
+    flown: Flown,
     /// The constant σ in degrees [default: the root mean square error of the bearings]
     #[arg(long, value_name = "DEG")]
     constant_deg: Option<f64>,
-    #[command(flatten)]
-    planning: Planning,
-    #[command(flatten)]
-    settings: Settings,
 }
 
 pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
@@ -43,17 +31,10 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         let message = format!("--constant-deg is {sigma}; it must be above 0, at most 103");
         return Err(CliError::input(message));
     }
-    let mut scenario = choice::scenario(&args.scenario)?;
-    args.settings.apply_to(&mut scenario, registry)?;
-    args.planning.apply_to(&mut scenario, registry)?;
-    let chosen = choice::estimators_of(registry, &args.estimator, &scenario, &args.scenario)?;
-    let estimators: Vec<EstimatorEntry> =
-        chosen.into_iter().map(|entry| args.settings.estimator(entry)).collect::<Result<_, _>>()?;
-    let contenders = estimators.len() * SigmaSetup::ALL.len();
-    let report = args.runs.with_progress(output, "hunts", contenders, |repetition| {
-        sigmas_campaign(registry, &scenario, &estimators, args.constant_deg, repetition)
-    });
-    let report = report.map_err(|error| choice::campaign_error(error, &args.scenario))?;
+    let setups = SigmaSetup::ALL.len();
+    let report = args.flown.campaign(context, setups, |scenario, estimators, repetition| {
+        sigmas_campaign(registry, scenario, estimators, args.constant_deg, repetition)
+    })?;
     output.result(&report, tables)
 }
 
