@@ -84,6 +84,8 @@ fn hunt(drones: &str, autopilot: Autopilot, vehicle: &AutopilotFaults) -> Hunted
                 Event::GoalsSet { time, goals } => {
                     sent = (time, goals.iter().map(|goal| goal.z).collect());
                 }
+                // Home is where each was when the hunt began.
+                Event::Recalled { .. } => sent.1.clear(),
                 _ => {}
             }
         }
