@@ -1,9 +1,95 @@
-use alloc::collections::VecDeque;
+//! Records and alarms of an estimator while it runs.
 
-use foxhunt_core::{Correction, EstimatorError, parameter::require};
+use alloc::{collections::VecDeque, vec::Vec};
 
-use super::{average::quantiles, verdict::probability};
-use crate::count::number;
+use foxhunt_core::{
+    Correction, Estimate, Estimator, EstimatorError, MeasurementModel, Observation, Quantity,
+    State, parameter::require,
+};
+use nalgebra::SVector;
+
+use super::{
+    ChiSquaredAverage,
+    verdict::{probability, quantiles},
+};
+use crate::{Innovation, count::number};
+
+/// An estimator that records the innovations of its observations, and is otherwise the one inside.
+///
+/// The average of the NIS is over what the estimator itself calls so, rejected observations
+/// included. The normalised innovations are worked out from the samples of the belief before
+/// each update, for any family.
+#[derive(Clone, Debug)]
+pub struct Monitored<E, H, const M: usize> {
+    estimator: E,
+    model: H,
+    nis: ChiSquaredAverage,
+    innovations: Vec<SVector<Option<f64>, M>>,
+}
+
+impl<E, H, const M: usize> Monitored<E, H, M> {
+    /// Watches an estimator over the measurement model that it has, or another; the interval of
+    /// the NIS is that of 95 %.
+    #[must_use]
+    pub fn new(estimator: E, model: H) -> Self {
+        Self { estimator, model, nis: ChiSquaredAverage::default(), innovations: Vec::new() }
+    }
+
+    /// The average of the normalised innovations squared.
+    #[must_use]
+    pub fn nis(&self) -> &ChiSquaredAverage {
+        &self.nis
+    }
+
+    /// The normalised innovations in their order, as [`Whiteness`](super::Whiteness) takes them;
+    /// those that could not be computed are missing as a whole.
+    #[must_use]
+    pub fn innovations(&self) -> &[SVector<Option<f64>, M>] {
+        &self.innovations
+    }
+
+    /// The estimator inside.
+    #[must_use]
+    pub fn estimator(&self) -> &E {
+        &self.estimator
+    }
+}
+
+impl<E, H, const N: usize, const M: usize> Estimator<N, M> for Monitored<E, H, M>
+where
+    E: Estimator<N, M>,
+    H: MeasurementModel<N, M>,
+{
+    fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
+        self.estimator.predict(dt)
+    }
+
+    fn update(&mut self, observation: &Observation<M>) -> Result<Correction, EstimatorError> {
+        let innovation = Innovation::of_belief(&self.estimator, &self.model, observation);
+        let correction = self.estimator.update(observation)?;
+        if correction != Correction::Empty {
+            let white =
+                innovation.and_then(|innovation| innovation.normalised_present(observation));
+            self.innovations.push(white.unwrap_or_else(|| SVector::repeat(None)));
+        }
+        if let Some(nis) = correction.nis() {
+            self.nis.add(nis, observation.len());
+        }
+        Ok(correction)
+    }
+
+    fn estimate(&self) -> Estimate<N> {
+        self.estimator.estimate()
+    }
+
+    fn quantities(&self) -> [Quantity; M] {
+        self.estimator.quantities()
+    }
+
+    fn visit_samples(&self, visit: &mut dyn FnMut(&State<N>, f64)) {
+        self.estimator.visit_samples(visit);
+    }
+}
 
 /// Detects that a filter has lost its target: the average normalised innovation squared over the
 /// last few observations has left the interval that a consistent filter's keeps (Bar-Shalom, Li &
@@ -36,44 +122,6 @@ pub struct NisWatchdog {
     squares: VecDeque<(f64, usize)>,
     /// The degrees of freedom that the interval of the sum was worked out for, and it.
     limits: (usize, [f64; 2]),
-}
-
-/// A [`NisWatchdog`]'s verdict on a filter.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[must_use = "an alarm is reported only here"]
-pub enum NisHealth {
-    /// The window is not full yet.
-    Filling,
-    /// The average is where that of a consistent filter is.
-    Sound {
-        /// The average NIS over the window.
-        average: f64,
-        /// Interval of a consistent filter's average.
-        interval: [f64; 2],
-    },
-    /// Innovations are larger than the filter expects: it has lost the target, or its noise is
-    /// too small.
-    Diverged {
-        /// The average NIS over the window.
-        average: f64,
-        /// Interval of a consistent filter's average.
-        interval: [f64; 2],
-    },
-    /// Innovations are smaller than the filter expects: its noise is too large.
-    Overcautious {
-        /// The average NIS over the window.
-        average: f64,
-        /// Interval of a consistent filter's average.
-        interval: [f64; 2],
-    },
-}
-
-impl NisHealth {
-    /// Returns true if the average lies outside its interval.
-    #[must_use]
-    pub fn is_alarm(&self) -> bool {
-        matches!(self, Self::Diverged { .. } | Self::Overcautious { .. })
-    }
 }
 
 impl Default for NisWatchdog {
@@ -152,5 +200,43 @@ impl NisWatchdog {
         {
             self.limits = (degrees, sums);
         }
+    }
+}
+
+/// A [`NisWatchdog`]'s verdict on a filter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use = "an alarm is reported only here"]
+pub enum NisHealth {
+    /// The window is not full yet.
+    Filling,
+    /// The average is where that of a consistent filter is.
+    Sound {
+        /// The average NIS over the window.
+        average: f64,
+        /// Interval of a consistent filter's average.
+        interval: [f64; 2],
+    },
+    /// Innovations are larger than the filter expects: it has lost the target, or its noise is
+    /// too small.
+    Diverged {
+        /// The average NIS over the window.
+        average: f64,
+        /// Interval of a consistent filter's average.
+        interval: [f64; 2],
+    },
+    /// Innovations are smaller than the filter expects: its noise is too large.
+    Overcautious {
+        /// The average NIS over the window.
+        average: f64,
+        /// Interval of a consistent filter's average.
+        interval: [f64; 2],
+    },
+}
+
+impl NisHealth {
+    /// Returns true if the average lies outside its interval.
+    #[must_use]
+    pub fn is_alarm(&self) -> bool {
+        matches!(self, Self::Diverged { .. } | Self::Overcautious { .. })
     }
 }
