@@ -1,16 +1,28 @@
+//! The grid filter: its state, its making and what it shows.
+
+mod estimator;
+
 use alloc::vec::Vec;
 
-use foxhunt_core::{Estimate, EstimatorError, MeasurementModel, MotionModel, Role, State};
+use foxhunt_core::{
+    Covariance, Estimate, EstimatorError, MeasurementModel, MotionModel, Role, State,
+    parameter::{ParameterError, require},
+};
 use nalgebra::{Matrix2, Vector2};
 
-use super::{Columns, GridConfig, Lattice, Pool, Weights, columns::Cell, motion::slope_of_place};
+use super::{
+    GridConfig, Lattice,
+    columns::{Cell, Columns},
+    likelihood::Pool,
+    weights::Weights,
+};
 use crate::{
     Gaussian,
     vectorised::{Sum, run},
 };
 
 /// Reach of a lattice from the mean of a Gaussian, in standard deviations.
-pub(super) const REACH: f64 = 8.0;
+const REACH: f64 = 8.0;
 
 /// Recursive Bayes over the cells of an area, the point-mass filter (Bucy & Senne 1971).
 ///
@@ -62,21 +74,21 @@ pub(super) const REACH: f64 = 8.0;
 /// ```
 #[derive(Clone, Debug)]
 pub struct GridFilter<F, H, const N: usize, const M: usize> {
-    pub(super) motion: F,
-    pub(super) measurement: H,
-    pub(super) config: GridConfig,
+    motion: F,
+    measurement: H,
+    config: GridConfig,
     /// The origin of the further components.
-    pub(super) reference: State<N>,
+    reference: State<N>,
     /// The lattice that covers all of an area that the target cannot leave.
-    pub(super) widest: Option<Lattice>,
-    pub(super) lattice: Lattice,
+    widest: Option<Lattice>,
+    lattice: Lattice,
     /// Columns of a density that integrates to 1.
-    pub(super) columns: Columns<N>,
-    pub(super) weights: Weights<N>,
+    columns: Columns<N>,
+    weights: Weights<N>,
     /// Buffers for the next step.
-    pub(super) spare: (Columns<N>, Weights<N>),
-    pub(super) pool: Pool,
-    pub(super) belief: Gaussian<N>,
+    spare: (Columns<N>, Weights<N>),
+    pool: Pool,
+    belief: Gaussian<N>,
 }
 
 impl<F, H, const N: usize, const M: usize> GridFilter<F, H, N, M>
@@ -170,7 +182,7 @@ where
 }
 
 /// ln ∫ of a density over the lattice, whose weights count from that of a weight of 1.
-pub(super) fn log_total<const N: usize>(weights: &Weights<N>, lattice: &Lattice) -> f64 {
+fn log_total<const N: usize>(weights: &Weights<N>, lattice: &Lattice) -> f64 {
     libm::log(weights.total() * lattice.cell_area())
 }
 
@@ -212,4 +224,23 @@ fn prior_columns<const N: usize>(
         }
     }
     Ok(columns)
+}
+
+/// Returns ∂f/∂x over the place.
+///
+/// # Errors
+///
+/// When the further components do not walk at random, as a velocity does not.
+fn slope_of_place<const N: usize>(
+    motion: &impl MotionModel<N>,
+    state: &State<N>,
+    dt: f64,
+) -> Result<Matrix2<f64>, ParameterError> {
+    let slope = motion.jacobian(state, dt);
+    let mut rest = slope - Covariance::<N>::identity();
+    rest.fixed_view_mut::<2, 2>(0, 0).fill(0.0);
+    let coupling = rest.norm();
+    let name = "the motion of the components beside the place";
+    require(coupling <= 1e-9, name, coupling, "a random walk independent of the place")?;
+    Ok(slope.fixed_view::<2, 2>(0, 0).into_owned())
 }

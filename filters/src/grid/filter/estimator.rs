@@ -1,3 +1,5 @@
+//! Prediction and update of the grid filter.
+
 use alloc::{vec, vec::Vec};
 use core::mem;
 
@@ -7,13 +9,10 @@ use foxhunt_core::{
 };
 use nalgebra::{Matrix2, SVector, Vector2};
 
-use super::{
-    Columns, Lattice, Likelihood, Weights, Window,
-    filter::{GridFilter, REACH, log_total},
-    motion::slope_of_place,
-};
+use super::{GridFilter, REACH, log_total, slope_of_place};
 use crate::{
     Innovation,
+    grid::{Lattice, Window, columns::Columns, likelihood::Likelihood, weights::Weights},
     vectorised::{Dot, Largest, Map, Sum, run},
 };
 
