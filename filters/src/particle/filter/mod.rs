@@ -1,22 +1,23 @@
+//! The particle filter: its state, its making and its resampling.
+
+mod estimator;
+
 use alloc::{vec, vec::Vec};
 
 use foxhunt_core::{
     Axis, Covariance, Estimate, EstimatorError, MeasurementModel, MotionModel, Role, State,
-    parameter::{ParameterError, in_range, require},
+    parameter::{in_range, require},
 };
 use rand::{Rng, RngExt};
 
 use super::{
-    cloud::{Cloud, Weights},
-    kernel::{Kernel, silverman},
+    Cloud, Weights, check_progressive,
     kld::KldSampling,
-    moments::moments,
     resampling::Resampling,
-    step::Step,
-    white::white,
-    workers::Workers,
+    step::{Step, Workers, moments},
+    white::{Kernel, silverman, white},
 };
-use crate::{Gaussian, count::number};
+use crate::{Gaussian, Reinitialise, count::number};
 
 /// The bootstrap particle filter (Gordon, Salmond & Smith 1993), its resampling regularised.
 ///
@@ -48,23 +49,23 @@ use crate::{Gaussian, count::number};
 /// 256 or more, shifted and stretched to the moments of all.
 #[derive(Clone, Debug)]
 pub struct ParticleFilter<F, H, R, const N: usize, const M: usize> {
-    pub(super) motion: F,
-    pub(super) measurement: H,
-    pub(super) rng: R,
-    pub(super) cloud: Cloud<N>,
+    motion: F,
+    measurement: H,
+    rng: R,
+    cloud: Cloud<N>,
     /// The cloud's moments.
-    pub(super) belief: Gaussian<N>,
+    belief: Gaussian<N>,
     /// Buffer where a step is prepared, to be taken as a whole or not at all.
-    pub(super) spare: Cloud<N>,
-    pub(super) ancestors: Vec<u32>,
-    pub(super) resampling: Resampling,
+    spare: Cloud<N>,
+    ancestors: Vec<u32>,
+    resampling: Resampling,
     threshold: f64,
     /// Silverman's unless given.
     bandwidth: Option<f64>,
     size: Option<KldSampling<N>>,
     /// Below this share of its particles an update is made in stages.
-    pub(super) progressive: f64,
-    pub(super) workers: Workers<F, H, N, M>,
+    progressive: f64,
+    workers: Workers<F, H, N, M>,
 }
 
 impl<F, H, R, const N: usize, const M: usize> ParticleFilter<F, H, R, N, M>
@@ -207,7 +208,7 @@ where
     }
 
     /// The moments of states in columns.
-    pub(super) fn moments(&self, columns: &[Vec<f64>; N], weights: &Weights) -> Estimate<N> {
+    fn moments(&self, columns: &[Vec<f64>; N], weights: &Weights) -> Estimate<N> {
         moments(columns, &weights.linear, &self.motion.axes(), self.workers.threads)
     }
 
@@ -218,7 +219,7 @@ where
     /// part of the volume of the belief so far: P n^(−2/N). That is next to nothing as long as
     /// the cloud is sound, and keeps a covariance where it has collapsed, which its effective
     /// sample size shows.
-    pub(super) fn belief_of(
+    fn belief_of(
         &self,
         mut belief: Estimate<N>,
         weights: &Weights,
@@ -234,7 +235,7 @@ where
 
     /// Visits all particles of a small cloud or one whose weights are uneven, and else every k-th,
     /// 256 or more, shifted and stretched to the moments of the cloud.
-    pub(super) fn visit_some(&self, visit: &mut dyn FnMut(&State<N>, f64)) {
+    fn visit_some(&self, visit: &mut dyn FnMut(&State<N>, f64)) {
         let weights = &self.cloud.weights.linear;
         let count = self.cloud.len();
         let sound = self.effective_sample_size() >= 0.25 * number(count);
@@ -262,13 +263,13 @@ where
         }
     }
 
-    pub(super) fn bandwidth_of(&self, particles: usize) -> f64 {
+    fn bandwidth_of(&self, particles: usize) -> f64 {
         self.bandwidth.unwrap_or_else(|| silverman(N, particles))
     }
 
     /// Makes the columns of `spare` the next generation of the cloud: resampled if that is due,
     /// then moved. Returns true if its weights are new too, and its moments where known.
-    pub(super) fn prepare_moved(&mut self, dt: f64, rng: &mut R) -> (bool, Option<Estimate<N>>) {
+    fn prepare_moved(&mut self, dt: f64, rng: &mut R) -> (bool, Option<Estimate<N>>) {
         let count = self.cloud.len();
         let due = self.effective_sample_size() < self.threshold * number(count);
         if let Some(size) = self.size
@@ -369,7 +370,21 @@ where
     }
 }
 
-/// Checks the share of the particles below which an update is made in stages.
-pub(super) fn check_progressive(share: f64) -> Result<f64, ParameterError> {
-    in_range("progressive correction", share, 0.0..=0.5, "in [0, 0.5]")
+/// Draws the cloud again: what was not Gaussian in it is lost.
+impl<F, H, R, const N: usize, const M: usize> Reinitialise<N> for ParticleFilter<F, H, R, N, M>
+where
+    F: MotionModel<N>,
+    H: MeasurementModel<N, M>,
+    R: Rng + Clone,
+{
+    fn reinitialise(&mut self, estimate: &Estimate<N>) -> Result<(), EstimatorError> {
+        let belief = Gaussian::new(*estimate, Role::Prior)?;
+        for particle in 0..self.cloud.len() {
+            let state = belief.mean() + belief.factor() * white(&mut self.rng);
+            self.cloud.set(particle, &state);
+        }
+        self.cloud.weights.fill_even(self.workers.threads);
+        self.belief = belief;
+        Ok(())
+    }
 }
