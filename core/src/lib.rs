@@ -28,67 +28,53 @@
 #[cfg(feature = "alloc")]
 extern crate alloc;
 
-mod above_ground;
 pub mod angle;
-mod axis;
-mod bearing_modes;
-mod belief;
-mod devices;
+mod bearing;
 pub mod elementary;
 mod estimate;
 mod estimator;
-mod extractor;
 mod forward;
-mod intake;
 #[cfg(feature = "laws")]
 pub mod laws;
 mod measurement;
 mod motion;
 pub mod noise;
 mod observation;
-mod outliers;
-#[cfg(feature = "alloc")]
-mod owned_sweep;
 pub mod parameter;
-mod pattern;
 mod planner;
-mod pose;
 mod quantity;
 mod reception;
 #[cfg(feature = "alloc")]
 mod remark;
-mod terrain;
+mod source;
 pub mod vectorised;
 mod vehicle;
 
 pub use nalgebra;
 
-pub use above_ground::{HeightAboveGround, HeightSource};
-pub use axis::Axis;
-pub use bearing_modes::{BearingMode, BearingModes, BearingModesError};
-pub use belief::{Belief, BeliefOf};
-pub use devices::{Clock, Radio, Rotator};
+pub use bearing::{
+    Bearing, BearingExtractor, BearingMode, BearingModes, BearingModesError, NoBearing, NoReading,
+    Reading,
+};
 pub use estimate::{Covariance, Ellipse, Estimate, State, visit_cubature_points};
-pub use estimator::{Correction, Estimator, EstimatorError, Role};
-pub use extractor::{Bearing, BearingExtractor, NoBearing, NoReading, Reading};
-pub use intake::{ByQuantity, Intake};
+pub use estimator::{Belief, BeliefOf, Correction, Estimator, EstimatorError, Role};
 pub use measurement::{
-    MeasurementModel, absorb_receiver_noise, gaussian_log_likelihood, log_likelihoods_one_by_one,
-    numeric_jacobian, residuals_one_by_one,
+    MeasurementModel, OutlierMixture, absorb_receiver_noise, gaussian_log_likelihood,
+    log_likelihoods_one_by_one, numeric_jacobian, residuals_one_by_one,
 };
 pub use motion::{ConstantVelocity, CoordinatedTurn, MotionModel, RandomWalk};
 pub use observation::{Observation, ObservationError};
-pub use outliers::OutlierMixture;
-#[cfg(feature = "alloc")]
-pub use owned_sweep::OwnedSweep;
-pub use pattern::{PatternSource, Sample, Sweep, Unanswered};
 pub use planner::{
     Decision, FormationPlanner, Outcome, PlanError, PlannerFn, Stage, Station, Target, planner_fn,
 };
-pub use pose::{BeaconId, Pose, Waypoint};
-pub use quantity::{Measured, MeasuredError, MeasuredList, Quantity, QuantityName};
-pub use reception::{Level, Reception};
+pub use quantity::{Axis, Measured, MeasuredError, MeasuredList, Quantity, QuantityName};
+pub use reception::{ByQuantity, Intake, Level, Reception};
 #[cfg(feature = "alloc")]
 pub use remark::Remark;
-pub use terrain::Terrain;
-pub use vehicle::{Spinner, SteadyMotion, Vehicle};
+#[cfg(feature = "alloc")]
+pub use source::OwnedSweep;
+pub use source::{Clock, PatternSource, Radio, Rotator, Sample, Sweep, Unanswered};
+pub use vehicle::{
+    BeaconId, HeightAboveGround, HeightSource, Pose, Spinner, SteadyMotion, Terrain, Vehicle,
+    Waypoint,
+};

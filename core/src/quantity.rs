@@ -1,6 +1,34 @@
+//! Quantities that are measured, their values, and the geometry of a vector's components.
+
 use core::fmt;
 
-use crate::Axis;
+use nalgebra::SVector;
+
+use crate::angle;
+
+/// The geometry of a vector's component: the real line, or the circle of angles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axis {
+    /// A component on the real line.
+    Linear,
+    /// A component on the circle, in radians.
+    Angle,
+}
+
+impl Axis {
+    /// `a ⊖ b` on each axis: the short way round on a circle.
+    #[must_use]
+    pub fn difference<const D: usize>(
+        axes: &[Axis; D],
+        a: &SVector<f64, D>,
+        b: &SVector<f64, D>,
+    ) -> SVector<f64, D> {
+        SVector::from_fn(|i, _| match axes[i] {
+            Axis::Linear => a[i] - b[i],
+            Axis::Angle => angle::wrap(a[i] - b[i]),
+        })
+    }
+}
 
 /// A physical quantity that a receiver measures: one component of a measurement, by its name and
 /// its geometry.
@@ -229,16 +257,6 @@ impl MeasuredList {
     }
 }
 
-/// A measured value as it stands in a file.
-#[cfg(feature = "serde")]
-#[derive(serde::Serialize, serde::Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Written {
-    name: alloc::string::String,
-    value: f64,
-    sigma: f64,
-}
-
 #[cfg(feature = "serde")]
 impl TryFrom<alloc::vec::Vec<Written>> for MeasuredList {
     type Error = MeasuredError;
@@ -255,6 +273,16 @@ impl TryFrom<alloc::vec::Vec<Written>> for MeasuredList {
         }
         Ok(list)
     }
+}
+
+/// A measured value as it stands in a file.
+#[cfg(feature = "serde")]
+#[derive(serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Written {
+    name: alloc::string::String,
+    value: f64,
+    sigma: f64,
 }
 
 #[cfg(feature = "serde")]

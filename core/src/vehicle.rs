@@ -1,6 +1,83 @@
-use nalgebra::Vector3;
+//! Poses and way points, the vehicles that go there, and the ground below them.
 
-use crate::{Pose, Waypoint};
+use core::{fmt, fmt::Debug};
+
+use nalgebra::{Vector2, Vector3};
+
+/// A drone's place and attitude in the local East-North-Up frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Pose {
+    /// East, North and Up in metres.
+    pub position: Vector3<f64>,
+    /// The nose, in radians counter-clockwise from East.
+    pub heading: f64,
+    /// Angle of the nose above the horizon, in radians; 0 where a file has no value.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "is_zero"))]
+    pub pitch: f64,
+    /// Angle of the right side below the left, in radians; 0 where a file has no value.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "is_zero"))]
+    pub roll: f64,
+    /// Velocity to East, North and Up, in metres per second, where that is known.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub velocity: Option<Vector3<f64>>,
+}
+
+impl Pose {
+    /// A level pose with the nose to the East.
+    #[must_use]
+    pub fn at(east: f64, north: f64, up: f64) -> Self {
+        Self { position: Vector3::new(east, north, up), ..Self::default() }
+    }
+
+    /// A level pose.
+    #[must_use]
+    pub fn level(position: Vector3<f64>, heading: f64) -> Self {
+        Self { position, heading, ..Self::default() }
+    }
+
+    /// A direction of the world frame in the body's own: forward, left and up along its axes.
+    ///
+    /// The body is turned by heading about Up, then by pitch about its left axis, then by roll
+    /// about its nose.
+    #[must_use]
+    pub fn to_body(&self, world: &Vector3<f64>) -> Vector3<f64> {
+        let turned = |a: f64, b: f64, angle: f64| {
+            let sin = libm::sin(angle);
+            let cos = libm::cos(angle);
+            (cos * a + sin * b, cos * b - sin * a)
+        };
+        let (forward, left) = turned(world.x, world.y, self.heading);
+        let (forward, up) = turned(forward, world.z, self.pitch);
+        let (left, up) = turned(left, up, self.roll);
+        Vector3::new(forward, left, up)
+    }
+
+    /// Returns true if every number in it is finite.
+    #[must_use]
+    #[inline]
+    pub fn is_finite(&self) -> bool {
+        let Self { position, heading, pitch, roll, velocity } = self;
+        // Zero times a number that is not finite is NaN.
+        let zero = |v: &Vector3<f64>| 0.0 * v.x + 0.0 * v.y + 0.0 * v.z;
+        let angles = 0.0 * heading + 0.0 * pitch + 0.0 * roll;
+        (zero(position) + angles + velocity.as_ref().map_or(0.0, zero)).is_finite()
+    }
+}
+
+/// A place to fly to, East, North and Up in metres.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Waypoint {
+    /// East, North and Up in metres.
+    pub position: Vector3<f64>,
+}
+
+/// A beacon's index in the hunt's list of beacons.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(transparent))]
+pub struct BeaconId(pub u16);
 
 /// An aircraft's motion until something happens: straight, at constant speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,4 +146,100 @@ pub trait Spinner: Vehicle {
     ///
     /// Any failure of the link, or the autopilot's refusal.
     fn spin(&mut self, rate: Option<f64>) -> Result<(), Self::Error>;
+}
+
+/// A vehicle's height above the ground below it, by its own devices.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct HeightAboveGround {
+    /// The height in metres.
+    pub metres: f64,
+    /// The source of the height.
+    pub source: HeightSource,
+}
+
+/// Source of a vehicle's own height above the ground.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum HeightSource {
+    /// A distance sensor that looks down.
+    Rangefinder,
+    /// Its place above the terrain that its autopilot has: tiles, or an estimate.
+    Terrain,
+}
+
+impl fmt::Display for HeightSource {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Rangefinder => "rangefinder",
+            Self::Terrain => "the autopilot's terrain",
+        })
+    }
+}
+
+/// The height of the ground: an elevation model, or a formula.
+///
+/// ```
+/// use foxhunt_core::{Terrain, nalgebra::Vector2};
+///
+/// /// A slope that rises by a metre in ten towards the East.
+/// #[derive(Debug)]
+/// struct Slope;
+///
+/// impl Terrain for Slope {
+///     fn height(&self, place: &Vector2<f64>) -> Option<f64> {
+///         Some(0.1 * place.x)
+///     }
+///
+///     fn step_m(&self) -> f64 {
+///         50.0
+///     }
+/// }
+///
+/// assert!(Slope.height(&Vector2::new(20.0, 5.0)).is_some_and(|m| (m - 2.0).abs() < 1e-12));
+/// ```
+///
+/// # Laws
+///
+/// A height is finite, and always the same at the same place; the step is a positive number.
+pub trait Terrain: Debug {
+    /// The height of the ground at a place, East and North in metres, in metres above whatever the
+    /// terrain counts from, which is the same everywhere; `None` where it is not known.
+    fn height(&self, place: &Vector2<f64>) -> Option<f64>;
+
+    /// Distance along a line between the places whose heights are looked at, in metres, so that
+    /// nothing that matters lies between two of them.
+    fn step_m(&self) -> f64;
+}
+
+#[cfg(feature = "serde")]
+fn is_zero(angle: &f64) -> bool {
+    angle.to_bits() == 0
+}
+
+#[cfg(test)]
+mod tests {
+    use core::f64::consts::FRAC_PI_2;
+
+    use super::*;
+
+    #[test]
+    fn nose_and_right_side_follow_the_angles() {
+        let [east, north, up] = [Vector3::x(), Vector3::y(), Vector3::z()];
+        let level = Pose::level(Vector3::zeros(), FRAC_PI_2);
+        assert!((level.to_body(&north) - Vector3::x()).norm() < 1e-15, "the nose is to the North");
+        assert!((level.to_body(&east) + Vector3::y()).norm() < 1e-15, "East is to the right");
+        let climbing = Pose { pitch: 0.3, ..level };
+        let nose = north * 0.3_f64.cos() + up * 0.3_f64.sin();
+        assert!((climbing.to_body(&nose) - Vector3::x()).norm() < 1e-15, "the nose is up");
+        let banked = Pose { roll: 0.3, ..level };
+        let right = east * 0.3_f64.cos() - up * 0.3_f64.sin();
+        assert!((banked.to_body(&right) + Vector3::y()).norm() < 1e-15, "the right side is down");
+        let any = Pose { heading: 1.0, pitch: -0.4, roll: 0.7, ..level };
+        let body = any.to_body(&Vector3::new(1.0, 2.0, 3.0));
+        assert!((body.norm_squared() - 14.0).abs() < 1e-12, "turning keeps lengths");
+    }
 }

@@ -62,6 +62,7 @@ pub mod consistency;
 mod count;
 #[cfg(feature = "alloc")]
 mod cramer_rao;
+mod derived;
 #[cfg(feature = "alloc")]
 mod directional_grid;
 #[cfg(feature = "field-map")]
@@ -69,10 +70,7 @@ mod field_map;
 mod gaussian;
 #[cfg(feature = "alloc")]
 mod grid;
-mod handover;
-mod innovation;
 mod kalman;
-mod leading;
 #[cfg(feature = "alloc")]
 mod mixture;
 #[cfg(feature = "alloc")]
@@ -87,8 +85,6 @@ mod peaks;
 mod ranges;
 #[cfg(feature = "alloc")]
 mod shadowing_grid;
-#[cfg(feature = "alloc")]
-mod smoother;
 #[cfg(feature = "batch")]
 mod track_grid;
 mod transform;
@@ -106,17 +102,15 @@ pub use bearings::{
 };
 #[cfg(feature = "alloc")]
 pub use cramer_rao::{CramerRaoError, FisherQuadrature, PosteriorCramerRao};
+pub use derived::{Handover, Leading};
 #[cfg(feature = "alloc")]
 pub use directional_grid::{DirectionalGrid, DirectionalGridConfig};
 #[cfg(feature = "field-map")]
 pub use field_map::{FieldMap, FieldMapConfig, FieldMaximum, FieldModel};
-pub use gaussian::Gaussian;
+pub use gaussian::{Gaussian, Innovation};
 #[cfg(feature = "alloc")]
 pub use grid::{GridConfig, GridFilter, NoiseScales};
-pub use handover::Handover;
-pub use innovation::Innovation;
 pub use kalman::{Ckf, Ekf, Gate, GateLimit, Iterations, Kalman, Ukf};
-pub use leading::Leading;
 #[cfg(feature = "alloc")]
 pub use mixture::{
     Bank, FirstBearing, GaussianSum, Imm, InnovationOf, RangeParameterised, Reinitialise,
@@ -125,7 +119,7 @@ pub use mixture::{
 #[cfg(feature = "alloc")]
 pub use moment_grid::MomentGrid;
 #[cfg(feature = "alloc")]
-pub use out_of_order::OutOfOrder;
+pub use out_of_order::{OutOfOrder, rauch_tung_striebel};
 #[cfg(feature = "alloc")]
 pub use particle::{KldSampling, ParticleFilter, RaoBlackwellised, Resampling};
 #[cfg(feature = "alloc")]
@@ -140,8 +134,6 @@ pub use shadowing_grid::{
     Censoring, Intercept, Marginal, PlacePrior, PosteriorMap, ShadowedReading, ShadowingFix,
     ShadowingGrid, ShadowingGridConfig, ShadowingGridError, Slope,
 };
-#[cfg(feature = "alloc")]
-pub use smoother::rauch_tung_striebel;
 #[cfg(feature = "batch")]
 pub use track_grid::{Places, TrackGrid, TrackGridFix, TrackModel};
 pub use transform::{Cubature, Image, Kappa, Map, Moments, Taylor, Transform, Unscented};

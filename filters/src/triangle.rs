@@ -56,13 +56,13 @@ fn dot<const D: usize, const K: usize, const B: usize>(
 #[derive(Clone, Copy)]
 pub(crate) struct Conditioned<const N: usize> {
     /// The mean of ξ.
-    pub(crate) mean: SVector<f64, N>,
+    pub mean: SVector<f64, N>,
     /// T, lower triangular with a unit diagonal: T D⁻¹ Tᵀ is the covariance of ξ.
-    pub(crate) factor: SMatrix<f64, N, N>,
+    pub factor: SMatrix<f64, N, N>,
     /// √D, at least 1; the square of their product is |I + B Bᵀ|.
-    pub(crate) roots: SVector<f64, N>,
+    pub roots: SVector<f64, N>,
     /// eᵀ (I + B Bᵀ)⁻¹ e.
-    pub(crate) square: f64,
+    pub square: f64,
 }
 
 impl<const N: usize> Conditioned<N> {

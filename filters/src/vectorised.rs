@@ -55,7 +55,7 @@ pub(crate) fn largest(a: &[f64]) -> f64 {
 }
 
 /// The largest number, NaN aside; −∞ without any.
-pub(crate) struct Largest<'a>(pub(crate) &'a [f64]);
+pub(crate) struct Largest<'a>(pub &'a [f64]);
 
 impl Kernel for Largest<'_> {
     type Output = f64;
@@ -67,7 +67,7 @@ impl Kernel for Largest<'_> {
 }
 
 /// Σ aᵢ.
-pub(crate) struct Sum<'a>(pub(crate) &'a [f64]);
+pub(crate) struct Sum<'a>(pub &'a [f64]);
 
 impl Kernel for Sum<'_> {
     type Output = f64;
@@ -79,7 +79,7 @@ impl Kernel for Sum<'_> {
 }
 
 /// Σ aᵢ bᵢ.
-pub(crate) struct Dot<'a>(pub(crate) &'a [f64], pub(crate) &'a [f64]);
+pub(crate) struct Dot<'a>(pub &'a [f64], pub &'a [f64]);
 
 impl Kernel for Dot<'_> {
     type Output = f64;
@@ -93,9 +93,9 @@ impl Kernel for Dot<'_> {
 /// Sets each of `out` to `of` what stands in the same row of the columns; `of` also takes
 /// what was there before.
 pub(crate) struct Map<'a, O, const K: usize> {
-    pub(crate) columns: [&'a [f64]; K],
-    pub(crate) of: O,
-    pub(crate) out: &'a mut [f64],
+    pub columns: [&'a [f64]; K],
+    pub of: O,
+    pub out: &'a mut [f64],
 }
 
 impl<O: Fn([f64; K], f64) -> f64, const K: usize> Kernel for Map<'_, O, K> {

@@ -1,4 +1,7 @@
+//! The solver after each observation, and the expansion of its cost between solutions.
+
 use alloc::vec::Vec;
+use core::array;
 
 use foxhunt_core::{
     Correction, Covariance, Estimate, Estimator, EstimatorError, MeasurementModel, Observation,
@@ -7,14 +10,37 @@ use foxhunt_core::{
 use nalgebra::{SVector, Vector2};
 
 use super::{
-    BatchError, BatchSolver, Loss,
-    belief::{laplace, posterior},
-    expansion::Expansion,
-    iteration::End,
-    modes::Modes,
-    problem::{Datum, Problem},
+    BatchError, BatchSolver, Datum, Loss, Problem,
+    descent::{End, Modes, hessian},
+    solver::{laplace, posterior},
 };
 use crate::{Ekf, Gaussian, count::number};
+
+/// Largest share of the posterior's variance that the drift within a batch may be.
+const DRIFT_SHARE: f64 = 0.01;
+
+/// Largest number of optima kept.
+const MOST_MODES: usize = 4;
+
+/// With more components than this times N, the optima are taken for known.
+const FEW: usize = 4;
+
+/// With fewer observations the cost changes its shape too much to be expanded.
+const FEWEST: usize = 32;
+
+/// Gap (nats) to the best optimum beyond which another does not become the best before all
+/// observations are solved for again.
+const BEHIND: f64 = 15.0;
+
+/// Largest change of an expansion's curvature from the centre's, as a share of itself. The error of
+/// the expansion is of the order of its square.
+const STRAIGHT: f64 = 0.05;
+
+/// Distance to either side for the slope of an expansion's curvature, in standard deviations.
+const REACH: f64 = 0.02;
+
+/// Rounds of Newton's iteration for the minimum of a cubic, which settles in a few or not at all.
+const ROUNDS: usize = 20;
 
 /// A recursive face of [`BatchSolver`]: keeps every observation of a still target, and after each
 /// has the maximum a posteriori over all of them.
@@ -61,75 +87,6 @@ pub struct BatchEstimator<H, const N: usize, const M: usize> {
     /// Laplace's ln p(Z) of the batch.
     log_evidence: f64,
 }
-
-/// Solution of an update.
-struct Solution<const N: usize> {
-    best: End<N>,
-    /// The belief about a target that stays.
-    still: Estimate<N>,
-    known: Known<N>,
-}
-
-/// Knowledge that a solution leaves for the next one.
-#[derive(Clone, Debug)]
-struct Known<const N: usize> {
-    /// The optima when all observations were last solved for, the best first.
-    optima: Vec<State<N>>,
-    /// The cost about optima that may become the best; empty where it is not to be relied upon.
-    expansions: Vec<Expansion<N>>,
-    /// Sum of the normalisers, which turns the cost into a log-density.
-    normaliser: f64,
-    /// Number of observations at which all are solved for again.
-    lasts: usize,
-    /// The place of the best optimum then.
-    best: Estimate<2>,
-    /// Places near there where observations had angles, and true where these were left out.
-    near: Vec<(Vector2<f64>, bool)>,
-}
-
-impl<const N: usize> Known<N> {
-    fn none(prior: &Gaussian<N>) -> Self {
-        Self {
-            optima: Vec::new(),
-            expansions: Vec::new(),
-            normaliser: 0.0,
-            lasts: 0,
-            best: prior.estimate().position(),
-            near: Vec::new(),
-        }
-    }
-
-    /// Returns true if an observation at a place may come to lie within a standard deviation of the
-    /// optimum, as long as that stays within one.
-    fn is_near(&self, place: &Vector2<f64>) -> bool {
-        (place - self.best.mean).norm_squared() < 4.0 * self.best.covariance.trace()
-    }
-
-    /// Returns true if the same angles would be left out at another optimum.
-    fn leaves_out_the_same(&self, other: &Estimate<2>) -> bool {
-        let within = |place: &Vector2<f64>, of: &Estimate<2>| {
-            (place - of.mean).norm_squared() < of.covariance.trace()
-        };
-        let same = |(place, out): &(Vector2<f64>, bool)| within(place, other) == *out;
-        within(&other.mean, &self.best) && self.near.iter().all(same)
-    }
-}
-
-/// Largest share of the posterior's variance that the drift within a batch may be.
-const DRIFT_SHARE: f64 = 0.01;
-
-/// Largest number of optima kept.
-const MOST_MODES: usize = 4;
-
-/// With more components than this times N, the optima are taken for known.
-const FEW: usize = 4;
-
-/// With fewer observations the cost changes its shape too much to be expanded.
-const FEWEST: usize = 32;
-
-/// Gap (nats) to the best optimum beyond which another does not become the best before all
-/// observations are solved for again.
-const BEHIND: f64 = 15.0;
 
 impl<H, const N: usize, const M: usize> BatchEstimator<H, N, M>
 where
@@ -317,14 +274,132 @@ where
     }
 }
 
-/// A belief about a target that has drifted on since.
-fn drifted<const N: usize>(
-    still: &Gaussian<N>,
-    variance: &SVector<f64, N>,
-) -> Result<Gaussian<N>, EstimatorError> {
-    let mut estimate = *still.estimate();
-    estimate.covariance += Covariance::from_diagonal(variance);
-    Gaussian::new(estimate, Role::Posterior)
+/// Solution of an update.
+struct Solution<const N: usize> {
+    best: End<N>,
+    /// The belief about a target that stays.
+    still: Estimate<N>,
+    known: Known<N>,
+}
+
+/// Knowledge that a solution leaves for the next one.
+#[derive(Clone, Debug)]
+struct Known<const N: usize> {
+    /// The optima when all observations were last solved for, the best first.
+    optima: Vec<State<N>>,
+    /// The cost about optima that may become the best; empty where it is not to be relied upon.
+    expansions: Vec<Expansion<N>>,
+    /// Sum of the normalisers, which turns the cost into a log-density.
+    normaliser: f64,
+    /// Number of observations at which all are solved for again.
+    lasts: usize,
+    /// The place of the best optimum then.
+    best: Estimate<2>,
+    /// Places near there where observations had angles, and true where these were left out.
+    near: Vec<(Vector2<f64>, bool)>,
+}
+
+impl<const N: usize> Known<N> {
+    fn none(prior: &Gaussian<N>) -> Self {
+        Self {
+            optima: Vec::new(),
+            expansions: Vec::new(),
+            normaliser: 0.0,
+            lasts: 0,
+            best: prior.estimate().position(),
+            near: Vec::new(),
+        }
+    }
+
+    /// Returns true if an observation at a place may come to lie within a standard deviation of the
+    /// optimum, as long as that stays within one.
+    fn is_near(&self, place: &Vector2<f64>) -> bool {
+        (place - self.best.mean).norm_squared() < 4.0 * self.best.covariance.trace()
+    }
+
+    /// Returns true if the same angles would be left out at another optimum.
+    fn leaves_out_the_same(&self, other: &Estimate<2>) -> bool {
+        let within = |place: &Vector2<f64>, of: &Estimate<2>| {
+            (place - of.mean).norm_squared() < of.covariance.trace()
+        };
+        let same = |(place, out): &(Vector2<f64>, bool)| within(place, other) == *out;
+        within(&other.mean, &self.best) && self.near.iter().all(same)
+    }
+}
+
+/// A cost about one of its optima, to third order: what a new observation adds takes no second
+/// look at those before it.
+#[derive(Clone, Debug)]
+struct Expansion<const N: usize> {
+    centre: State<N>,
+    cost: f64,
+    gradient: State<N>,
+    curvature: Covariance<N>,
+    /// Change of the curvature along each axis.
+    bend: [Covariance<N>; N],
+}
+
+impl<const N: usize> Expansion<N> {
+    /// Expands a cost about the end of a descent of it.
+    fn new<H, const M: usize>(problem: &Problem<'_, H, N, M>, end: &End<N>) -> Self
+    where
+        H: MeasurementModel<N, M>,
+    {
+        let centre = end.state;
+        let curvature = end.information;
+        let bend = bend(problem, &centre, &curvature);
+        Self { centre, cost: end.cost, gradient: State::zeros(), curvature, bend }
+    }
+
+    /// Adds another cost.
+    fn add<H, const M: usize>(&mut self, other: &Problem<'_, H, N, M>)
+    where
+        H: MeasurementModel<N, M>,
+    {
+        let local = other.local(&self.centre);
+        let bend = bend(other, &self.centre, &self.curvature);
+        self.curvature += hessian(other, &self.centre, &self.curvature).0;
+        self.cost += local.cost;
+        self.gradient += local.gradient;
+        self.bend.iter_mut().zip(bend).for_each(|(sum, bend)| *sum += bend);
+    }
+
+    /// Its minimum; `None` where that is so far from the centre that the expansion errs.
+    fn minimum(&self) -> Option<End<N>> {
+        let mut step = State::<N>::zeros();
+        for iterations in (1..).take(ROUNDS) {
+            let change = self.change(&step);
+            let slope = self.gradient + (self.curvature + change * 0.5) * step;
+            let information = self.curvature + change;
+            let shift = information.cholesky()?.solve(&slope);
+            step -= shift;
+            if slope.dot(&shift) > 1e-20 {
+                continue;
+            }
+            let change = self.change(&step);
+            let information = self.curvature + change;
+            if self.share(&change)? > STRAIGHT {
+                return None;
+            }
+            let bent = self.curvature * 0.5 + change / 6.0;
+            let cost = self.cost + self.gradient.dot(&step) + step.dot(&(bent * step));
+            let state = self.centre + step;
+            return Some(End { state, cost, information, iterations, refused: None });
+        }
+        None
+    }
+
+    /// Returns the curvature's change over a step.
+    fn change(&self, step: &State<N>) -> Covariance<N> {
+        self.bend.iter().zip(step.iter()).map(|(bend, step)| bend * *step).sum()
+    }
+
+    /// Returns the size of a change in units of the curvature.
+    fn share(&self, change: &Covariance<N>) -> Option<f64> {
+        let factor = self.curvature.cholesky()?.unpack();
+        let half = factor.solve_lower_triangular(change)?;
+        Some(factor.solve_lower_triangular(&half.transpose())?.norm())
+    }
 }
 
 /// Converts the errors of a solver with a prior.
@@ -337,4 +412,35 @@ impl From<BatchError> for EstimatorError {
             _ => Self::NotFinite { role: Role::Expected },
         }
     }
+}
+
+/// A belief about a target that has drifted on since.
+fn drifted<const N: usize>(
+    still: &Gaussian<N>,
+    variance: &SVector<f64, N>,
+) -> Result<Gaussian<N>, EstimatorError> {
+    let mut estimate = *still.estimate();
+    estimate.covariance += Covariance::from_diagonal(variance);
+    Gaussian::new(estimate, Role::Posterior)
+}
+
+/// The cost's third derivatives, by central differences of the second ones.
+fn bend<H, const N: usize, const M: usize>(
+    problem: &Problem<'_, H, N, M>,
+    x: &State<N>,
+    information: &Covariance<N>,
+) -> [Covariance<N>; N]
+where
+    H: MeasurementModel<N, M>,
+{
+    array::from_fn(|i| {
+        let size = information[(i, i)];
+        let step = REACH / libm::sqrt(if size > 0.0 { size } else { 1.0 });
+        let mut low = *x;
+        let mut high = *x;
+        low[i] -= step;
+        high[i] += step;
+        let change = hessian(problem, &high, information).0 - hessian(problem, &low, information).0;
+        change / (high[i] - low[i])
+    })
 }

@@ -1,18 +1,28 @@
+//! The solver, its result, and the Gaussian that is reported of an optimum.
+
 use alloc::vec::Vec;
 
-use foxhunt_core::{Estimate, MeasurementModel, Observation, Role, State, parameter::positive};
+use foxhunt_core::{
+    Covariance, Estimate, MeasurementModel, Observation, Role, State, parameter::positive,
+};
 use nalgebra::Vector2;
 
 use super::{
-    BatchError, BatchFix, Loss, at_least,
-    belief::posterior,
-    iteration::End,
-    modes::{Modes, NoMode, overhead, search, trap},
+    BatchError, Datum, Loss, Problem, at_least,
+    descent::{
+        End, LEAST_RCOND, Modes, NoMode, Region, overhead, reciprocal_condition, search, trap,
+    },
     positive_entry,
-    problem::{Datum, Problem},
-    region::Region,
 };
 use crate::{Gaussian, count::number};
+
+/// A direction is open where the observations hold less than this share of the prior's
+/// information.
+const OPEN: f64 = 0.1;
+
+/// The observations are curved along an open direction where one standard deviation of the prior
+/// costs more than this on either side; a quadratic cost would rise by half of [`OPEN`].
+const CURVED: f64 = 0.25;
 
 /// Maximum likelihood, or with a prior maximum a posteriori, over all observations of a still
 /// target at once: nonlinear least squares by Levenberg and Marquardt, from several starts.
@@ -257,6 +267,37 @@ impl<H, const N: usize> BatchSolver<H, N> {
     }
 }
 
+/// The result of a [`BatchSolver`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct BatchFix<const N: usize> {
+    /// The optimum, and the inverse of the information there. With a prior, and observations that
+    /// leave a curved direction open, such as the ring of levels from one place, the covariance is
+    /// the prior's spread about the optimum instead. Without a prior such observations are refused
+    /// as [`BatchError::Flat`].
+    pub estimate: Estimate<N>,
+    /// ln p(Z | x̂) + ln p(x̂), the second where there is a prior. With a robust loss the
+    /// normaliser is still the Gaussian's, so compare it among fixes of one loss only.
+    pub log_posterior: f64,
+    /// The residuals' misfit: Σ w q / (n − N) with n the components present and q an
+    /// observation's squared residual in its own standard deviations. About 1 where the sigmas are
+    /// right; `None` where n ≤ N.
+    pub reduced_chi_squared: Option<f64>,
+    /// Weight of each observation, in the order in which they came.
+    pub weights: Vec<f64>,
+    /// The observations whose angles were left out, since they were made at the optimum's own
+    /// place.
+    pub silenced: Vec<usize>,
+    /// The other optima that starts led to, each with its ln p(Z | x) p(x) less that of the best:
+    /// where it is near 0, the observations do not distinguish the two.
+    pub rivals: Vec<(State<N>, f64)>,
+    /// The rivals in the same order, each with the covariance about itself.
+    pub rival_estimates: Vec<Estimate<N>>,
+    /// Number of iterations from the winning start.
+    pub iterations: u32,
+    /// Number of starts that settled in the same optimum, and number of all starts.
+    pub agreeing_starts: (usize, usize),
+}
+
 /// The end with the least cost.
 fn best<const N: usize>(modes: &Modes<N>) -> &End<N> {
     modes.ends.first().expect("a search that finds nothing is an error")
@@ -273,4 +314,72 @@ where
     let spare = problem.components().checked_sub(N).filter(|spare| *spare > 0)?;
     let sum: f64 = problem.weights(x).map(|(weight, q)| weight * q).sum();
     Some(sum / number(spare))
+}
+
+/// The optimum with the inverse of its information.
+pub(super) fn laplace<const N: usize>(end: &End<N>) -> Result<Estimate<N>, BatchError> {
+    let factor = end.information.cholesky().ok_or(BatchError::Flat { rcond: 0.0 })?;
+    let covariance = factor.solve(&Covariance::<N>::identity());
+    Ok(Estimate { mean: end.state, covariance: (covariance + covariance.transpose()) * 0.5 })
+}
+
+/// The optimum with the inverse of its information; or, where the observations leave a direction
+/// open along which they are curved, with the prior's spread about the optimum, P + δ δᵀ with
+/// δ the optimum less the prior's mean.
+///
+/// Levels that were all taken at one place have a ring for a likelihood. The information at its
+/// optimum knows the range, and the tangent, which leaves the ring: the target, anywhere on the
+/// ring, would be thousands of such standard deviations away. The prior's spread covers it.
+///
+/// # Errors
+///
+/// [`BatchError::Flat`] where such a direction is open and there is no prior.
+pub(super) fn posterior<H, const N: usize, const M: usize>(
+    problem: &Problem<'_, H, N, M>,
+    end: &End<N>,
+) -> Result<Estimate<N>, BatchError>
+where
+    H: MeasurementModel<N, M>,
+{
+    let estimate = laplace(end)?;
+    let Some(prior) = problem.prior else {
+        // The Hessian of such a ring is rounding along it; the outer products are exactly singular.
+        let rcond = reciprocal_condition(&problem.local(&end.state).information);
+        return if rcond < LEAST_RCOND { Err(BatchError::Flat { rcond }) } else { Ok(estimate) };
+    };
+    if !is_curved(problem, prior, &end.state) {
+        return Ok(estimate);
+    }
+    let shift = end.state - prior.mean();
+    let covariance = prior.estimate().covariance + shift * shift.transpose();
+    Ok(Estimate { covariance, ..estimate })
+}
+
+/// Returns true if the observations leave a direction open along which their cost is not quadratic.
+fn is_curved<H, const N: usize, const M: usize>(
+    problem: &Problem<'_, H, N, M>,
+    prior: &Gaussian<N>,
+    x: &State<N>,
+) -> bool
+where
+    H: MeasurementModel<N, M>,
+{
+    let alone = Problem { prior: None, ..*problem };
+    let here = alone.local(x);
+    // In units of the prior the posterior's covariance is (I + A)⁻¹; its largest eigenvalue is
+    // that of the direction that is the most open.
+    let information = prior.factor().transpose() * here.information * prior.factor();
+    let Some(factor) = (Covariance::<N>::identity() + information).cholesky() else { return false };
+    // Of uneven entries, so that it is along no axis and across none.
+    let mut direction = State::<N>::from_fn(|i, _| 1.0 + 0.37 * number(i));
+    for _ in 0..50 {
+        direction = factor.solve(&direction).normalize();
+    }
+    let share = direction.dot(&(information * direction));
+    if share.is_nan() || share >= OPEN {
+        return false;
+    }
+    let step = prior.factor() * direction;
+    let rise = |side: State<N>| alone.cost(&side) - here.cost;
+    rise(x + step) > CURVED && rise(x - step) > CURVED
 }

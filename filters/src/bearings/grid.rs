@@ -7,7 +7,7 @@ use foxhunt_core::{
 };
 use nalgebra::Vector2;
 
-use super::{BearingLine, linear::checked};
+use super::{BearingLine, checked};
 use crate::{
     Marginal, PlacePrior, PosteriorMap,
     batch::BatchError,

@@ -1,15 +1,60 @@
+//! Robust triangulation under von Mises errors (Lenth 1981).
+
 use alloc::{vec, vec::Vec};
 
 use foxhunt_core::{Ellipse, Estimate, parameter::positive};
 use nalgebra::{Matrix2, Vector2};
 
-use super::{
-    BearingLine, BearingWeights,
-    line::check,
-    moments::{reach, reciprocal_condition},
-    weights::inverse_concentration,
-};
+use super::{BearingLine, check, reach, reciprocal_condition};
 use crate::batch::BatchError;
+
+/// Step of a settled iteration, as a share of the receivers' extent, or of the distance from their
+/// mean where that is larger.
+const SETTLED: f64 = 1e-12;
+
+/// The largest κ.
+const MOST_KAPPA: f64 = 1e12;
+
+/// Weights of bearings that stray (Lenth 1981, eq. 4.5 to 4.7), by their standardised error t =
+/// √(2κ (1 − cos e)): about the error in standard deviations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum BearingWeights {
+    /// All alike: the maximum likelihood of von Mises errors.
+    Even,
+    /// Huber's: 1 up to `c`, then c/t. Usual is 1.5.
+    Huber {
+        /// Standardised error at which the weight begins to fall.
+        c: f64,
+    },
+    /// Andrews's sine: sin(t/c) / (t/c) up to πc, then nothing. Usual is 1.5.
+    Andrews {
+        /// The scale of the sine.
+        c: f64,
+    },
+}
+
+impl BearingWeights {
+    fn check(self) -> Result<Self, BatchError> {
+        match self {
+            Self::Even => {}
+            Self::Huber { c } | Self::Andrews { c } => {
+                positive("c", c)?;
+            }
+        }
+        Ok(self)
+    }
+
+    /// The weight of a standardised error t ≥ 0.
+    fn of(&self, t: f64) -> f64 {
+        match *self {
+            Self::Huber { c } if t > c => c / t,
+            Self::Andrews { c } if t >= core::f64::consts::PI * c => 0.0,
+            Self::Andrews { c } if t > 1e-8 * c => libm::sin(t / c) / (t / c),
+            _ => 1.0,
+        }
+    }
+}
 
 /// Triangulation by maximum likelihood for von Mises errors, or by M-estimation (Lenth 1981, "On
 /// finding the source of a signal", Technometrics 23(2), 149-154).
@@ -42,59 +87,6 @@ pub struct Lenth1981 {
     kappa: Option<f64>,
     most_iterations: u32,
 }
-
-/// Place where lines of bearing meet.
-#[derive(Clone, Debug, PartialEq)]
-pub struct BearingFix {
-    /// The place with its covariance, East and North in metres. Where κ was estimated, this is
-    /// the covariance of the paper, for many bearings; see [`ellipse`](Self::ellipse).
-    pub position: Estimate<2>,
-    /// The concentration κ of the errors, about 1/σ² in rad⁻². Bearings that meet in a point leave
-    /// it unbounded; it is then given as 10¹², σ = 1 µrad.
-    pub kappa: f64,
-    /// Weight of each bearing, in [0, 1].
-    pub weights: Vec<f64>,
-    /// Number of iterations.
-    pub iterations: u32,
-    /// The degrees of freedom of an estimated κ: the sum of the weights less two; `None` where κ
-    /// was given.
-    pub degrees_of_freedom: Option<f64>,
-}
-
-impl BearingFix {
-    /// The ellipse that holds the target with the given probability.
-    ///
-    /// With n bearings of weights that sum to W, 1/κ is estimated with ν = W − 2 degrees of
-    /// freedom, and from W rather than ν squares. So the ellipse is that of the quantile 2 F₂,ν
-    /// in place of χ²₂, over the covariance times W / ν. Where κ was given it is that of
-    /// χ²₂.
-    ///
-    /// `None` where no degree of freedom is left, the covariance is not positive definite, or
-    /// `probability` is not in (0, 1).
-    #[must_use]
-    pub fn ellipse(&self, probability: f64) -> Option<Ellipse> {
-        let Some(degrees) = self.degrees_of_freedom else {
-            return self.position.ellipse(probability);
-        };
-        if !(degrees > 0.0 && probability > 0.0 && probability < 1.0) {
-            return None;
-        }
-        let log_outside = libm::log1p(-probability);
-        // The quantiles in closed form: F₂,ν is (ν / 2) ((1 − p)^(−2 / ν) − 1), χ²₂
-        // −2 ln(1 − p).
-        let twice_f = degrees * libm::expm1(-2.0 * log_outside / degrees);
-        let scale = twice_f / (-2.0 * log_outside) * (degrees + 2.0) / degrees;
-        let covariance = self.position.covariance * scale;
-        Estimate { covariance, ..self.position }.ellipse(probability)
-    }
-}
-
-/// Step of a settled iteration, as a share of the receivers' extent, or of the distance from their
-/// mean where that is larger.
-const SETTLED: f64 = 1e-12;
-
-/// The largest κ.
-const MOST_KAPPA: f64 = 1e12;
 
 impl Lenth1981 {
     /// Bearings that all count alike; at most 1000 iterations.
@@ -207,6 +199,60 @@ impl Lenth1981 {
     }
 }
 
+/// Place where lines of bearing meet.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BearingFix {
+    /// The place with its covariance, East and North in metres. Where κ was estimated, this is
+    /// the covariance of the paper, for many bearings; see [`ellipse`](Self::ellipse).
+    pub position: Estimate<2>,
+    /// The concentration κ of the errors, about 1/σ² in rad⁻². Bearings that meet in a point leave
+    /// it unbounded; it is then given as 10¹², σ = 1 µrad.
+    pub kappa: f64,
+    /// Weight of each bearing, in [0, 1].
+    pub weights: Vec<f64>,
+    /// Number of iterations.
+    pub iterations: u32,
+    /// The degrees of freedom of an estimated κ: the sum of the weights less two; `None` where κ
+    /// was given.
+    pub degrees_of_freedom: Option<f64>,
+}
+
+impl BearingFix {
+    /// The ellipse that holds the target with the given probability.
+    ///
+    /// With n bearings of weights that sum to W, 1/κ is estimated with ν = W − 2 degrees of
+    /// freedom, and from W rather than ν squares. So the ellipse is that of the quantile 2 F₂,ν
+    /// in place of χ²₂, over the covariance times W / ν. Where κ was given it is that of
+    /// χ²₂.
+    ///
+    /// `None` where no degree of freedom is left, the covariance is not positive definite, or
+    /// `probability` is not in (0, 1).
+    #[must_use]
+    pub fn ellipse(&self, probability: f64) -> Option<Ellipse> {
+        let Some(degrees) = self.degrees_of_freedom else {
+            return self.position.ellipse(probability);
+        };
+        if !(degrees > 0.0 && probability > 0.0 && probability < 1.0) {
+            return None;
+        }
+        let log_outside = libm::log1p(-probability);
+        // The quantiles in closed form: F₂,ν is (ν / 2) ((1 − p)^(−2 / ν) − 1), χ²₂
+        // −2 ln(1 − p).
+        let twice_f = degrees * libm::expm1(-2.0 * log_outside / degrees);
+        let scale = twice_f / (-2.0 * log_outside) * (degrees + 2.0) / degrees;
+        let covariance = self.position.covariance * scale;
+        Estimate { covariance, ..self.position }.ellipse(probability)
+    }
+}
+
+/// 1/κ for a mean cosine C̄ of the errors (Lenth 1981, eq. 2.10, his approximation of the inverse
+/// of I₁(κ)/I₀(κ)).
+fn inverse_concentration(mean_cosine: f64) -> f64 {
+    let c = mean_cosine;
+    let apart = 1.0 - c;
+    2.0 * apart + apart * apart * (0.48794 - 0.82905 * c - 1.3915 * c * c) / c
+}
+
 /// Σ w cos e / Σ w; −1 where no bearing counts.
 fn mean_cosine(lines: &[BearingLine], place: &Vector2<f64>, weights: &[f64]) -> f64 {
     let total: f64 = weights.iter().sum();
@@ -248,4 +294,37 @@ fn solve(
         return Err(BatchError::Flat { rcond });
     }
     matrix.lu().solve(&right).ok_or(BatchError::Flat { rcond: 0.0 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_concentration_is_that_of_the_paper() {
+        // 2 (1 − C) + (1 − C)² (0.48794 − 0.82905 C − 1.3915 C²) / C, by hand.
+        assert!((inverse_concentration(0.8) - 0.346_707).abs() < 1e-12);
+        assert!((inverse_concentration(0.5) - 0.862_77).abs() < 1e-12);
+    }
+
+    #[test]
+    fn weights_fall_where_the_paper_lets_them() {
+        let huber = BearingWeights::Huber { c: 1.5 };
+        assert!((huber.of(1.4) - 1.0).abs() < 1e-15 && (huber.of(3.0) - 0.5).abs() < 1e-15);
+        let andrews = BearingWeights::Andrews { c: 1.5 };
+        let quarter = 0.75 * core::f64::consts::PI;
+        assert!((andrews.of(quarter) - core::f64::consts::FRAC_2_PI).abs() < 1e-15);
+        assert!(andrews.of(2.0 * quarter + 1e-9) < 1e-9 && andrews.of(9.0) <= 0.0);
+        assert!((andrews.of(0.0) - 1.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_concentration_is_near_the_ratio_of_bessel_functions() {
+        // I₁(κ)/I₀(κ) (Mardia & Jupp 2000, appendix 1).
+        for (kappa, ratio) in [(1.0, 0.446_40), (2.0, 0.697_77), (5.0, 0.893_38), (10.0, 0.948_60)]
+        {
+            let found = 1.0 / inverse_concentration(ratio);
+            assert!((found / kappa - 1.0).abs() < 0.03, "{found} for {kappa}");
+        }
+    }
 }

@@ -31,7 +31,7 @@ impl Column {
     }
 
     /// Returns the numbers of `cells` cells, each its own from now on.
-    pub(super) fn each_mut(&mut self, cells: usize) -> &mut [f64] {
+    fn each_mut(&mut self, cells: usize) -> &mut [f64] {
         if let Self::Same(value) = *self {
             *self = Self::Each(vec![value; cells]);
         }
@@ -105,12 +105,12 @@ pub(super) struct Columns<const N: usize> {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Hypothesis {
     /// l.
-    pub(super) logs: Vec<f64>,
+    pub logs: Vec<f64>,
     /// η.
-    pub(super) shifts: Vec<Vec<f64>>,
+    pub shifts: Vec<Vec<f64>>,
     /// The rows of Λ up to its diagonal: the same in all cells where the measurement has one slope
     /// over n, as a level has over a reference power.
-    pub(super) information: Vec<Column>,
+    pub information: Vec<Column>,
 }
 
 impl Hypothesis {
@@ -128,14 +128,14 @@ impl Hypothesis {
 /// numerous, that its 1 × 1 matrices are not factored.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cell<const N: usize> {
-    pub(super) log: f64,
-    pub(super) shift: State<N>,
-    pub(super) information: Covariance<N>,
+    pub log: f64,
+    pub shift: State<N>,
+    pub information: Covariance<N>,
 }
 
 impl<const N: usize> Cell<N> {
     /// ln p(x): n integrated out. −∞ where Λ is not positive definite.
-    pub(super) fn log_marginal(&self) -> f64 {
+    fn log_marginal(&self) -> f64 {
         if N == 2 {
             return self.log;
         }
@@ -154,7 +154,7 @@ impl<const N: usize> Cell<N> {
     }
 
     /// The mean and the covariance of n; 0 in the first two components.
-    pub(super) fn conditional(&self) -> Option<(State<N>, Covariance<N>)> {
+    fn conditional(&self) -> Option<(State<N>, Covariance<N>)> {
         if N == 3 {
             let variance = 1.0 / self.information[(2, 2)];
             let mut mean = State::zeros();
@@ -224,7 +224,7 @@ impl<const N: usize> Columns<N> {
         }
     }
 
-    pub(super) fn cell(&self, hypothesis: usize, index: usize) -> Cell<N> {
+    fn cell(&self, hypothesis: usize, index: usize) -> Cell<N> {
         let Hypothesis { logs, shifts, information } = &self.hypotheses[hypothesis];
         let mut cell =
             Cell { log: logs[index], shift: State::zeros(), information: Covariance::identity() };

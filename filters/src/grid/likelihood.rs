@@ -7,8 +7,8 @@ use foxhunt_core::{
 use nalgebra::{SVector, Vector3};
 
 use super::{
-    Columns, GridConfig, Lattice,
-    columns::{Column, Hypothesis, add_product},
+    GridConfig, Lattice,
+    columns::{Column, Columns, Hypothesis, add_product},
 };
 use crate::vectorised::{Kernel, Map, run};
 

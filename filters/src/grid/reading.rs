@@ -77,14 +77,14 @@ fn index(coordinate: f64) -> usize {
 /// the logarithms of Gaussians.
 pub(super) struct Reading<'a, 'b> {
     /// Place of the first new cell, counted in old ones, and the steps to its neighbours.
-    pub(super) origin: Vector2<f64>,
-    pub(super) steps: Matrix2<f64>,
+    pub origin: Vector2<f64>,
+    pub steps: Matrix2<f64>,
     /// Sides of the old and the new lattice, in cells.
-    pub(super) sides: [usize; 2],
+    pub sides: [usize; 2],
     /// Logarithms, and where they go.
-    pub(super) logs: OldAndNew<'a, 'b>,
+    pub logs: OldAndNew<'a, 'b>,
     /// All other columns.
-    pub(super) others: OldAndNew<'a, 'b>,
+    pub others: OldAndNew<'a, 'b>,
 }
 
 type OldAndNew<'a, 'b> = (&'a [&'b [f64]], &'a mut [&'b mut [f64]]);

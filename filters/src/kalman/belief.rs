@@ -1,13 +1,22 @@
-use foxhunt_core::{Axis, Estimate, Observation, State, elementary, noise};
+//! Beliefs over moments alone, and after an observation that may be an outlier.
+
+use foxhunt_core::{
+    Axis, Estimate, EstimatorError, Observation, State, elementary,
+    noise::{self, log_add},
+};
 use nalgebra::{SMatrix, SVector};
 
 use crate::{Gaussian, Moments, triangle};
+
+/// Least share of a variance that may remain given other components: below it, six of its sixteen
+/// digits are lost.
+const LEAST: f64 = 1e-6;
 
 /// The belief of a filter: its moments, and a factor of the covariance only where that is so thin
 /// that the covariance's own digits would not do.
 ///
 /// A step over moments alone is the shortest, but takes differences; one over factors
-/// ([`Regression`](super::regression::Regression)) takes none. So a step is first tried over
+/// ([`Regression`](super::Regression)) takes none. So a step is first tried over
 /// moments, and what it comes to is kept if no variance fell below [`LEAST`] of what it was,
 /// given the components before it.
 #[derive(Clone, Copy, Debug)]
@@ -15,10 +24,6 @@ pub(super) struct Belief<const N: usize> {
     estimate: Estimate<N>,
     factor: Option<SMatrix<f64, N, N>>,
 }
-
-/// Least share of a variance that may remain given other components: below it, six of its sixteen
-/// digits are lost.
-const LEAST: f64 = 1e-6;
 
 impl<const N: usize> Belief<N> {
     pub(super) fn estimate(&self) -> &Estimate<N> {
@@ -46,19 +51,20 @@ impl<const N: usize> Belief<N> {
     }
 }
 
-/// Returns true if all is finite, and no variance, given the components before it, is below
-/// [`LEAST`] of `variances`.
-#[inline(always)]
-pub(super) fn is_plain<const N: usize>(moments: &Estimate<N>, variances: &SVector<f64, N>) -> bool {
-    let finite = triangle::nan_unless_finite(&moments.mean) <= 0.0;
-    triangle::pivots_exceed(moments.covariance, &(variances * LEAST)) && finite
+/// A Gaussian keeps its factor only where it needs it.
+impl<const N: usize> From<Gaussian<N>> for Belief<N> {
+    fn from(gaussian: Gaussian<N>) -> Self {
+        let estimate = *gaussian.estimate();
+        let plain = is_plain(&estimate, &estimate.covariance.diagonal());
+        Self { estimate, factor: (!plain).then_some(*gaussian.factor()) }
+    }
 }
 
 /// An update over moments.
 pub(super) struct Conditioned<const N: usize> {
-    pub(super) posterior: Estimate<N>,
+    pub posterior: Estimate<N>,
     /// yᵀ S⁻¹ y.
-    pub(super) nis: f64,
+    pub nis: f64,
     /// |S|.
     determinant: f64,
 }
@@ -128,18 +134,41 @@ impl<const N: usize> Conditioned<N> {
     }
 }
 
-/// A Gaussian keeps its factor only where it needs it.
-impl<const N: usize> From<Gaussian<N>> for Belief<N> {
-    fn from(gaussian: Gaussian<N>) -> Self {
-        let estimate = *gaussian.estimate();
-        let plain = is_plain(&estimate, &estimate.covariance.diagonal());
-        Self { estimate, factor: (!plain).then_some(*gaussian.factor()) }
-    }
+/// Returns true if all is finite, and no variance, given the components before it, is below
+/// [`LEAST`] of `variances`.
+#[inline(always)]
+pub(super) fn is_plain<const N: usize>(moments: &Estimate<N>, variances: &SVector<f64, N>) -> bool {
+    let finite = triangle::nan_unless_finite(&moments.mean) <= 0.0;
+    triangle::pivots_exceed(moments.covariance, &(variances * LEAST)) && finite
+}
+
+/// The belief after an observation that may be an outlier: the mixture of the posterior and the
+/// prior, as the Gaussian of its two moments, and the mixture's log-evidence (Bar-Shalom & Tse
+/// 1975, for one measurement).
+///
+/// The logarithms are of the evidence of a sound observation and of an outlier, each with its
+/// share. The covariance is a sum of squares: the two factors, each times the root of its
+/// probability, and the difference of the means.
+pub(super) fn mix<const N: usize>(
+    prior: &Gaussian<N>,
+    posterior: &Gaussian<N>,
+    [log_sound, log_outlier]: [f64; 2],
+    axes: &[Axis; N],
+) -> Result<(Gaussian<N>, f64), EstimatorError> {
+    let log_evidence = log_add(log_sound, log_outlier);
+    let sound = libm::exp(log_sound - log_evidence).min(1.0);
+    let step = Axis::difference(axes, posterior.mean(), prior.mean());
+    let mut between = SMatrix::<f64, N, N>::zeros();
+    between.set_column(0, &(step * libm::sqrt(sound * (1.0 - sound))));
+    let parts = [posterior.factor() * libm::sqrt(sound), prior.factor() * libm::sqrt(1.0 - sound)];
+    let factor = triangle::lower_root([parts[0], parts[1], between]);
+    let belief = Gaussian::from_factor(prior.mean() + step * sound, factor, axes)?;
+    Ok((belief, log_evidence))
 }
 
 #[cfg(test)]
 mod tests {
-    use foxhunt_core::{Pose, Role};
+    use foxhunt_core::{Estimate, Pose, Role};
     use nalgebra::{Matrix2, Vector2};
 
     use super::*;
@@ -192,5 +221,24 @@ mod tests {
         assert_eq!(Belief::from(thin).gaussian(), Some(thin));
         let wide = Gaussian::new(Estimate::isotropic(Vector2::zeros(), 3.0), Role::Prior);
         assert!(Belief::from(wide.expect("definite")).moments().is_some());
+    }
+
+    #[test]
+    fn the_moments_are_those_of_the_mixture() {
+        let gaussian = |mean, covariance| {
+            Gaussian::new(Estimate { mean, covariance }, Role::Prior).expect("definite")
+        };
+        let prior = gaussian(Vector2::zeros(), Matrix2::new(4.0, 0.0, 0.0, 1.0));
+        let posterior = gaussian(Vector2::new(3.0, 1.0), Matrix2::new(1.0, 0.5, 0.5, 1.0));
+        let share = 0.4;
+        let axes = [Axis::Linear; 2];
+        let logs = [libm::log(share * 0.1), libm::log((1.0 - share) * 0.1)];
+        let (belief, log_evidence) = mix(&prior, &posterior, logs, &axes).expect("definite");
+        assert!((log_evidence - libm::log(0.1)).abs() < 1e-15);
+        let belief = belief.estimate();
+        assert!((belief.mean - Vector2::new(1.2, 0.4)).norm() < 1e-14);
+        // 0.4 P⁺ + 0.6 P + 0.24 d dᵀ with d = (3, 1).
+        let covariance = Matrix2::new(0.4 + 2.4 + 2.16, 0.2 + 0.72, 0.2 + 0.72, 1.0 + 0.24);
+        assert!((belief.covariance - covariance).norm() < 1e-13, "{}", belief.covariance);
     }
 }

@@ -6,10 +6,7 @@ use foxhunt_core::{
     parameter::require,
 };
 
-use super::{
-    component::{self, Component, InnovationOf, Outcome},
-    moments,
-};
+use super::{Component, InnovationOf, belief_of, correct, nis_of, normalise, weighted};
 
 /// A weighted sum of estimators that know nothing of one another: a mixture belief.
 ///
@@ -77,9 +74,9 @@ impl<E: Estimator<N, M> + Clone, const N: usize, const M: usize> Bank<E, N, M> {
     /// [`EstimatorError::Parameter`] when no component is given, a weight is negative or not
     /// finite, or all are zero; [`EstimatorError::NotFinite`] when a component's estimate is not.
     pub fn new(components: impl IntoIterator<Item = (f64, E)>) -> Result<Self, EstimatorError> {
-        let components = component::weighted(components)?;
+        let components = weighted(components)?;
         let axes = [Axis::Linear; N];
-        let belief = belief_of(&components, &axes, Role::Prior)?;
+        let belief = prior_of(&components, &axes)?;
         let log_least = libm::log(1e-6);
         let innovation = None;
         Ok(Self { components, spare: Vec::new(), belief, axes, log_least, innovation })
@@ -91,7 +88,7 @@ impl<E: Estimator<N, M> + Clone, const N: usize, const M: usize> Bank<E, N, M> {
     ///
     /// [`EstimatorError::NotFinite`] when the combined estimate is not.
     pub fn with_axes(self, axes: [Axis; N]) -> Result<Self, EstimatorError> {
-        let belief = belief_of(&self.components, &axes, Role::Prior)?;
+        let belief = prior_of(&self.components, &axes)?;
         Ok(Self { axes, belief, ..self })
     }
 
@@ -139,8 +136,8 @@ impl<E: Estimator<N, M> + Clone, const N: usize, const M: usize> Bank<E, N, M> {
         &mut self,
         components: impl IntoIterator<Item = (f64, E)>,
     ) -> Result<(), EstimatorError> {
-        let components = component::weighted(components)?;
-        self.belief = belief_of(&components, &self.axes, Role::Posterior)?;
+        let components = weighted(components)?;
+        self.belief = belief_of(&components, &self.axes)?;
         self.components = components;
         Ok(())
     }
@@ -151,8 +148,8 @@ impl<E: Estimator<N, M> + Clone, const N: usize, const M: usize> Bank<E, N, M> {
         let least = heaviest + self.log_least;
         self.spare.retain(|c| c.log_weight >= least && c.log_weight > f64::NEG_INFINITY);
         let lost = EstimatorError::NotFinite { role: Role::Posterior };
-        component::normalise(&mut self.spare).ok_or(lost)?;
-        self.belief = belief_of(&self.spare, &self.axes, Role::Posterior)?;
+        normalise(&mut self.spare).ok_or(lost)?;
+        self.belief = belief_of(&self.spare, &self.axes)?;
         mem::swap(&mut self.components, &mut self.spare);
         Ok(())
     }
@@ -179,16 +176,11 @@ impl<E: Estimator<N, M> + Clone, const N: usize, const M: usize> Estimator<N, M>
         }
         let nis = self
             .innovation
-            .and_then(|innovation| component::nis(&self.components, innovation, observation));
+            .and_then(|innovation| nis_of(&self.components, innovation, observation));
         self.spare.clone_from(&self.components);
-        let corrected = component::correct(&mut self.spare, observation)?;
+        let outcome = correct(&mut self.spare, observation)?;
         self.take()?;
-        Ok(match corrected {
-            Outcome::Fused(log_evidence) => {
-                Correction::Fused { nis, log_evidence, effective_sample_size: None }
-            }
-            Outcome::Rejected { nis, limit } => Correction::Rejected { nis, limit },
-        })
+        Ok(outcome.with_nis(nis))
     }
 
     fn estimate(&self) -> Estimate<N> {
@@ -206,11 +198,10 @@ impl<E: Estimator<N, M> + Clone, const N: usize, const M: usize> Estimator<N, M>
     }
 }
 
-fn belief_of<E: Estimator<N, M>, const N: usize, const M: usize>(
+/// The moments of components that nothing has been fused into.
+fn prior_of<E: Estimator<N, M>, const N: usize, const M: usize>(
     components: &[Component<E>],
     axes: &[Axis; N],
-    role: Role,
 ) -> Result<Estimate<N>, EstimatorError> {
-    moments::combine(component::estimates(components), axes)
-        .map_err(|_| EstimatorError::NotFinite { role })
+    belief_of(components, axes).map_err(|_| EstimatorError::NotFinite { role: Role::Prior })
 }

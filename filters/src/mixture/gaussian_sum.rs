@@ -1,3 +1,5 @@
+//! The sum of Gaussians, and its update where directions compete for a bearing.
+
 use alloc::vec::Vec;
 
 use foxhunt_core::{
@@ -10,11 +12,15 @@ use foxhunt_core::{
 use super::{
     Reinitialise,
     bank::Bank,
-    hypotheses::{NEGLIGIBLE, update_each},
-    merge::{self, Part},
-    split,
+    reduction::{Part, principal_axes, reduce, split_along},
 };
 use crate::{Kalman, Transform, count::number};
+
+/// The lightest component that is worth splitting.
+const LIGHT: f64 = 1e-3;
+
+/// The lightest component that is kept of several hypotheses.
+const NEGLIGIBLE: f64 = 1e-6;
 
 /// The Gaussian-sum filter (Alspach & Sorenson 1972): a prior split into narrow Gaussians, each
 /// run by a Kalman filter of its own.
@@ -66,15 +72,6 @@ pub struct GaussianSum<T, F, H, const N: usize, const M: usize> {
     resplitting: Option<Resplitting>,
     outliers: Option<OutlierMixture<M>>,
 }
-
-#[derive(Clone, Copy, Debug)]
-struct Resplitting {
-    above: f64,
-    parts: usize,
-}
-
-/// The lightest component that is worth splitting.
-const LIGHT: f64 = 1e-3;
 
 impl<T, F, H, const N: usize, const M: usize> GaussianSum<T, F, H, N, M>
 where
@@ -204,7 +201,7 @@ where
             Part::new(i, *weight, filter.estimate())
         };
         let mut parts: Vec<Part<N>> = filters.iter().enumerate().map(part).collect();
-        merge::reduce(&mut parts, self.most, self.cheap, bank.axes())?;
+        reduce(&mut parts, self.most, self.cheap, bank.axes())?;
         let mut components = Vec::with_capacity(parts.len());
         for part in parts {
             let mut filter = filters[part.origin].1.clone();
@@ -268,6 +265,12 @@ where
     }
 }
 
+#[derive(Clone, Copy, Debug)]
+struct Resplitting {
+    above: f64,
+    parts: usize,
+}
+
 /// A filter split along the one of its position's principal axes that leaves the less nonlinear
 /// parts.
 #[expect(clippy::type_complexity, reason = "a list of weighted filters")]
@@ -282,10 +285,10 @@ where
     H: MeasurementModel<N, M> + Clone,
 {
     let mut best: Option<(f64, Vec<(f64, Kalman<T, F, H, N, M>)>)> = None;
-    for axis in split::principal_axes(&filter.estimate())? {
+    for axis in principal_axes(&filter.estimate())? {
         let mut split = Vec::with_capacity(parts);
         let mut left = 0.0;
-        for (share, estimate) in split::split_along(&filter.estimate(), &axis, parts)? {
+        for (share, estimate) in split_along(&filter.estimate(), &axis, parts)? {
             let mut part = filter.clone();
             part.reinitialise(&estimate)?;
             left += share * part.nonlinearity(observation)?;
@@ -296,4 +299,55 @@ where
         }
     }
     Ok(best.map_or_else(Vec::new, |(_, split)| split))
+}
+
+/// Conditions a bank on an observation; where directions compete for a bearing, every component
+/// goes on as one for each of them, with the weights that the evidence gives them.
+fn update_each<T, F, H, const N: usize, const M: usize>(
+    bank: &mut Bank<Kalman<T, F, H, N, M>, N, M>,
+    observation: &Observation<M>,
+) -> Result<Correction, EstimatorError>
+where
+    T: Transform + Clone,
+    F: MotionModel<N> + Clone,
+    H: MeasurementModel<N, M> + Clone,
+{
+    if observation.bearing_modes().is_none() {
+        return bank.update(observation);
+    }
+    let mut fused = Vec::new();
+    let mut first = None;
+    for (weight, one) in observation.hypotheses() {
+        let mut branch = bank.clone();
+        let correction = branch.update(&one)?;
+        if let Correction::Fused { log_evidence, .. } = correction {
+            fused.push((libm::log(weight) + log_evidence, branch));
+        }
+        // The first that some component fuses, or else the first.
+        first = match first {
+            Some(Correction::Fused { .. }) => first,
+            Some(_) if !matches!(correction, Correction::Fused { .. }) => first,
+            _ => Some(correction),
+        };
+    }
+    let Some(mut correction) = first else { return Ok(Correction::Empty) };
+    let highest = fused.iter().map(|(log, _)| *log).fold(f64::NEG_INFINITY, f64::max);
+    if fused.is_empty() || highest <= f64::NEG_INFINITY {
+        return Ok(correction);
+    }
+    let total: f64 = fused.iter().map(|(log, _)| libm::exp(log - highest)).sum();
+    if let Correction::Fused { log_evidence, .. } = &mut correction {
+        *log_evidence = highest + libm::log(total);
+    }
+    if let [(_, branch)] = &fused[..] {
+        *bank = branch.clone();
+        return Ok(correction);
+    }
+    let each = fused.iter().flat_map(|(log, branch)| {
+        let share = libm::exp(log - highest) / total;
+        branch.components().map(move |(weight, filter)| (share * weight, filter))
+    });
+    let each: Vec<_> = each.filter(|(w, _)| *w > NEGLIGIBLE).map(|(w, f)| (w, f.clone())).collect();
+    bank.replace(each)?;
+    Ok(correction)
 }

@@ -1,23 +1,21 @@
+//! Particles over some components of the state, with a Kalman filter in each for the others.
+
 use alloc::{vec, vec::Vec};
 
 use foxhunt_core::{
-    Axis, Covariance, Estimate, EstimatorError, MeasurementModel, MotionModel, Observation, Role,
-    State, parameter::require,
+    Axis, Correction, Covariance, Estimate, Estimator, EstimatorError, MeasurementModel,
+    MotionModel, Observation, Quantity, Role, State, noise, parameter::require,
 };
-use nalgebra::SMatrix;
+use nalgebra::{SMatrix, SVector};
 use rand::Rng;
 
 use super::{
-    cloud::{Cloud, Weights},
-    divided::Threads,
-    kernel::{Kernel, silverman},
-    marginal::{Linearised, Particle, Tempered},
-    moments::moments,
-    progressive::{KEPT, MOST_STAGES, largest_exponent},
+    Cloud, KEPT, MOST_STAGES, Threads, Weights, check_progressive, largest_exponent,
     resampling::Resampling,
-    white::white,
+    step::moments,
+    white::{Kernel, silverman, white},
 };
-use crate::{Gaussian, count::number};
+use crate::{Gaussian, Innovation, count::number};
 
 /// A particle filter over the first N − K components of the state, with a Kalman filter in each
 /// particle for the last K (Doucet, de Freitas, Murphy & Russell 2000; Schön, Gustafsson &
@@ -35,36 +33,14 @@ use crate::{Gaussian, count::number};
 /// along with the particles, as the two go together in the cloud.
 #[derive(Clone, Debug)]
 pub struct RaoBlackwellised<F, H, R, const N: usize, const M: usize, const K: usize> {
-    pub(super) motion: F,
-    pub(super) measurement: H,
-    pub(super) rng: R,
-    pub(super) cloud: Conditional<N, K>,
-    pub(super) belief: Estimate<N>,
+    motion: F,
+    measurement: H,
+    rng: R,
+    cloud: Conditional<N, K>,
+    belief: Estimate<N>,
     resampling: Resampling,
     threshold: f64,
     progressive: f64,
-}
-
-/// Particles whose last K columns are conditional means, and their conditional covariances.
-#[derive(Clone, Debug)]
-pub(super) struct Conditional<const N: usize, const K: usize> {
-    pub(super) means: Cloud<N>,
-    pub(super) spreads: Vec<Covariance<K>>,
-}
-
-impl<const N: usize, const K: usize> Conditional<N, K> {
-    pub(super) fn len(&self) -> usize {
-        self.spreads.len()
-    }
-
-    pub(super) fn particle(&self, i: usize) -> Particle<N, K> {
-        Particle { state: self.means.state(i), spread: self.spreads[i] }
-    }
-
-    pub(super) fn set(&mut self, i: usize, particle: &Particle<N, K>, axes: &[Axis; N]) {
-        self.means.set(i, &Axis::difference(axes, &particle.state, &State::zeros()));
-        self.spreads[i] = particle.spread;
-    }
 }
 
 impl<F, H, R, const N: usize, const M: usize, const K: usize> RaoBlackwellised<F, H, R, N, M, K>
@@ -128,7 +104,7 @@ where
     ///
     /// [`EstimatorError::Parameter`] when it is not in [0, 0.5].
     pub fn with_progressive_correction(self, share: f64) -> Result<Self, EstimatorError> {
-        Ok(Self { progressive: super::filter::check_progressive(share)?, ..self })
+        Ok(Self { progressive: check_progressive(share)?, ..self })
     }
 
     /// 1 / Σ w²: how many particles of equal weight would be as good.
@@ -139,10 +115,7 @@ where
 
     /// The moments of the mixture, and what a cloud of its effective size misses, as
     /// [`ParticleFilter`](crate::ParticleFilter) adds it, of the sampled components.
-    pub(super) fn belief_of(
-        &self,
-        cloud: &Conditional<N, K>,
-    ) -> Result<Estimate<N>, EstimatorError> {
+    fn belief_of(&self, cloud: &Conditional<N, K>) -> Result<Estimate<N>, EstimatorError> {
         let weights = &cloud.means.weights;
         let mut belief =
             moments(&cloud.means.columns, &weights.linear, &self.motion.axes(), Threads::One);
@@ -161,7 +134,7 @@ where
     }
 
     /// The next generation, resampled if that is due, and moved.
-    pub(super) fn moved(&self, dt: f64, rng: &mut R) -> Result<Conditional<N, K>, EstimatorError> {
+    fn moved(&self, dt: f64, rng: &mut R) -> Result<Conditional<N, K>, EstimatorError> {
         let due = self.effective_sample_size() < self.threshold * number(self.cloud.len());
         let mut next = if due { self.regularised(&self.cloud, rng) } else { self.cloud.clone() };
         let axes = self.motion.axes();
@@ -194,7 +167,7 @@ where
     }
 
     /// The posterior cloud and the log-evidence; in stages where the cloud would starve.
-    pub(super) fn corrected(
+    fn corrected(
         &self,
         observation: &Observation<M>,
         rng: &mut R,
@@ -267,6 +240,247 @@ where
             next.set(i, &corrected, &axes);
         }
         Ok((next, log_evidence))
+    }
+}
+
+impl<F, H, R, const N: usize, const M: usize, const K: usize> Estimator<N, M>
+    for RaoBlackwellised<F, H, R, N, M, K>
+where
+    F: MotionModel<N>,
+    H: MeasurementModel<N, M>,
+    R: Rng + Clone,
+{
+    fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
+        EstimatorError::check_time_step(dt)?;
+        if dt <= 0.0 {
+            return Ok(());
+        }
+        let mut rng = self.rng.clone();
+        let cloud = self.moved(dt, &mut rng)?;
+        self.belief = self.belief_of(&cloud)?;
+        (self.cloud, self.rng) = (cloud, rng);
+        Ok(())
+    }
+
+    fn update(&mut self, observation: &Observation<M>) -> Result<Correction, EstimatorError> {
+        if observation.is_empty() {
+            return Ok(Correction::Empty);
+        }
+        let nis = Innovation::of_belief(&*self, &self.measurement, observation);
+        let mut rng = self.rng.clone();
+        let (cloud, log_evidence) = self.corrected(observation, &mut rng)?;
+        self.belief = self.belief_of(&cloud)?;
+        (self.cloud, self.rng) = (cloud, rng);
+        Ok(Correction::Fused {
+            nis: nis.map(|innovation| innovation.nis),
+            log_evidence,
+            effective_sample_size: Some(self.effective_sample_size()),
+        })
+    }
+
+    fn estimate(&self) -> Estimate<N> {
+        self.belief
+    }
+
+    fn quantities(&self) -> [Quantity; M] {
+        self.measurement.quantities()
+    }
+
+    /// Each particle with the 2 K cubature points of what is not sampled.
+    fn visit_samples(&self, visit: &mut dyn FnMut(&State<N>, f64)) {
+        for (i, weight) in self.cloud.means.weights.linear.iter().enumerate() {
+            let particle = self.cloud.particle(i);
+            let Some(factor) = particle.spread.cholesky() else {
+                visit(&particle.state, *weight);
+                continue;
+            };
+            let spread = factor.unpack() * libm::sqrt(number(K));
+            for column in spread.column_iter() {
+                for sign in [1.0, -1.0] {
+                    let mut state = particle.state;
+                    (0..K).for_each(|row| state[N - K + row] += sign * column[row]);
+                    visit(&state, 0.5 * weight / number(K));
+                }
+            }
+        }
+    }
+}
+
+/// Particles whose last K columns are conditional means, and their conditional covariances.
+#[derive(Clone, Debug)]
+struct Conditional<const N: usize, const K: usize> {
+    means: Cloud<N>,
+    spreads: Vec<Covariance<K>>,
+}
+
+impl<const N: usize, const K: usize> Conditional<N, K> {
+    fn len(&self) -> usize {
+        self.spreads.len()
+    }
+
+    fn particle(&self, i: usize) -> Particle<N, K> {
+        Particle { state: self.means.state(i), spread: self.spreads[i] }
+    }
+
+    fn set(&mut self, i: usize, particle: &Particle<N, K>, axes: &[Axis; N]) {
+        self.means.set(i, &Axis::difference(axes, &particle.state, &State::zeros()));
+        self.spreads[i] = particle.spread;
+    }
+}
+
+/// The last K components of one particle, given the others: a Gaussian whose mean stands in the
+/// particle's state.
+#[derive(Clone, Copy, Debug)]
+struct Particle<const N: usize, const K: usize> {
+    state: State<N>,
+    spread: Covariance<K>,
+}
+
+impl<const N: usize, const K: usize> Particle<N, K> {
+    /// The first of the components that are integrated out.
+    const FIRST: usize = N - K;
+
+    /// Linearises an observation about this particle; `bearing` is its
+    /// [`competing_bearing`](Observation::competing_bearing).
+    fn linearised<const M: usize>(
+        &self,
+        model: &impl MeasurementModel<N, M>,
+        observation: &Observation<M>,
+        bearing: Option<&(usize, [Observation<M>; 2])>,
+    ) -> Linearised<M, K> {
+        let jacobian = model.jacobian(&self.state, observation.receiver());
+        let slope = jacobian.fixed_columns::<K>(Self::FIRST).into_owned();
+        let slope = observation.strike(slope);
+        let expected = model.expected(&self.state, observation.receiver());
+        let residual = model.residual(observation.value(), &expected);
+        let residual = observation.strike(residual);
+        let spread = slope * self.spread * slope.transpose();
+        let competing = match bearing {
+            Some((row, alone)) if slope.row(*row).norm_squared() <= 0.0 => {
+                let [mixture, moments] =
+                    alone.each_ref().map(|one| model.log_likelihood(&self.state, one));
+                mixture - moments
+            }
+            _ => 0.0,
+        };
+        Linearised { slope, residual, spread, dof: observation.len(), competing }
+    }
+
+    /// The Kalman filter of the nuisance, in Joseph's form.
+    fn corrected<const M: usize>(
+        &self,
+        linear: &Linearised<M, K>,
+        noise: &Tempered<M>,
+    ) -> Option<Self> {
+        // Gᵀ = S⁻¹ H P.
+        let cross = linear.slope * self.spread;
+        let factor = linear.factor(noise)?;
+        let white = factor.solve_lower_triangular(&cross)?;
+        let gain = factor.tr_solve_lower_triangular(&white)?.transpose();
+        let kept = Covariance::<K>::identity() - gain * linear.slope;
+        let mut spread =
+            kept * self.spread * kept.transpose() + gain * noise.noise * gain.transpose();
+        spread.fill_upper_triangle_with_lower_triangle();
+        let step = gain * linear.residual;
+        let mut state = self.state;
+        (0..K).for_each(|i| state[Self::FIRST + i] += step[i]);
+        Some(Self { state, spread })
+    }
+
+    /// The particle `dt` seconds on; `white` moves what is sampled.
+    ///
+    /// # Errors
+    ///
+    /// When what is sampled moves with the nuisance or shares its noise: it would depend on it.
+    fn moved(
+        &self,
+        motion: &impl MotionModel<N>,
+        dt: f64,
+        white: State<N>,
+    ) -> Result<Self, EstimatorError> {
+        let factor = motion.noise_factor(&self.state, dt);
+        let noise = factor * factor.transpose();
+        let jacobian = motion.jacobian(&self.state, dt);
+        let shared = |i: usize, j: usize| {
+            let scale = libm::sqrt(noise[(i, i)] * noise[(j, j)]);
+            jacobian[(i, j)].abs().max(if scale > 0.0 { noise[(i, j)].abs() / scale } else { 0.0 })
+        };
+        let coupling = (0..Self::FIRST)
+            .flat_map(|i| (Self::FIRST..N).map(move |j| (i, j)))
+            .fold(0.0, |most: f64, (i, j)| most.max(shared(i, j)));
+        // A numerical Jacobian is not exactly zero.
+        require(
+            coupling <= 1e-6,
+            "coupling of the sampled components to the others",
+            coupling,
+            "none",
+        )?;
+        let mut state = motion.propagate(&self.state, dt);
+        let step = factor * white;
+        (0..Self::FIRST).for_each(|i| state[i] += step[i]);
+        let turn = jacobian.fixed_view::<K, K>(Self::FIRST, Self::FIRST).into_owned();
+        let noise = noise.fixed_view::<K, K>(Self::FIRST, Self::FIRST).into_owned();
+        let mut spread = turn * self.spread * turn.transpose() + noise;
+        spread.fill_upper_triangle_with_lower_triangle();
+        Ok(Self { state, spread })
+    }
+}
+
+/// An observation linearised about one particle, the nuisance integrated out.
+#[derive(Clone, Copy, Debug)]
+struct Linearised<const M: usize, const K: usize> {
+    /// ∂h over the last K components; missing rows are zero.
+    slope: SMatrix<f64, M, K>,
+    residual: SVector<f64, M>,
+    /// Addition of the nuisance to the noise.
+    spread: Covariance<M>,
+    dof: usize,
+    /// Change of the log-likelihood by directions that compete for the bearing.
+    competing: f64,
+}
+
+impl<const M: usize, const K: usize> Linearised<M, K> {
+    /// H with H Hᵀ = S.
+    fn factor(&self, noise: &Tempered<M>) -> Option<SMatrix<f64, M, M>> {
+        Some((self.spread + noise.noise).cholesky()?.unpack())
+    }
+
+    /// ln p(z | what is sampled)^φ; NaN where the model gives none.
+    fn log_density(&self, noise: &Tempered<M>) -> f64 {
+        let density = |factor| noise::gaussian(&self.residual, &factor, self.dof);
+        let constant = noise.log_constant + noise.exponent * self.competing;
+        self.factor(noise).map_or(f64::NAN, |factor| density(factor) + constant)
+    }
+}
+
+/// The noise of an observation that is applied with an exponent: N(r; 0, R)^φ is N(r; 0, R/φ) but
+/// for a constant.
+struct Tempered<const M: usize> {
+    noise: Covariance<M>,
+    exponent: f64,
+    /// The logarithm of that constant.
+    log_constant: f64,
+}
+
+impl<const M: usize> Tempered<M> {
+    fn new(observation: &Observation<M>, exponent: f64) -> Result<Self, EstimatorError> {
+        let whole = observation.noise();
+        let noise = Covariance::from_fn(|i, j| {
+            let present = observation.has(i) && observation.has(j);
+            if present { whole[(i, j)] / exponent } else { whole[(i, j)] }
+        });
+        let factor = |noise: Covariance<M>| {
+            let role = Role::Innovation;
+            noise
+                .cholesky()
+                .map(|factor| factor.unpack())
+                .ok_or(EstimatorError::NotPositiveDefinite { role })
+        };
+        let none = SVector::zeros();
+        let dof = observation.len();
+        let whole = noise::gaussian(&none, &factor(whole)?, dof);
+        let log_constant = exponent * whole - noise::gaussian(&none, &factor(noise)?, dof);
+        Ok(Self { noise, exponent, log_constant })
     }
 }
 

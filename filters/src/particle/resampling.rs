@@ -2,10 +2,7 @@ use core::{hint, mem};
 
 use rand::{Rng, RngExt};
 
-use super::{
-    divided::{BLOCK, Divided, Threads, take_first},
-    white::{CHUNK, Draws},
-};
+use super::{BLOCK, CHUNK, Divided, Threads, take_first, white::Draws};
 use crate::{
     count::number,
     vectorised::{Kernel, sum},
@@ -457,7 +454,7 @@ mod tests {
 
     use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 
-    use super::{super::cloud::Weights, *};
+    use super::{super::Weights, *};
 
     const WEIGHTS: [f64; 6] = [0.0, 0.05, 0.4, 0.3, 0.25, 0.0];
 

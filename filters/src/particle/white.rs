@@ -1,16 +1,17 @@
+//! White noise by the chunk, and the kernel that sets copies of a particle apart with it.
+
 use core::f64::consts::FRAC_PI_2;
 
-use foxhunt_core::{State, elementary};
+use foxhunt_core::{Axis, State, angle, elementary};
+use nalgebra::SMatrix;
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 
-/// So many particles are worked on at a time: their columns stay in the nearest cache.
-pub(super) const CHUNK: usize = 512;
+use super::CHUNK;
+use crate::count::number;
 
-/// A draw from N(0, I).
-pub(super) fn white<R: Rng, const N: usize>(rng: &mut R) -> State<N> {
-    State::from_fn(|_, _| rng.sample(StandardNormal))
-}
+/// The odd number nearest to 2⁶⁴ over the golden ratio.
+const GAMMA: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// A step's random numbers, each a function of the step's key and of its place, so that
 /// they may be drawn in any order.
@@ -84,8 +85,61 @@ impl Draws {
     }
 }
 
-/// The odd number nearest to 2⁶⁴ over the golden ratio.
-const GAMMA: u64 = 0x9e37_79b9_7f4a_7c15;
+/// Sets the copies of a particle apart and keeps both moments of the cloud (Liu & West 2001):
+/// x' = x̂ + √(1 − h²) (x ⊖ x̂) + h L ξ.
+pub(super) struct Kernel<const N: usize> {
+    axes: [Axis; N],
+    mean: State<N>,
+    spread: SMatrix<f64, N, N>,
+    shrinkage: f64,
+}
+
+impl<const N: usize> Kernel<N> {
+    /// The kernel about a cloud of this mean and the covariance L Lᵀ; none for a bandwidth of 0.
+    pub(super) fn new(
+        mean: &State<N>,
+        factor: &SMatrix<f64, N, N>,
+        bandwidth: f64,
+        axes: [Axis; N],
+    ) -> Option<Self> {
+        (bandwidth > 0.0).then(|| Self {
+            axes,
+            mean: *mean,
+            spread: factor * bandwidth,
+            shrinkage: libm::sqrt(1.0 - bandwidth * bandwidth),
+        })
+    }
+
+    /// A draw from about a particle; an angle of it is not wrapped.
+    pub(super) fn draw(&self, state: &State<N>, rng: &mut impl Rng) -> State<N> {
+        let deviation = Axis::difference(&self.axes, state, &self.mean);
+        self.mean + deviation * self.shrinkage + self.spread * white(rng)
+    }
+
+    /// Draws from about columns of particles, given the draws from N(0, I).
+    #[inline(always)]
+    pub(super) fn spread_columns(&self, columns: &mut [&mut [f64]; N], white: &[[f64; CHUNK]; N]) {
+        for (row, column) in columns.iter_mut().enumerate() {
+            let mean = self.mean[row];
+            let axis = self.axes[row];
+            for x in column.iter_mut() {
+                let deviation = match axis {
+                    Axis::Linear => *x - mean,
+                    Axis::Angle => angle::wrap(*x - mean),
+                };
+                *x = mean + deviation * self.shrinkage;
+            }
+            for (white, factor) in white.iter().zip(&self.spread.row(row)) {
+                column.iter_mut().zip(white).for_each(|(x, white)| *x += factor * white);
+            }
+        }
+    }
+}
+
+/// A draw from N(0, I).
+pub(super) fn white<R: Rng, const N: usize>(rng: &mut R) -> State<N> {
+    State::from_fn(|_, _| rng.sample(StandardNormal))
+}
 
 /// A uniform number in (0, 1] from the upper 52 bits.
 #[inline(always)]
@@ -101,6 +155,13 @@ fn square_root(x: f64) -> f64 {
     return x.sqrt();
     #[cfg(not(feature = "std"))]
     return libm::sqrt(x);
+}
+
+/// The bandwidth that is best for a Gaussian (Silverman 1986, §4.3.2), below 1.
+pub(super) fn silverman(dimension: usize, count: usize) -> f64 {
+    let n = number(dimension);
+    let count = number(count);
+    libm::pow(4.0 / ((n + 2.0) * count), 1.0 / (n + 4.0)).min(0.99)
 }
 
 #[cfg(test)]

@@ -1,18 +1,66 @@
-//! Maximum likelihood and maximum a posteriori against bounds and closed forms.
+//! Maximum likelihood and maximum a posteriori against bounds and closed forms, with missing
+//! observations too.
 
 use foxhunt_core::{
-    Axis, Covariance, Estimate, Estimator, MeasurementModel, Observation, Pose, Quantity,
-    RandomWalk, State, numeric_jacobian,
+    Axis, Correction, Covariance, Estimate, Estimator, MeasurementModel, Observation, Pose,
+    Quantity, RandomWalk, State, gaussian_log_likelihood, numeric_jacobian,
 };
 use foxhunt_filters::{BatchError, BatchEstimator, BatchSolver, Loss};
 use nalgebra::{Matrix1, Matrix3, RowVector2, Vector1, Vector2, Vector3};
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::{ChiSquared as DrawChiSquared, Distribution, StandardNormal};
-use statrs::distribution::{ChiSquared, ContinuousCDF};
+use statrs::distribution::{ChiSquared, Continuous, ContinuousCDF, Normal};
 
 use super::model::{MODEL, observed, round};
 
 const SIGMA: Vector2<f64> = Vector2::new(3.0, 0.15);
+
+/// z = A x: least squares has a closed form.
+struct Plane;
+
+impl MeasurementModel<2, 1> for Plane {
+    fn quantities(&self) -> [Quantity; 1] {
+        [Quantity::linear("x_m")]
+    }
+    fn expected(&self, state: &State<2>, receiver: &Pose) -> Vector1<f64> {
+        Vector1::new(receiver.position.x * state[0] + receiver.position.y * state[1])
+    }
+    fn jacobian(&self, _state: &State<2>, receiver: &Pose) -> RowVector2<f64> {
+        RowVector2::new(receiver.position.x, receiver.position.y)
+    }
+}
+
+/// A dent in the cost, on a hill that falls off to all sides.
+struct Hill;
+
+impl MeasurementModel<2, 3> for Hill {
+    fn quantities(&self) -> [Quantity; 3] {
+        [Quantity::linear("x_m"); 3]
+    }
+    fn expected(&self, state: &State<2>, _receiver: &Pose) -> Vector3<f64> {
+        let square = state.norm_squared();
+        let near = state * (-square / 50.0).exp();
+        Vector3::new(near.x, near.y, (-square / 1000.0).exp())
+    }
+}
+
+/// z = East; silence has the probability that it lies below the limit.
+struct East;
+
+impl MeasurementModel<2, 1> for East {
+    fn quantities(&self) -> [Quantity; 1] {
+        [Quantity::linear("x_m")]
+    }
+    fn expected(&self, state: &State<2>, _receiver: &Pose) -> Vector1<f64> {
+        Vector1::new(state[0])
+    }
+    fn log_likelihood(&self, state: &State<2>, observation: &Observation<1>) -> f64 {
+        let Some((limit, sigma)) = observation.upper_limit(0) else {
+            return gaussian_log_likelihood(self, state, observation);
+        };
+        standard().cdf((limit - state[0]) / sigma).ln()
+    }
+}
 
 /// Levels, and bearings where `bearings` is set, of a transmitter of unknown power.
 fn flight(
@@ -116,21 +164,6 @@ fn maximum_likelihood_reaches_the_bound() {
         assert!((low..high).contains(&(nees / n)), "{} is not in {low}..{high}", nees / n);
         assert!(over_bound / n < 1.15 * 3.0);
         assert!((misfit / n - 1.0).abs() < 0.02, "{misfit}");
-    }
-}
-
-/// z = A x: least squares has a closed form.
-struct Plane;
-
-impl MeasurementModel<2, 1> for Plane {
-    fn quantities(&self) -> [Quantity; 1] {
-        [Quantity::linear("x_m")]
-    }
-    fn expected(&self, state: &State<2>, receiver: &Pose) -> Vector1<f64> {
-        Vector1::new(receiver.position.x * state[0] + receiver.position.y * state[1])
-    }
-    fn jacobian(&self, _state: &State<2>, receiver: &Pose) -> RowVector2<f64> {
-        RowVector2::new(receiver.position.x, receiver.position.y)
     }
 }
 
@@ -282,20 +315,6 @@ fn a_saddle_is_left() {
     assert!((fix.estimate.mean.y.abs() - 60.0).abs() < 20.0, "{fix:?}");
 }
 
-/// A dent in the cost, on a hill that falls off to all sides.
-struct Hill;
-
-impl MeasurementModel<2, 3> for Hill {
-    fn quantities(&self) -> [Quantity; 3] {
-        [Quantity::linear("x_m"); 3]
-    }
-    fn expected(&self, state: &State<2>, _receiver: &Pose) -> Vector3<f64> {
-        let square = state.norm_squared();
-        let near = state * (-square / 50.0).exp();
-        Vector3::new(near.x, near.y, (-square / 1000.0).exp())
-    }
-}
-
 #[test]
 fn an_optimum_above_the_supremum_is_none() {
     let noise = Matrix3::from_diagonal(&Vector3::new(0.01, 0.01, 1.0));
@@ -352,4 +371,46 @@ fn a_likelihood_without_an_optimum_is_refused() {
     let good = flight(&mut rng, &Vector3::new(60.0, 80.0, -30.0), &round(30), true, gaussian);
     let hasty = BatchSolver::new(MODEL).with_most_iterations(1).solve(&good, &[start]);
     assert_eq!(hasty, Err(BatchError::NotConverged { iterations: 1 }));
+}
+
+fn standard() -> Normal {
+    Normal::new(0.0, 1.0).expect("proper")
+}
+
+fn observation(z: f64) -> Observation<1> {
+    Observation::new(0.0, Pose::default(), Vector1::new(z), Matrix1::new(1.0)).expect("proper")
+}
+
+/// A prior N(0, 4), a level of 0.5 and one that lay below −1, both of σ 1: the mode by bisection.
+#[test]
+fn silence_moves_the_optimum() {
+    let prior = Estimate::isotropic(Vector2::zeros(), 2.0);
+    let observed = observation(0.5);
+    let silent = observation(-1.0).below(0);
+    let ratio = |x: f64| standard().pdf(-1.0 - x) / standard().cdf(-1.0 - x);
+    let slope = |x: f64| x / 4.0 + (x - 0.5) + ratio(x);
+    let mut low = -5.0;
+    let mut high = 5.0;
+    for _ in 0..100 {
+        let middle = 0.5 * (low + high);
+        if slope(middle) > 0.0 { high = middle } else { low = middle }
+    }
+    let curvature = 1.25 + ratio(low) * (ratio(low) - 1.0 - low);
+    let solver = BatchSolver::new(East).with_prior(prior).expect("proper");
+    let fix = solver.solve(&[observed, silent], &[]).expect("an optimum").estimate;
+    assert!((fix.mean[0] - low).abs() < 1e-6, "{fix:?}, not {low}");
+    assert!((fix.covariance[(0, 0)] - 1.0 / curvature).abs() < 1e-4, "{fix:?}");
+    assert!(fix.mean[1].abs() < 1e-6 && (fix.covariance[(1, 1)] - 4.0).abs() < 1e-6);
+
+    let still = RandomWalk::uniform(0.0);
+    let mut estimator = BatchEstimator::new(still, East, prior).expect("proper");
+    let reported = estimator.update(&silent);
+    let Ok(Correction::Fused { nis: None, log_evidence, .. }) = reported else {
+        panic!("{reported:?}")
+    };
+    // P(z < −1) of N(0, 1 + 4), which Laplace comes near to.
+    let exact = standard().cdf(-1.0 / 5.0_f64.sqrt()).ln();
+    assert!((log_evidence - exact).abs() < 0.05, "{log_evidence}, not {exact}");
+    let _ = estimator.update(&observed).expect("possible");
+    assert!((estimator.estimate().mean - fix.mean).norm() < 1e-6);
 }

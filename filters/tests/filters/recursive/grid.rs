@@ -5,8 +5,10 @@ use foxhunt_core::{
     MeasurementModel, Observation, OutlierMixture, Pose, Quantity, RandomWalk, State, laws,
     nalgebra::{Matrix1, Matrix2, Matrix3, Vector1, Vector2, Vector3},
 };
-use foxhunt_filters::consistency::ChiSquaredAverage;
-use foxhunt_filters::{Ekf, GridConfig, GridFilter, Handover, Kalman, NoiseScales, Taylor};
+use foxhunt_filters::{
+    Ekf, GridConfig, GridFilter, Handover, Kalman, NoiseScales, Taylor,
+    consistency::ChiSquaredAverage,
+};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::StandardNormal;
@@ -14,8 +16,7 @@ use serde_json::Value;
 
 use super::{
     laws::problem,
-    model::{FIELD, RssBearing, observations, observed},
-    vectors::{cases, matrix, number, vector},
+    model::{FIELD, RssBearing, cases, matrix, number, observations, observed, vector},
 };
 
 fn cells(side: usize) -> GridConfig {

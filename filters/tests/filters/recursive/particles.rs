@@ -1,4 +1,5 @@
-//! Further features of particle filters: adaptive sizes, correction in stages, evidence.
+//! Further features of particle filters: adaptive sizes, correction in stages, evidence, and clouds
+//! on several threads, which have the bits of clouds on one.
 
 use core::f64::consts::TAU;
 
@@ -17,9 +18,11 @@ use serde_json::Value;
 
 use super::{
     edges::rng,
-    model::{FIELD, RssBearing, observed},
-    vectors::{cases, matrix, number, vector},
+    model::{FIELD, RssBearing, cases, matrix, number, observed, vector},
 };
+
+/// More than a filter leaves to one thread, and no whole number of chunks.
+const PARTICLES: usize = 70_001;
 
 /// z = x.
 #[derive(Clone, Copy)]
@@ -35,6 +38,31 @@ impl MeasurementModel<1, 1> for Itself {
 }
 
 type Line = ParticleFilter<RandomWalk<1>, Itself, Xoshiro256PlusPlus, 1, 1>;
+
+/// Bearings with outliers (Isaacs et al. 2014, eq. 30).
+struct Mixture {
+    share: f64,
+    bias: f64,
+    sigma: f64,
+}
+
+impl MeasurementModel<2, 1> for Mixture {
+    fn quantities(&self) -> [Quantity; 1] {
+        [Quantity::BEARING]
+    }
+    fn expected(&self, x: &State<2>, receiver: &Pose) -> Vector1<f64> {
+        let d = x - receiver.position.xy();
+        Vector1::new(libm::atan2(d.y, d.x))
+    }
+    fn log_likelihood(&self, x: &State<2>, observation: &Observation<1>) -> f64 {
+        let error = (observation.value() - self.expected(x, observation.receiver()))[0];
+        let e = angle::wrap(error - self.bias) / self.sigma;
+        let normal = libm::exp(-0.5 * e * e) / (self.sigma * libm::sqrt(TAU));
+        libm::log((1.0 - self.share) * normal + self.share / TAU)
+    }
+}
+
+type Filter = ParticleFilter<RandomWalk<2>, RssBearing, Xoshiro256PlusPlus, 2, 2>;
 
 /// Over seeds 0 to 999, how often the evidence of six observations is that of the Kalman filter,
 /// which is exact: the mean ratio and its standard error.
@@ -256,29 +284,6 @@ fn clouds_of_any_size_agree() {
     }
 }
 
-/// Bearings with outliers (Isaacs et al. 2014, eq. 30).
-struct Mixture {
-    share: f64,
-    bias: f64,
-    sigma: f64,
-}
-
-impl MeasurementModel<2, 1> for Mixture {
-    fn quantities(&self) -> [Quantity; 1] {
-        [Quantity::BEARING]
-    }
-    fn expected(&self, x: &State<2>, receiver: &Pose) -> Vector1<f64> {
-        let d = x - receiver.position.xy();
-        Vector1::new(libm::atan2(d.y, d.x))
-    }
-    fn log_likelihood(&self, x: &State<2>, observation: &Observation<1>) -> f64 {
-        let error = (observation.value() - self.expected(x, observation.receiver()))[0];
-        let e = angle::wrap(error - self.bias) / self.sigma;
-        let normal = libm::exp(-0.5 * e * e) / (self.sigma * libm::sqrt(TAU));
-        libm::log((1.0 - self.share) * normal + self.share / TAU)
-    }
-}
-
 #[test]
 fn twenty_thousand_particles_reach_the_exact_posterior_of_the_mixture() {
     let cases = cases("posterior_bearing_mixture.json", "sequences");
@@ -326,4 +331,68 @@ fn shares_out_of_range_are_refused() {
     };
     assert!(make(0.5).is_ok() && make(0.0).is_ok());
     assert!(make(0.6).is_err() && make(-0.1).is_err() && make(f64::NAN).is_err());
+}
+
+fn filter(scheme: Resampling) -> Filter {
+    let prior = Estimate::isotropic(Vector2::new(5.0, -3.0), 20.0);
+    ParticleFilter::new(RandomWalk::uniform(0.3), FIELD, prior, PARTICLES, rng(3))
+        .and_then(|filter| filter.with_resampling_threshold(0.9))
+        .expect("proper")
+        .with_resampling(scheme)
+}
+
+/// All that a filter reports in five steps, the last a sharp one that is applied in stages, and
+/// its particles in the end.
+fn reports(mut filter: impl Estimator<2, 2>) -> Vec<u64> {
+    let mut bits = Vec::new();
+    let mut keep = |numbers: &[f64]| bits.extend(numbers.iter().map(|number| number.to_bits()));
+    for step in 0..5_i32 {
+        filter.predict(1.0).expect("a proper step");
+        let receiver = Pose::at(30.0 * f64::from(step - 2), 25.0, 0.0);
+        let offset = Vector2::new(5.0, -3.0) - receiver.position.xy();
+        let sigma = if step == 4 { [0.2, 0.02] } else { [6.0, 0.5] };
+        let z = Vector2::new(-29.06 - 27.65 * offset.norm().log10(), offset.y.atan2(offset.x));
+        let noise = Matrix2::from_diagonal(&Vector2::from(sigma.map(|s: f64| s * s)));
+        let observation = Observation::new(0.0, receiver, z, noise).expect("proper");
+        match filter.update(&observation) {
+            Ok(Correction::Fused { nis, log_evidence, effective_sample_size }) => {
+                keep(&[log_evidence]);
+                keep(nis.as_slice());
+                keep(effective_sample_size.as_slice());
+            }
+            other => panic!("not fused: {other:?}"),
+        }
+        let Estimate { mean, covariance } = filter.estimate();
+        keep(mean.as_slice());
+        keep(covariance.as_slice());
+    }
+    let mut particles = 0;
+    let mut total = 0.0;
+    filter.visit_samples(&mut |state: &State<2>, weight| {
+        keep(state.as_slice());
+        keep(&[weight]);
+        particles += 1;
+        total += weight;
+    });
+    assert_eq!(particles, PARTICLES);
+    assert!((total - 1.0).abs() < 1e-9, "{total}");
+    bits
+}
+
+#[test]
+fn one_two_and_eight_threads_have_the_bits_of_none() {
+    for scheme in [
+        Resampling::Systematic,
+        Resampling::Multinomial,
+        Resampling::Stratified,
+        Resampling::Residual,
+    ] {
+        let serial = reports(filter(scheme));
+        for threads in [1, 2, 8] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            let pool = pool.expect("so many threads");
+            let parallel = pool.install(|| reports(filter(scheme).with_threads()));
+            assert!(parallel == serial, "{scheme:?} on {threads} threads");
+        }
+    }
 }
