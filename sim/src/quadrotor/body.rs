@@ -1,9 +1,14 @@
+//! The flight of a quadrotor: the reference that it follows, and the controllers that follow it.
+
 use foxhunt_core::{Pose, angle};
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 use rand::rngs::Xoshiro256PlusPlus;
 
-use super::{Controller, QuadrotorConfig, Reference, State, Wind};
+use super::{GRAVITY, Inputs, Piloting, QuadrotorConfig, State, Wind};
 use crate::SimError;
+
+/// The rate at which controllers on board of an AR.Drone make a commanded rate true, per second.
+const ON_BOARD: f64 = 5.0;
 
 /// A quadrotor with its autopilot: it flies to a goal, and may turn all the while (Isaacs et al.
 /// 2014, §III).
@@ -171,5 +176,238 @@ impl Quadrotor {
         let before = self.state.position;
         self.state = self.state.step(&inputs, dt);
         self.path_length += (self.state.position - before).norm();
+    }
+}
+
+/// The path that a quadrotor is requested to follow: from where it is to its goal, at no more than
+/// so much speed and change of speed; and the ramp of its heading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Reference {
+    goal: Vector3<f64>,
+    position: Vector3<f64>,
+    velocity: Vector3<f64>,
+    acceleration: Vector3<f64>,
+    /// The heading in radians, not wrapped.
+    heading: f64,
+    /// The slope of its ramp, in radians per second.
+    rate: f64,
+}
+
+impl Reference {
+    fn holding(position: Vector3<f64>, heading: f64) -> Self {
+        let velocity = Vector3::zeros();
+        let acceleration = Vector3::zeros();
+        Self { goal: position, position, velocity, acceleration, heading, rate: 0.0 }
+    }
+
+    fn go_to(&mut self, goal: Vector3<f64>) {
+        self.goal = goal;
+    }
+
+    /// Turns from `heading` on at `rate`.
+    fn turn(&mut self, heading: f64, rate: f64) {
+        (self.heading, self.rate) = (heading, rate);
+    }
+
+    /// The rate at which it turns, in radians per second.
+    fn rate(&self) -> f64 {
+        self.rate
+    }
+
+    fn advance(&mut self, config: &QuadrotorConfig, dt: f64) {
+        self.heading += self.rate * dt;
+        let way = self.goal - self.position;
+        let distance = way.norm();
+        let most = config.acceleration_mps2 * dt;
+        if distance <= most * dt && self.velocity.norm() <= 2.0 * most {
+            (self.position, self.velocity) = (self.goal, Vector3::zeros());
+            self.acceleration = Vector3::zeros();
+            return;
+        }
+        // The slower of the two sets the pace, so that the line is straight. On the goal, but
+        // still moving, any direction will do, as nothing is wanted along it.
+        let distance = distance.max(f64::MIN_POSITIVE);
+        let over_ground = way.xy().norm() / distance;
+        let climb = way.z.abs() / distance;
+        let pace = (over_ground / config.speed_mps).max(climb / config.climb_mps);
+        // Nine tenths of what it may do to slow down leave room to correct the course; near the
+        // goal no faster than that a step does not pass it.
+        let slowing = libm::sqrt(1.8 * config.acceleration_mps2 * distance);
+        let wanted = way * ((1.0 / pace).min(slowing).min(distance / dt) / distance);
+        let change = wanted - self.velocity;
+        let change = change * (most / change.norm().max(most));
+        self.velocity += change;
+        self.acceleration = change / dt;
+        self.position += self.velocity * dt;
+    }
+}
+
+/// The controllers of Isaacs et al. 2014, §III, with what they have to remember.
+///
+/// Errors are reference minus state. What differs from the print: the derivative of (9) brakes;
+/// (20) and (24) become angles by 1/g with the signs that East-North-Up gives them, and their
+/// tangents are exact; the error of (10) is not wrapped; (26) brakes, too. A derivative acts on
+/// the difference to the reference's own speed, but for the yaw's, as in the document.
+#[derive(Clone, Copy, Debug, Default)]
+struct Controller {
+    /// ∫ of the place's error, in m s.
+    place: Vector2<f64>,
+    /// ∫ of the heading's error, in rad s.
+    heading: f64,
+}
+
+impl Controller {
+    /// The commands to the rotors for the next `dt` seconds.
+    fn command(
+        &mut self,
+        config: &QuadrotorConfig,
+        reference: &Reference,
+        state: &State,
+        dt: f64,
+    ) -> Inputs {
+        let [heading, pitch, roll] = state.attitude.into();
+        let turning = state.rates.x;
+        let level = libm::cos(pitch) * libm::cos(roll);
+        let climb = self.climb(config, reference, state);
+        let thrust = (GRAVITY + climb) / level.max(0.1);
+
+        // The commanded tilt lies along the heading and across it (eq. 25), so it turns with the
+        // body: the other way round, and that is its rate.
+        let wanted = self.accelerate(config, reference, state, dt);
+        let sin = libm::sin(heading);
+        let cos = libm::cos(heading);
+        let forward = wanted.x * cos + wanted.y * sin;
+        let left = wanted.y * cos - wanted.x * sin;
+        let pitched = -libm::atan(forward / GRAVITY);
+        let rolled = -libm::atan(left * libm::cos(pitched) / GRAVITY);
+        let tilting = Vector2::new(turning * rolled, -turning * pitched);
+        let gains = &config.gains;
+        let tilt = gains.tilt_p * Vector2::new(pitched - pitch, rolled - roll)
+            + gains.tilt_d * (tilting - state.rates.yz());
+
+        let yaw = self.yaw(config, reference, state, dt);
+        Inputs {
+            thrust: thrust.clamp(0.0, config.thrust_limit * GRAVITY),
+            torque: Vector3::new(yaw, tilt.x, tilt.y),
+            wind: Vector3::zeros(),
+            drag: config.drag_per_s,
+        }
+    }
+
+    /// The vertical acceleration in m/s² (eq. 9, or 26).
+    fn climb(&self, config: &QuadrotorConfig, reference: &Reference, state: &State) -> f64 {
+        let gains = &config.gains;
+        let error = reference.position.z - state.position.z;
+        let climb = state.velocity.z;
+        let p = gains.altitude_p * error;
+        let d = gains.altitude_d;
+        let ahead = d * reference.velocity.z + reference.acceleration.z;
+        match config.piloting {
+            Piloting::Forces => p - d * climb + ahead,
+            Piloting::Velocities => {
+                // Twice the climb of the reference is enough for any correction.
+                let most = 2.0 * config.climb_mps;
+                on_board(commanded(p + ahead, d, climb).clamp(-most, most), climb)
+            }
+        }
+    }
+
+    /// The acceleration over ground in m/s², East and North (eq. 20, 24), within the tilt that is
+    /// allowed.
+    fn accelerate(
+        &mut self,
+        config: &QuadrotorConfig,
+        reference: &Reference,
+        state: &State,
+        dt: f64,
+    ) -> Vector2<f64> {
+        let gains = &config.gains;
+        let error = (reference.position - state.position).xy();
+        let speed = (reference.velocity - state.velocity).xy();
+        let wanted = gains.place_p * error
+            + gains.place_i * self.place
+            + gains.place_d * speed
+            + reference.acceleration.xy();
+        let most = GRAVITY * libm::tan(config.tilt_limit_deg.to_radians());
+        let requested = wanted.norm();
+        if requested > most {
+            // What cannot be done is not remembered either.
+            return wanted * (most / requested);
+        }
+        self.place += error * dt;
+        wanted
+    }
+
+    /// The angular acceleration about up in rad/s² (eq. 10, or 27).
+    fn yaw(
+        &mut self,
+        config: &QuadrotorConfig,
+        reference: &Reference,
+        state: &State,
+        dt: f64,
+    ) -> f64 {
+        let gains = &config.gains;
+        let error = reference.heading - state.attitude.x;
+        let rate = state.rates.x;
+        let requested = gains.yaw_p * error + gains.yaw_i * self.heading;
+        let d = gains.yaw_d;
+        let wanted = match config.piloting {
+            Piloting::Forces => requested - d * rate,
+            Piloting::Velocities => on_board(commanded(requested, d, rate), rate),
+        };
+        let most = config.yaw_limit_rad_s2;
+        if wanted.abs() <= most {
+            self.heading += error * dt;
+        }
+        wanted.clamp(-most, most)
+    }
+}
+
+/// The commanded rate for an acceleration of `proportional` − `damping` · `rate` by controllers
+/// on board: k_p e − k_d ẋ with k_d short of the braking that they do themselves (eq. 26, 27).
+fn commanded(proportional: f64, damping: f64, rate: f64) -> f64 {
+    proportional / ON_BOARD - (damping / ON_BOARD - 1.0) * rate
+}
+
+/// The acceleration that the controllers on board make of a commanded rate.
+fn on_board(commanded: f64, rate: f64) -> f64 {
+    ON_BOARD * (commanded - rate)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_arrives_within_its_limits_and_stays() {
+        let config = QuadrotorConfig::default();
+        let dt = 1.0 / config.rate_hz;
+        let mut reference = Reference::holding(Vector3::new(1.0, 2.0, 3.0), 0.0);
+        for goal in [Vector3::new(9.0, -4.0, 4.0), Vector3::new(9.0, -4.0, 0.5)] {
+            // A first goal elsewhere: the way bends.
+            reference.go_to(Vector3::new(-5.0, 2.0, 3.0));
+            (0..800).for_each(|_| reference.advance(&config, dt));
+            reference.go_to(goal);
+            for _ in 0..8000 {
+                reference.advance(&config, dt);
+                assert!(reference.velocity.xy().norm() <= config.speed_mps * (1.0 + 1e-9));
+                assert!(reference.velocity.z.abs() <= config.climb_mps * (1.0 + 1e-9));
+                assert!(reference.acceleration.norm() <= config.acceleration_mps2 * (1.0 + 1e-9));
+            }
+            assert_eq!((reference.position, reference.velocity), (goal, Vector3::zeros()));
+        }
+    }
+
+    #[test]
+    fn it_comes_back_to_where_it_is_ordered_to_stop() {
+        let config = QuadrotorConfig::default();
+        let dt = 1.0 / config.rate_hz;
+        let mut reference = Reference::holding(Vector3::zeros(), 0.0);
+        reference.go_to(Vector3::new(20.0, 0.0, 0.0));
+        (0..800).for_each(|_| reference.advance(&config, dt));
+        let here = reference.position;
+        reference.go_to(here);
+        (0..4000).for_each(|_| reference.advance(&config, dt));
+        assert_eq!((reference.position, reference.velocity), (here, Vector3::zeros()));
     }
 }
