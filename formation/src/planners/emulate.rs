@@ -203,6 +203,10 @@ impl<P: FormationPlanner> FormationPlanner for Emulate<P> {
         self.planner.observe(reception);
     }
 
+    fn goes_on_without_signal(&self) -> bool {
+        self.planner.goes_on_without_signal()
+    }
+
     fn explain(&self, to: &mut dyn fmt::Write) -> fmt::Result {
         if !self.visited.is_empty() {
             let visited = self.visited.iter().filter(|&&visited| visited).count();
