@@ -193,7 +193,7 @@ impl<P: FormationPlanner> FormationPlanner for Emulate<P> {
         targets: &[Target<'_>],
         stations: &mut [Station],
     ) -> Result<Decision, PlanError> {
-        if targets.is_empty() {
+        if targets.is_empty() && !self.goes_on_without_signal() {
             return Err(PlanError::NoPlace);
         }
         self.next(stations, |planner, all| planner.plan_together(targets, all))

@@ -1,6 +1,8 @@
 use core::fmt;
 
-use foxhunt_core::{Belief, Decision, FormationPlanner, Outcome, PlanError, Stage, Station};
+use foxhunt_core::{
+    Belief, Decision, FormationPlanner, Outcome, PlanError, Stage, Station, Target,
+};
 use nalgebra::{Vector2, Vector3};
 
 use super::places;
@@ -61,6 +63,15 @@ impl<C: AsRef<[Vector3<f64>]>, S: Shape> FormationPlanner for Waypoints<C, S> {
     fn plan(
         &mut self,
         _belief: &dyn Belief,
+        stations: &mut [Station],
+    ) -> Result<Decision, PlanError> {
+        self.plan_together(&[], stations)
+    }
+
+    /// The next place, whatever is believed, and of however many targets.
+    fn plan_together(
+        &mut self,
+        _targets: &[Target<'_>],
         stations: &mut [Station],
     ) -> Result<Decision, PlanError> {
         self.visited = self.visited.saturating_add(1);
