@@ -86,6 +86,9 @@ macro_rules! forward {
             ) -> Result<Decision, PlanError> {
                 (**self).plan_together(targets, stations)
             }
+            fn goes_on_without_signal(&self) -> bool {
+                (**self).goes_on_without_signal()
+            }
             fn observe(&mut self, reception: &Reception) {
                 (**self).observe(reception);
             }

@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use foxhunt_core::{
     ConstantVelocity, Estimate, EstimatorError, MeasurementModel, RandomWalk, State,
-    parameter::{not_negative, positive},
+    parameter::{not_negative, positive, require},
 };
 use foxhunt_filters::{GridConfig, GridFilter, Handover, Leading, OutOfOrder, RaoBlackwellised};
 use foxhunt_sensors::{
@@ -73,6 +73,9 @@ const POWER_DRIFT: f64 = 0.02;
 
 /// The random walk of an unknown exponent per √second, for the same reason.
 const EXPONENT_DRIFT: f64 = 0.001;
+
+/// The random walk that logs of moving beacons hold, in which it changes nothing.
+const UNUSED_DRIFT: f64 = 0.02;
 
 impl EstimatorConfig {
     /// Returns its belief before the first reception: the hunt's, with a σ of its own where it has
@@ -228,6 +231,8 @@ impl EstimatorConfig {
         prior: &Estimate<2>,
         seed: u64,
     ) -> Result<BoxedEstimator<2, 2>, EstimatorError> {
+        let unused = [0.0, UNUSED_DRIFT].contains(&self.drift);
+        require(unused, "drift", self.drift, "0: a beacon that moves has no random walk")?;
         let speed_sigma = positive("speed_sigma", moving.speed_sigma)?;
         let acceleration_density = positive("acceleration_density", moving.acceleration_density)?;
         let motion: AnyMotion<4> = Arc::new(ConstantVelocity { acceleration_density });

@@ -10,6 +10,7 @@ mod golden;
 mod hunt;
 mod planners;
 mod refusals;
+mod settings;
 mod sources;
 mod support;
 mod trial;

@@ -135,6 +135,29 @@ fn one_of_three_drones_turns_its_body() {
     }
 }
 
+/// One drone at 15 places, two of them in dead zones: it flies on after a place without a signal.
+#[test]
+fn one_drone_has_the_places_of_three() {
+    let scenario = Scenario::find("pritzl-7.2-flown").expect("built in");
+    let (flown, events) = fly(&scenario);
+    assert_eq!(flown.found[0].fix.outcome, Outcome::PathDone);
+    assert_eq!(flown.found[0].fix.steps, 13);
+    let places: Vec<_> = receptions(&events).map(|(_, r)| r.receiver.position).collect();
+    let silent = [[-10.0, -7.0], [-10.0, 1.9]].map(Vector2::from);
+    assert!(silent.iter().all(|dead| places.iter().all(|p| (p.xy() - dead).norm() > 4.0)));
+}
+
+/// The path loss of three heights, of a known beacon: 34 levels.
+#[test]
+fn a_path_has_heights_of_its_own() {
+    let (flown, events) = fly(&Scenario::find("pritzl-7.1").expect("built in"));
+    assert_eq!(flown.found[0].fix.steps, 34);
+    let at = |up_m: f64| {
+        receptions(&events).filter(|(_, r)| (r.receiver.position.z - up_m).abs() < 0.3).count()
+    };
+    assert_eq!([at(5.0), at(2.5), at(7.5)], [18, 8, 8]);
+}
+
 #[test]
 fn without_a_direction_there_are_levels_alone() {
     let mut scenario = Scenario::find("pritzl-7.4").expect("built in");

@@ -8,7 +8,7 @@ use foxhunt_sensors::{
 };
 use nalgebra::{Vector2, Vector3};
 
-use super::{CalibrateConfig, RecordedError, bearings};
+use super::{BearingReading, CalibrateConfig, RecordedError, bearings};
 use crate::recording::Recording;
 
 /// A bearing out of a recording whose transmitter's place is known.
@@ -136,6 +136,19 @@ pub fn bearing_errors(
     Ok(points.iter().map(error).collect())
 }
 
+/// The direction of `truth` from where a turn was received, in radians counter-clockwise from East;
+/// [`None`] where either place is not known, or both are one.
+#[must_use]
+pub fn true_bearing(turn: &BearingReading, truth: Option<Vector2<f64>>) -> Option<f64> {
+    let truth = truth.filter(|_| turn.sweep.located);
+    direction(truth, turn.sweep.sweep.receiver.position.xy())
+}
+
+fn direction(truth: Option<Vector2<f64>>, from: Vector2<f64>) -> Option<f64> {
+    let way = truth? - from;
+    (way.norm() > f64::MIN_POSITIVE).then(|| way.y.atan2(way.x))
+}
+
 /// Adds a recording's bearings, and returns the number of turns without one.
 fn known_bearings(
     recording: &Recording,
@@ -145,15 +158,11 @@ fn known_bearings(
     points: &mut Vec<JudgedBearing>,
 ) -> Result<usize, RecordedError> {
     let no_truth = |line| RecordedError::NoTruth { file: recording.file().to_owned(), line };
-    let towards = |truth: Option<Vector2<f64>>, from: Vector2<f64>| {
-        let way = truth? - from;
-        (way.norm() > f64::MIN_POSITIVE).then(|| way.y.atan2(way.x))
-    };
     let chosen = || recording.records().iter().filter(|r| r.beacon.as_deref() == beacon);
     for record in chosen() {
         let Some(bearing) = record.bearing else { continue };
         let receiver = record.receiver.ok_or_else(|| no_truth(record.line))?;
-        let truth = towards(config.truth.or(record.truth), receiver.position.xy())
+        let truth = direction(config.truth.or(record.truth), receiver.position.xy())
             .ok_or_else(|| no_truth(record.line))?;
         let known = KnownBearing { measured: bearing.angle, truth, heading: receiver.heading };
         points.push(JudgedBearing { known, sigma: bearing.sigma });
@@ -172,9 +181,7 @@ fn known_bearings(
             };
             let line = turn.sweep.line;
             let truth = config.truth.or_else(|| truths.get(&line).copied());
-            let truth = truth.filter(|_| turn.sweep.located);
-            let truth = towards(truth, turn.sweep.sweep.receiver.position.xy());
-            let truth = truth.ok_or_else(|| no_truth(line))?;
+            let truth = true_bearing(&turn, truth).ok_or_else(|| no_truth(line))?;
             let heading = heading_towards(&turn.sweep.as_sweep(BeaconId(0)), bearing.angle);
             let known = KnownBearing { measured: bearing.angle, truth, heading };
             points.push(JudgedBearing { known, sigma: Some(bearing.sigma) });

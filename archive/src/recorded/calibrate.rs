@@ -154,7 +154,18 @@ fn runs(points: &[Point<'_>]) -> Vec<usize> {
     (0..points.len()).map(|index| parts * index / points.len()).collect()
 }
 
-/// The powers at known ranges that [`calibrate`] fits: metres, and dBm.
+/// A level at a known range.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KnownRange {
+    /// Distance from the transmitter in metres.
+    pub range_m: f64,
+    /// The receiver's height in metres, where its place is recorded.
+    pub up_m: Option<f64>,
+    /// The level in dBm.
+    pub rss_dbm: f64,
+}
+
+/// The levels at known ranges that [`calibrate`] fits.
 ///
 /// # Errors
 ///
@@ -164,17 +175,24 @@ pub fn known_ranges(
     beacon: Option<&str>,
     extractor: &dyn BearingExtractor,
     config: &CalibrateConfig,
-) -> Result<Vec<[f64; 2]>, RecordedError> {
+) -> Result<Vec<KnownRange>, RecordedError> {
     let mut points = Vec::new();
     for recording in recordings {
         add_points(recording, beacon, extractor, config, &mut points)?;
     }
-    Ok(points.iter().map(|point| [point.range, point.rss_dbm]).collect())
+    let known = |point: &Point<'_>| KnownRange {
+        range_m: point.range,
+        up_m: point.up_m,
+        rss_dbm: point.rss_dbm,
+    };
+    Ok(points.iter().map(known).collect())
 }
 
 /// A power at a known range, and the line that it is from.
 struct Point<'a> {
     range: f64,
+    /// The receiver's height, where its place is recorded.
+    up_m: Option<f64>,
     rss_dbm: f64,
     file: &'a str,
     line: u64,
@@ -201,7 +219,8 @@ fn add_points<'a>(
         let range = record.known_range.or_else(|| truth.and_then(to));
         let range = range.ok_or_else(|| no_truth(record.line))?;
         let receiver = record.drone.as_str();
-        points.push(Point { range, rss_dbm, file, line: record.line, receiver });
+        let up_m = record.receiver.map(|receiver| receiver.position.z);
+        points.push(Point { range, up_m, rss_dbm, file, line: record.line, receiver });
     }
     if chosen().any(|r| r.boresight.is_some()) {
         let truths: BTreeMap<u64, Vector2<f64>> =
@@ -215,10 +234,11 @@ fn add_points<'a>(
             let line = turn.sweep.line;
             let truth = config.truth.or_else(|| truths.get(&line).copied());
             let truth = truth.filter(|_| turn.sweep.located).ok_or_else(|| no_truth(line))?;
-            let way = truth.push(config.target_up_m) - turn.sweep.sweep.receiver.position;
+            let at = turn.sweep.sweep.receiver.position;
+            let range = (truth.push(config.target_up_m) - at).norm();
             let receiver = names.get(&line).copied().unwrap_or_default();
             let rss_dbm = turn.reading.rss_dbm;
-            points.push(Point { range: way.norm(), rss_dbm, file, line, receiver });
+            points.push(Point { range, up_m: Some(at.z), rss_dbm, file, line, receiver });
         }
     }
     Ok(())
@@ -246,7 +266,7 @@ mod tests {
                     noise = correlation * noise + (1.0 - correlation * correlation).sqrt() * fresh;
                     let range = 225.0 - 175.0 * (f64::from(i) / 12.0).cos();
                     let rss_dbm = -30.0 - 25.0 * range.log10() + 6.0 * noise;
-                    Point { range, rss_dbm, file: "a", line: i.into(), receiver: "" }
+                    Point { range, up_m: None, rss_dbm, file: "a", line: i.into(), receiver: "" }
                 })
                 .collect();
             let pairs = points.iter().map(|point| (point.range, point.rss_dbm));

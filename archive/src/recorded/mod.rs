@@ -14,8 +14,8 @@ mod truth;
 
 pub use antenna::{KnownDirection, learn_antenna};
 pub use bearing::{BearingReading, LOW_CONFIDENCE, bearings};
-pub use bearing_errors::{BearingsFit, bearing_errors, calibrate_bearings};
-pub use calibrate::{CalibrateConfig, Calibration, calibrate, known_ranges};
+pub use bearing_errors::{BearingsFit, bearing_errors, calibrate_bearings, true_bearing};
+pub use calibrate::{CalibrateConfig, Calibration, KnownRange, calibrate, known_ranges};
 pub use error::RecordedError;
 pub use listeners::listeners;
 pub use receptions::{

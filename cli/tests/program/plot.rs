@@ -90,6 +90,25 @@ fn recordings_are_drawn() {
     assert!(lines(&fitted) > lines(&pattern) + 50, "the known antenna is dashed");
     let none = foxhunt(["plot", "pattern", text(&turns), "--turn", "99", "--out", text(&out)]);
     none.failed(2, &["--turn 99", "turns 1 to"]);
+    // The same turns, received 6 m up on the way to a beacon in the East.
+    let text_of = fs::read_to_string(&turns).expect("a file");
+    let mut lines = text_of.lines();
+    let header = lines.next().expect("a header");
+    let rows = lines.map(|row| format!("{row},100,0\n"));
+    let known: String =
+        [format!("{header},truth_east_m,truth_north_m\n")].into_iter().chain(rows).collect();
+    let known_turns = folder.join("known.csv");
+    fs::write(&known_turns, known).expect("written");
+    let over_angle = drawn(&["pattern", text(&known_turns), "--over-angle"], &out);
+    for curve in ["samples", "moving mean", "2 dB below its top", "detected, ", "true, 0.0°"] {
+        assert!(over_angle.contains(curve), "{curve}: {over_angle}");
+    }
+    let levels = drawn(&["levels", text(&turns)], &out);
+    assert!(levels.matches("<circle").count() >= 96, "{levels}");
+    let bare = folder.join("bare.csv");
+    fs::write(&bare, "east_m,north_m,bearing_deg_compass\n0,0,10\n").expect("written");
+    let none = foxhunt(["plot", "levels", text(&bare), "--out", text(&out)]);
+    none.failed(2, &["bare.csv: no row has a time and a level"]);
     let errors = drawn(&["bearing-errors", text(&data.join("otter-telemetry/bearings.csv"))], &out);
     assert!(errors.contains("outliers") && errors.contains("Isaacs"), "{errors}");
 }

@@ -193,7 +193,7 @@ impl<P: FormationPlanner> FormationPlanner for Emulate<P> {
         targets: &[Target<'_>],
         stations: &mut [Station],
     ) -> Result<Decision, PlanError> {
-        if targets.is_empty() {
+        if targets.is_empty() && !self.goes_on_without_signal() {
             return Err(PlanError::NoPlace);
         }
         self.next(stations, |planner, all| planner.plan_together(targets, all))
@@ -201,6 +201,10 @@ impl<P: FormationPlanner> FormationPlanner for Emulate<P> {
 
     fn observe(&mut self, reception: &Reception) {
         self.planner.observe(reception);
+    }
+
+    fn goes_on_without_signal(&self) -> bool {
+        self.planner.goes_on_without_signal()
     }
 
     fn explain(&self, to: &mut dyn fmt::Write) -> fmt::Result {

@@ -1,7 +1,9 @@
 use core::fmt;
 
-use foxhunt_core::{Belief, Decision, FormationPlanner, Outcome, PlanError, Stage, Station};
-use nalgebra::Vector2;
+use foxhunt_core::{
+    Belief, Decision, FormationPlanner, Outcome, PlanError, Stage, Station, Target,
+};
+use nalgebra::{Vector2, Vector3};
 
 use super::places;
 use crate::shape::{Polygon, Shape, arrange_or_centre};
@@ -10,46 +12,45 @@ use crate::shape::{Polygon, Shape, arrange_or_centre};
 /// at each and has finished after the last, whatever it received: the sweep of an area (Pritzl
 /// 2018, §7.3 and §7.4).
 ///
-/// The places may be an array, a slice, a `Vec` or a `Coverage`. One drone flies over the places
-/// themselves.
+/// A place is the formation's centre and its altitude. The places may be an array, a slice or a
+/// `Vec`. One drone flies to the places themselves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Waypoints<C, S = Polygon> {
     centres: C,
     shape: S,
     rotation: f64,
-    altitude: f64,
     visited: usize,
 }
 
-impl<C: AsRef<[Vector2<f64>]>, S: Shape> Waypoints<C, S> {
-    /// A sweep over `centres`, East and North in metres, by a shape at `altitude` metres that
-    /// is turned by `rotation` radians.
+impl<C: AsRef<[Vector3<f64>]>, S: Shape> Waypoints<C, S> {
+    /// A sweep over `centres`, East, North and Up in metres, by a shape that is turned by
+    /// `rotation` radians.
     ///
     /// # Errors
     ///
-    /// [`PlanError::NotFinite`] for a place, or an altitude, rotation or shape, that is not
-    /// finite; [`PlanError::NoPlace`] when there is no place.
-    pub fn new(centres: C, shape: S, rotation: f64, altitude: f64) -> Result<Self, PlanError> {
+    /// [`PlanError::NotFinite`] for a place, or a rotation or shape, that is not finite;
+    /// [`PlanError::NoPlace`] when there is no place.
+    pub fn new(centres: C, shape: S, rotation: f64) -> Result<Self, PlanError> {
         let places = centres.as_ref();
         if places.is_empty() {
             return Err(PlanError::NoPlace);
         }
         for place in places {
-            places::finite(*place)?;
+            places::finite(place.xy())?;
+            places::finite(Vector2::new(place.z, rotation))?;
         }
-        places::finite(Vector2::new(rotation, altitude))?;
         places::finite(shape.offset(0, 2))?;
-        Ok(Self { centres, shape, rotation, altitude, visited: 0 })
+        Ok(Self { centres, shape, rotation, visited: 0 })
     }
 
     fn place(&self, stations: &mut [Station]) {
         let centres = self.centres.as_ref();
         let Some(centre) = centres.get(self.visited.min(centres.len() - 1)) else { return };
-        arrange_or_centre(&self.shape, centre, self.rotation, self.altitude, stations);
+        arrange_or_centre(&self.shape, &centre.xy(), self.rotation, centre.z, stations);
     }
 }
 
-impl<C: AsRef<[Vector2<f64>]>, S: Shape> FormationPlanner for Waypoints<C, S> {
+impl<C: AsRef<[Vector3<f64>]>, S: Shape> FormationPlanner for Waypoints<C, S> {
     fn begin(&mut self, stations: &mut [Station]) -> Result<(), PlanError> {
         if stations.is_empty() {
             return Err(PlanError::TooFew { needed: 1, have: 0 });
@@ -64,6 +65,15 @@ impl<C: AsRef<[Vector2<f64>]>, S: Shape> FormationPlanner for Waypoints<C, S> {
         _belief: &dyn Belief,
         stations: &mut [Station],
     ) -> Result<Decision, PlanError> {
+        self.plan_together(&[], stations)
+    }
+
+    /// The next place, whatever is believed, and of however many targets.
+    fn plan_together(
+        &mut self,
+        _targets: &[Target<'_>],
+        stations: &mut [Station],
+    ) -> Result<Decision, PlanError> {
         self.visited = self.visited.saturating_add(1);
         self.place(stations);
         Ok(if self.visited >= self.centres.as_ref().len() {
@@ -71,6 +81,10 @@ impl<C: AsRef<[Vector2<f64>]>, S: Shape> FormationPlanner for Waypoints<C, S> {
         } else {
             Decision::Listen(Stage::Searching)
         })
+    }
+
+    fn goes_on_without_signal(&self) -> bool {
+        true
     }
 
     fn explain(&self, to: &mut dyn fmt::Write) -> fmt::Result {
@@ -85,13 +99,13 @@ mod tests {
 
     use super::*;
 
-    const PLACES: [Vector2<f64>; 2] = [Vector2::new(1.0, 2.0), Vector2::new(-30.0, 4.0)];
+    const PLACES: [Vector3<f64>; 2] = [Vector3::new(1.0, 2.0, 4.0), Vector3::new(-30.0, 4.0, 2.5)];
     const TRIANGLE: Polygon = Polygon { circumradius: 6.0 };
 
     #[test]
     fn every_place_is_visited_once_for_each_target() {
         let belief = Estimate::isotropic(Vector2::new(500.0, 0.0), 10.0);
-        let sweep = || Waypoints::new(PLACES, TRIANGLE, 0.3, 4.0).expect("finite places");
+        let sweep = || Waypoints::new(PLACES, TRIANGLE, 0.3).expect("finite places");
         let mut stations = [Station::default(); 3];
         laws::formation_planner(sweep, &belief, &mut stations);
         let mut sweep = sweep();
@@ -100,29 +114,31 @@ mod tests {
             let centre = |stations: &[Station; 3]| {
                 stations.iter().map(|s| s.goal.position.xy()).sum::<Vector2<f64>>() / 3.0
             };
-            assert!((centre(&stations) - PLACES[0]).norm() < 1e-12);
+            assert!((centre(&stations) - PLACES[0].xy()).norm() < 1e-12);
             assert!(stations.iter().all(|s| (s.goal.position.z - 4.0).abs() < 1e-12));
-            let radius = (stations[0].goal.position.xy() - PLACES[0]).norm();
+            let radius = (stations[0].goal.position.xy() - PLACES[0].xy()).norm();
             assert!((radius - 6.0).abs() < 1e-12);
             assert_eq!(sweep.plan(&belief, &mut stations), Ok(Decision::Listen(Stage::Searching)));
-            assert!((centre(&stations) - PLACES[1]).norm() < 1e-12);
+            assert!((centre(&stations) - PLACES[1].xy()).norm() < 1e-12);
+            assert!(stations.iter().all(|s| (s.goal.position.z - 2.5).abs() < 1e-12));
             let done = sweep.plan(&belief, &mut stations);
             assert_eq!(done, Ok(Decision::Finish(Outcome::PathDone)));
-            assert!((centre(&stations) - PLACES[1]).norm() < 1e-12);
+            assert!((centre(&stations) - PLACES[1].xy()).norm() < 1e-12);
         }
         let mut alone = [Station::default()];
         sweep.begin(&mut alone).expect("there is a drone");
-        assert!((alone[0].goal.position.xy() - PLACES[0]).norm() < 1e-12);
+        assert!((alone[0].goal.position.xy() - PLACES[0].xy()).norm() < 1e-12);
     }
 
     #[test]
     fn places_that_are_none_are_refused() {
-        let none: [Vector2<f64>; 0] = [];
-        assert_eq!(Waypoints::new(none, TRIANGLE, 0.0, 4.0), Err(PlanError::NoPlace));
-        let nowhere = [Vector2::new(0.0, f64::NAN)];
-        assert!(Waypoints::new(nowhere, TRIANGLE, 0.0, 4.0).is_err());
-        assert!(Waypoints::new(PLACES, TRIANGLE, f64::INFINITY, 4.0).is_err());
-        let mut sweep = Waypoints::new(PLACES, TRIANGLE, 0.0, 4.0).expect("finite places");
+        let none: [Vector3<f64>; 0] = [];
+        assert_eq!(Waypoints::new(none, TRIANGLE, 0.0), Err(PlanError::NoPlace));
+        for nowhere in [Vector3::new(0.0, f64::NAN, 4.0), Vector3::new(0.0, 0.0, f64::NAN)] {
+            assert!(Waypoints::new([nowhere], TRIANGLE, 0.0).is_err());
+        }
+        assert!(Waypoints::new(PLACES, TRIANGLE, f64::INFINITY).is_err());
+        let mut sweep = Waypoints::new(PLACES, TRIANGLE, 0.0).expect("finite places");
         assert!(sweep.begin(&mut []).is_err());
     }
 }

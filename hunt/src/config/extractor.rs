@@ -1,6 +1,6 @@
 use foxhunt_core::{
     BearingExtractor,
-    parameter::{ParameterError, positive, require},
+    parameter::{ParameterError, positive},
 };
 use foxhunt_sensors::{
     AntennaConfig, AntennaError, CrossCorrelation, FirstHarmonic, MainLobeFit, Maximum,
@@ -99,6 +99,9 @@ impl Default for KnownAntennaConfig {
     }
 }
 
+/// Requirement of a setting of another extractor.
+const UNUSED: &str = "left out: this extractor does not use it";
+
 /// Reason why there is no extractor.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -141,16 +144,27 @@ impl ExtractorConfig {
             Self::MainLobe(c) => {
                 Box::new(MainLobeFit::default().with_rss_sigma_db(c.rss_sigma_db)?)
             }
-            Self::CrossCorrelation(c) => Box::new(
-                CrossCorrelation::new(c.antenna.build()?)
-                    .with_rss_sigma_db(c.rss_sigma_db)?
-                    .with_max_sigma(c.max_sigma_deg.to_radians())?,
-            ),
-            Self::MaximumLikelihood(c) => c.likelihood(Residuals::Gaussian)?,
+            Self::CrossCorrelation(c) => {
+                c.refuse(&["elevation_deg", "steepest_deg", "sample_sigma_db"])?;
+                c.refuse(&["misfit_sigma_db", "min_positions", "degrees"])?;
+                Box::new(
+                    CrossCorrelation::new(c.antenna.build()?)
+                        .with_rss_sigma_db(c.rss_sigma_db)?
+                        .with_max_sigma(c.max_sigma_deg.to_radians())?,
+                )
+            }
+            Self::MaximumLikelihood(c) => {
+                c.refuse(&["degrees"])?;
+                c.likelihood(Residuals::Gaussian)?
+            }
             Self::MaximumLikelihoodT(c) => {
+                c.refuse(&["steepest_deg"])?;
                 c.likelihood(Residuals::StudentT { degrees: c.degrees })?
             }
-            Self::MaximumLikelihoodReflection(c) => c.likelihood(Residuals::Reflection)?,
+            Self::MaximumLikelihoodReflection(c) => {
+                c.refuse(&["steepest_deg", "degrees"])?;
+                c.likelihood(Residuals::Reflection)?
+            }
             Self::Registered { name } => {
                 return Err(ExtractorConfigError::Circle { name: name.clone() });
             }
@@ -187,6 +201,27 @@ impl ExtractorConfig {
 }
 
 impl KnownAntennaConfig {
+    /// Refuses each of the named settings that differs from its default, because the extractor does
+    /// not use it.
+    fn refuse(&self, unused: &[&str]) -> Result<(), ParameterError> {
+        let default = Self::default();
+        let settings = [
+            ("elevation_deg", Some(self.elevation_deg), Some(default.elevation_deg)),
+            ("steepest_deg", self.steepest_deg, default.steepest_deg),
+            ("sample_sigma_db", Some(self.sample_sigma_db), Some(default.sample_sigma_db)),
+            ("misfit_sigma_db", Some(self.misfit_sigma_db), Some(default.misfit_sigma_db)),
+            ("min_positions", Some(self.min_positions.into()), Some(default.min_positions.into())),
+            ("degrees", Some(self.degrees), Some(default.degrees)),
+        ];
+        for (name, value, default) in settings {
+            if unused.contains(&name) && value != default {
+                let value = value.unwrap_or(f64::NAN);
+                return Err(ParameterError { name, value, requirement: UNUSED });
+            }
+        }
+        Ok(())
+    }
+
     fn likelihood(&self, residuals: Residuals) -> Result<BoxedExtractor, ExtractorConfigError> {
         positive("degrees", self.degrees)?;
         let extractor = MaximumLikelihood::new(self.antenna.build()?)
@@ -196,16 +231,9 @@ impl KnownAntennaConfig {
             .with_rss_sigma_db(self.rss_sigma_db)?
             .with_max_sigma(self.max_sigma_deg.to_radians())?
             .with_min_positions(self.min_positions)?;
-        Ok(Box::new(match (self.steepest_deg, residuals) {
-            (Some(steepest), Residuals::Gaussian) => {
-                extractor.with_steepest(steepest.to_radians())?
-            }
-            (Some(steepest), _) => {
-                let one = "left out: only maximum-likelihood looks at several elevations";
-                require(false, "steepest_deg", steepest, one)?;
-                extractor
-            }
-            (None, _) => extractor.with_residuals(residuals),
+        Ok(Box::new(match self.steepest_deg {
+            Some(steepest) => extractor.with_steepest(steepest.to_radians())?,
+            None => extractor.with_residuals(residuals),
         }))
     }
 }
@@ -255,7 +283,10 @@ mod tests {
             ("kind = 'cross-correlation'\nantenna = { file = 'no.msi' }", "no.msi"),
             ("kind = 'maximum-likelihood-t'\nelevation_deg = 100", "elevation"),
             ("kind = 'maximum-likelihood'\nsteepest_deg = -95", "steepest"),
-            ("kind = 'maximum-likelihood-t'\nsteepest_deg = -40", "several elevations"),
+            ("kind = 'maximum-likelihood-t'\nsteepest_deg = -40", "steepest_deg is -40"),
+            ("kind = 'cross-correlation'\ndegrees = -7", "degrees is -7; it has to be left out"),
+            ("kind = 'cross-correlation'\nmin_positions = 9", "min_positions is 9"),
+            ("kind = 'maximum-likelihood'\ndegrees = 1000", "degrees is 1000"),
         ] {
             let config = toml::from_str::<ExtractorConfig>(text).expect(text);
             let error = config.build().map(|_| ()).expect_err(text).to_string();

@@ -18,7 +18,7 @@ pub use foxhunt_estimators::{
 };
 pub(crate) use model::FREQUENCY_MHZ;
 pub use model::{ModelConfig, ModelError};
-pub use planner::{PlannerConfig, PlannerConfigError};
+pub use planner::{PlaceConfig, PlannerConfig, PlannerConfigError};
 pub use pulses::{PulseLevelConfig, PulseModel};
 pub use registry_error::RegistryError;
 pub use shape::{BoxedShape, ShapeConfig};

@@ -6,7 +6,7 @@ use foxhunt_formation::{
     FollowEstimate, Hold, Information, InformationConfig, Orbit, OrbitConfig, SteepestDescent,
     SteepestDescentConfig, SurgeCast, SurgeCastConfig, Waypoints,
 };
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{BoxedShape, RegistryError, ShapeConfig};
@@ -29,8 +29,8 @@ pub enum PlannerConfig {
     },
     /// A shape over one place after the other (Pritzl 2018, §7.3 and §7.4).
     Waypoints {
-        /// East and North of each place.
-        places_m: Vec<[f64; 2]>,
+        /// East and North of each place, or East, North and Up.
+        places_m: Vec<PlaceConfig>,
         /// From the polygon's centre to each of several drones; 6 m unless given.
         #[serde(default = "reference_circumradius")]
         circumradius_m: f64,
@@ -41,8 +41,9 @@ pub enum PlannerConfig {
         /// the first drone; 0 unless given.
         #[serde(default)]
         rotation_deg: f64,
-        /// The drones' altitude.
-        up_m: f64,
+        /// The drones' altitude at the places that name none.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        up_m: Option<f64>,
         /// Number of turns at each place; 1 unless given.
         #[serde(default = "once")]
         turns_at_each: u16,
@@ -102,6 +103,30 @@ pub enum PlannerConfig {
     },
 }
 
+/// A place of a path: East and North in metres, or East, North and Up.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "a place is [East, North] or [East, North, Up] in metres")]
+pub enum PlaceConfig {
+    /// A place at the altitude of its path.
+    Plane([f64; 2]),
+    /// A place with an altitude of its own.
+    Space([f64; 3]),
+}
+
+impl PlaceConfig {
+    fn plane_m(&self) -> Vector2<f64> {
+        let (Self::Plane([east, north]) | Self::Space([east, north, _])) = *self;
+        Vector2::new(east, north)
+    }
+
+    fn up_m(&self) -> Option<f64> {
+        match self {
+            Self::Plane(_) => None,
+            Self::Space([_, _, up]) => Some(*up),
+        }
+    }
+}
+
 /// The default of `turns_at_each` and `rounds`.
 const fn once() -> u16 {
     1
@@ -149,10 +174,20 @@ impl PlannerConfig {
                 let each = usize::from(*turns_at_each);
                 let path = "places_m, turns_at_each and rounds in all";
                 bounded(path, [places_m.len(), each, usize::from(*rounds)])?;
-                let round = places_m.iter().flat_map(|p| repeat_n(Vector2::from(*p), each));
+                if up_m.is_some() && places_m.iter().all(|place| place.up_m().is_some()) {
+                    return Err(PlannerConfigError::AltitudeNotUsed);
+                }
+                let centre = |(index, place): (usize, &PlaceConfig)| {
+                    let up_m = place.up_m().or(*up_m);
+                    let up_m = up_m.ok_or(PlannerConfigError::NoAltitude { place: index + 1 });
+                    up_m.map(|up_m| place.plane_m().push(up_m))
+                };
+                let centres: Vec<Vector3<f64>> =
+                    places_m.iter().enumerate().map(centre).collect::<Result<_, _>>()?;
+                let round = centres.iter().flat_map(|centre| repeat_n(*centre, each));
                 let places: Vec<_> = repeat_n(round, usize::from(*rounds)).flatten().collect();
                 let shape = shape_or_polygon(shape.as_ref(), *circumradius_m)?;
-                Box::new(Waypoints::new(places, shape, rotation_deg.to_radians(), *up_m)?)
+                Box::new(Waypoints::new(places, shape, rotation_deg.to_radians())?)
             }
             Self::LawnMower { corners_m, coverage, shape, up_m, rounds } => {
                 let corners: Vec<_> = corners_m.iter().map(|p| Vector2::from(*p)).collect();
@@ -162,9 +197,10 @@ impl PlannerConfig {
                     "the places of the sweep and rounds in all",
                     [sweep.places().len(), rounds, 1],
                 )?;
-                let places = sweep.places().repeat(rounds);
+                let round = sweep.places().iter().map(|place| place.push(*up_m));
+                let places: Vec<_> = repeat_n(round, rounds).flatten().collect();
                 let shape = shape_or_polygon(shape.as_ref(), reference_circumradius())?;
-                Box::new(Waypoints::new(places, shape, 0.0, *up_m)?)
+                Box::new(Waypoints::new(places, shape, 0.0)?)
             }
             Self::Information { information } => Box::new(Information::new(*information)?),
             Self::SteepestDescent(config) => Box::new(SteepestDescent::new(*config)?),
@@ -211,6 +247,15 @@ pub enum PlannerConfigError {
     /// A field is out of its range.
     #[error("planner: {0}")]
     Parameter(#[from] ParameterError),
+    /// A place has no altitude, and neither has the path.
+    #[error("planner.up_m is missing, and place {place} of planner.places_m has no Up of its own")]
+    NoAltitude {
+        /// The number of the place, from 1.
+        place: usize,
+    },
+    /// Each place has an altitude of its own.
+    #[error("planner.up_m is not used: each place of planner.places_m has an Up of its own")]
+    AltitudeNotUsed,
     /// The waypoints make no path.
     #[error("planner.places_m: {0}")]
     Path(#[from] PlanError),
@@ -260,6 +305,8 @@ mod tests {
         for text in [
             "kind = \"waypoints\"\nplaces_m = [[1, 2]]\nup_m = 4\n[shape]\nkind = \"offsets\"\n\
              offsets_m = [[0, 0], [5, 0]]",
+            "kind = \"waypoints\"\nplaces_m = [[1, 2, 5], [3, 4, 2.5]]",
+            "kind = \"waypoints\"\nplaces_m = [[1, 2, 5], [3, 4]]\nup_m = 4",
             "kind = \"lawn-mower\"\ncorners_m = [[0, 0], [65, 0], [65, 50]]\nup_m = 4\n\
              coverage = { margin_m = 2 }\nshape = { kind = \"scaled\", scale = 2, shape = \
              { kind = \"polygon\", circumradius_m = 3 } }",
@@ -292,6 +339,11 @@ mod tests {
                  100\nrounds = 51",
                 "rounds in all is 10200;",
             ),
+            (
+                "kind = \"waypoints\"\nplaces_m = [[0, 0, 3], [9, 0]]",
+                "planner.up_m is missing, and place 2 of",
+            ),
+            ("kind = \"waypoints\"\nplaces_m = [[0, 0, 3]]\nup_m = 4", "planner.up_m is not used"),
             (
                 "kind = \"lawn-mower\"\ncorners_m = [[0, 0], [9, 0], [9, 9], [0, 9]]\nup_m = 4\n\
                  coverage = { row_spacing_m = 1, along_spacing_m = 1, margin_m = 0 }\nrounds = \

@@ -824,8 +824,8 @@ impl Hunt {
         self.decided(time, decided)
     }
 
-    /// Listens once more where nothing was received, or gives the present beacon up: the planner
-    /// would take an estimate that did not move for one that has settled.
+    /// Listens once more where nothing was received. After the last attempt goes on with a plan that
+    /// needs no signal, or gives the present beacon up.
     fn listen_again(&mut self, time: f64) -> Result<(), HuntError> {
         self.attempts += 1;
         if self.attempts < self.config.attempts {
@@ -833,7 +833,21 @@ impl Hunt {
             return Ok(());
         }
         let reason = format!("nothing was received of it in {} turns", self.attempts);
-        self.give_up_without_signal(time, reason)
+        if !self.planner.goes_on_without_signal() {
+            return self.give_up_without_signal(time, reason);
+        }
+        self.attempts = 0;
+        let decided =
+            self.plan(time, |planner, targets, stations| planner.plan_together(targets, stations));
+        let search = self.targets[self.current].search();
+        let unheard = search.is_some_and(|search| search.measured == 0);
+        match decided {
+            Ok(Decision::Finish(_)) if unheard => {
+                let reason = "nothing was received of it on the whole path".to_owned();
+                self.give_up_without_signal(time, reason)
+            }
+            decided => self.decided(time, decided),
+        }
     }
 
     /// Goes on with another beacon that was received where the present one was not, and comes back

@@ -4,14 +4,18 @@ use super::Scenario;
 pub const DEFAULT_SCENARIO: &str = "pritzl-6.1";
 
 /// The built-in scenarios' texts, by name.
-const TEXTS: [(&str, &str); 17] = [
+const TEXTS: [(&str, &str); 21] = [
     ("pritzl-6.1", include_str!("../../scenarios/pritzl-6.1.toml")),
     ("pritzl-6.1-scattered", include_str!("../../scenarios/pritzl-6.1-scattered.toml")),
+    ("pritzl-7.1", include_str!("../../scenarios/pritzl-7.1.toml")),
     ("pritzl-7.2", include_str!("../../scenarios/pritzl-7.2.toml")),
+    ("pritzl-7.2-body", include_str!("../../scenarios/pritzl-7.2-body.toml")),
+    ("pritzl-7.2-flown", include_str!("../../scenarios/pritzl-7.2-flown.toml")),
     ("pritzl-7.3", include_str!("../../scenarios/pritzl-7.3.toml")),
     ("pritzl-7.4", include_str!("../../scenarios/pritzl-7.4.toml")),
     ("pritzl-7.4.1", include_str!("../../scenarios/pritzl-7.4.1.toml")),
     ("pritzl-7.5", include_str!("../../scenarios/pritzl-7.5.toml")),
+    ("pritzl-7.5-broken-off", include_str!("../../scenarios/pritzl-7.5-broken-off.toml")),
     ("isaacs-static", include_str!("../../scenarios/isaacs-static-flown.toml")),
     ("isaacs-line", include_str!("../../scenarios/isaacs-line-flown.toml")),
     ("isaacs-circle", include_str!("../../scenarios/isaacs-circle-flown.toml")),

@@ -12,7 +12,10 @@ use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 
 use super::{Scenario, SimulationConfig};
 use crate::{
-    config::{ExtractorConfig, LobeConfig, ModelConfig, PlannerConfig, ShapeConfig, SourceConfig},
+    config::{
+        ExtractorConfig, LobeConfig, ModelConfig, PlaceConfig, PlannerConfig, ShapeConfig,
+        SourceConfig,
+    },
     hunt::HuntConfig,
     registry::Registry,
 };
@@ -298,13 +301,15 @@ impl Draw {
     }
 
     fn waypoints(&mut self, shape: Option<ShapeConfig>) -> PlannerConfig {
-        let place = |draw: &mut Self| [draw.between(-50.0, 50.0), draw.between(-50.0, 50.0)];
+        let place = |draw: &mut Self| {
+            PlaceConfig::Plane([draw.between(-50.0, 50.0), draw.between(-50.0, 50.0)])
+        };
         PlannerConfig::Waypoints {
             places_m: (0..self.whole(2, 8)).map(|_| place(self)).collect(),
             circumradius_m: self.between(2.0, 15.0),
             shape,
             rotation_deg: self.between(0.0, 360.0),
-            up_m: self.between(2.0, 10.0),
+            up_m: Some(self.between(2.0, 10.0)),
             turns_at_each: 1,
             rounds: 1,
         }

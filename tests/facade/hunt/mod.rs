@@ -10,14 +10,14 @@ use foxhunt::{
     config::{EstimatorConfig, ModelConfig},
     core::Outcome,
     filters::{OutOfOrder, Ukf},
-    formation::{FollowConfig, FollowEstimate, Hold, Phase},
+    formation::{FollowConfig, FollowEstimate, Hold, Phase, Polygon, Waypoints},
     hunt::{Components, HuntError, TrackStep},
     log::{LOG_VERSION, Log, LogHeader, LogWriter, LoggedBeacon},
     prelude::*,
     replay::replay,
     sensors::{LogDistance, Pritzl2018, RssBearing},
 };
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
 
 use crate::support::{Cardioid, Health, LAW, Teleport, Time, Toy, entry};
 
@@ -182,6 +182,19 @@ fn no_signal_gives_the_beacon_up_and_goes_on() {
     let attempts = f64::from(HuntConfig::default().attempts);
     let least = 2.0 * attempts * HuntConfig::default().turn_timeout_s;
     assert!((outing.duration - least).abs() < 10.0, "it took {} s", outing.duration);
+}
+
+#[test]
+fn a_path_is_flown_to_its_end_where_nothing_is_received() {
+    let places = [[0.0, 0.0, 4.0], [9.0, 0.0, 4.0]].map(Vector3::from);
+    let path = Waypoints::new(places, Polygon { circumradius: 6.0 }, 0.0).expect("a path");
+    let outing = fly(path, [Health::Silent; 3], false);
+    assert_eq!(outcomes(&outing), [(Outcome::NoSignal, 0, 0); 2]);
+    let goals = outing.events.iter().filter(|event| matches!(event, Event::GoalsSet { .. }));
+    assert!(goals.count() >= 4, "both places, for each of two beacons");
+    let attempts = f64::from(HuntConfig::default().attempts);
+    let least = 4.0 * attempts * HuntConfig::default().turn_timeout_s;
+    assert!((outing.duration - least).abs() < 60.0, "it took {} s", outing.duration);
 }
 
 #[test]

@@ -36,7 +36,9 @@ enum Kind {
     Cloud(hunts::OneLog),
     /// The radiation pattern of a recorded turn, as received and preprocessed
     Pattern(recordings::OneTurn),
-    /// The level over the distance to a known transmitter, with the fitted path loss
+    /// The received levels over time, by receiver
+    Levels(recordings::Received),
+    /// The level over the distance to a known transmitter, by height, with the fitted path loss
     Rssi(recordings::Measured),
     /// The errors of bearings, with the fitted mixture of a normal and outliers
     BearingErrors(recordings::Measured),
@@ -55,6 +57,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         Kind::Nees(args) => hunts::nees(args, context),
         Kind::Cloud(args) => hunts::cloud(args, context),
         Kind::Pattern(args) => recordings::pattern(args, context),
+        Kind::Levels(args) => recordings::levels(args, context.output),
         Kind::Rssi(args) => recordings::rssi(args, context),
         Kind::BearingErrors(args) => recordings::bearing_errors(args, context),
         Kind::Planners(args) => contenders::planners(args, context.output),

@@ -1,15 +1,18 @@
 //! Figures of recordings and of the receptions in logs.
 
-use std::path::PathBuf;
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 
 use foxhunt::{
     config::ExtractorConfig,
     core::{Reception, angle},
     hunt::Event,
     log::Log,
-    overview::Overview,
+    overview::{Overview, Turn},
     picture::{Axis, Curve, Graph, Mark, Scale, Tint, graph_svg, turn_svg},
-    recorded::{CalibrateConfig, RecordedError, bearings, known_ranges},
+    recorded::{CalibrateConfig, KnownRange, RecordedError, bearings, known_ranges, true_bearing},
     recording::Recording,
     sensors::{BearingMixture, fit_log_distance},
 };
@@ -23,6 +26,7 @@ use crate::{
     },
     context::Context,
     error::CliError,
+    output::Output,
 };
 
 /// One turn of a recording.
@@ -33,8 +37,23 @@ pub(super) struct OneTurn {
     /// The number of the turn, from 1 in the order of the recording
     #[arg(long, value_name = "N", default_value_t = 1)]
     turn: usize,
+    /// Draw the level over the angle, with the mean of each position, the moving mean, the border
+    /// 2 dB below its top, and the detected and the true direction
+    #[arg(long)]
+    over_angle: bool,
     #[command(flatten)]
     extraction: Extraction,
+    #[command(flatten)]
+    reading: Reading,
+    #[command(flatten)]
+    drawing: Drawing,
+}
+
+/// Levels of a recording.
+#[derive(Debug, clap::Args)]
+pub(super) struct Received {
+    /// A recording: CSV with named columns
+    file: PathBuf,
     #[command(flatten)]
     reading: Reading,
     #[command(flatten)]
@@ -85,8 +104,125 @@ pub(super) fn pattern(args: &OneTurn, context: Context<'_>) -> Result<(), CliErr
     let turn = overview.received.pop().and_then(|received| received.turn).unwrap_or_default();
     let beacon = read.sweep.beacon_name.as_ref().map_or_else(String::new, |b| format!(", {b}"));
     let own = format!("{}{beacon}, turn {} of {count}", read.sweep.drone, args.turn);
-    let bearing = read.reading.bearing.ok().map(|bearing| bearing.angle);
-    args.drawing.write(turn_svg(&args.drawing.title(&own), &turn, bearing), context.output)
+    let detected = read.reading.bearing.ok().map(|bearing| bearing.angle);
+    let title = args.drawing.title(&own);
+    if !args.over_angle {
+        return args.drawing.write(turn_svg(&title, &turn, detected), context.output);
+    }
+    let truth = recording.records().iter().find(|record| record.line == read.sweep.line);
+    let truth = true_bearing(read, truth.and_then(|record| record.truth));
+    let graph = over_angle(title, &turn, detected, truth);
+    args.drawing.write(graph_svg(&graph), context.output)
+}
+
+/// A curve of a graph.
+fn curve(name: impl Into<String>, points: Points, mark: Mark, tint: Tint) -> Curve {
+    Curve { name: name.into(), points, mark, tint }
+}
+
+/// Distance of the border below the top of the moving mean, in dB (Pritzl 2018, §4.2).
+const BORDER_DB: f64 = 2.0;
+
+/// The level of a turn over the direction of the antenna (Pritzl 2018, §4.1 and §4.2).
+fn over_angle(title: String, turn: &Turn, detected: Option<f64>, truth: Option<f64>) -> Graph {
+    let degrees = |radians: f64| angle::wrap(radians).to_degrees();
+    let over_degrees = |points: &[[f64; 2]]| -> Points {
+        let mut over: Points = points.iter().map(|[at, level]| [degrees(*at), *level]).collect();
+        over.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        over
+    };
+    let samples = over_degrees(&turn.samples);
+    let smoothed = over_degrees(&turn.smoothed);
+    let levels = samples.iter().map(|[_, level]| *level).filter(|level| level.is_finite());
+    let (lowest, highest) = levels
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), db| (low.min(db), high.max(db)));
+    let top = smoothed.iter().map(|[_, level]| *level).fold(f64::NEG_INFINITY, f64::max);
+    let upright = |at: f64| vec![[degrees(at), lowest], [degrees(at), highest]];
+    let border = vec![[-180.0, top - BORDER_DB], [180.0, top - BORDER_DB]];
+    let mut curves = vec![
+        curve("samples", samples.clone(), Mark::Dots, Tint::Number(0)),
+        curve("mean of a position", means(turn), Mark::Dots, Tint::Number(1)),
+        curve("moving mean", smoothed, Mark::Line, Tint::Belief),
+        curve("2 dB below its top", border, Mark::Dashes, Tint::Belief),
+    ];
+    if let Some(at) = detected {
+        let name = format!("detected, {:.1}°", degrees(at));
+        curves.push(curve(name, upright(at), Mark::Line, Tint::Number(2)));
+    }
+    if let Some(at) = truth {
+        let name = format!("true, {:.1}°", degrees(at));
+        curves.push(curve(name, upright(at), Mark::Dashes, Tint::Truth));
+    }
+    Graph {
+        title,
+        across: Axis {
+            label: "direction of the antenna in degrees, counter-clockwise from East".to_owned(),
+            scale: Scale::Linear,
+        },
+        up: level_axis(),
+        bands: Vec::new(),
+        curves,
+    }
+}
+
+/// The mean level of the samples nearest to each position.
+fn means(turn: &Turn) -> Points {
+    let mean = |&[at, _]: &[f64; 2]| {
+        let width = std::f64::consts::PI / as_number(turn.smoothed.len());
+        let near = turn.samples.iter().filter(|[boresight, level]| {
+            level.is_finite() && angle::wrap(boresight - at).abs() <= width
+        });
+        let (sum, count) = near.fold((0.0, 0.0), |(sum, n), [_, level]| (sum + level, n + 1.0));
+        (count > 0.0).then(|| [angle::wrap(at).to_degrees(), sum / count])
+    };
+    turn.smoothed.iter().filter_map(mean).collect()
+}
+
+fn as_number(count: usize) -> f64 {
+    f64::from(u32::try_from(count).unwrap_or(u32::MAX))
+}
+
+fn level_axis() -> Axis {
+    Axis { label: "level in dBm, or dB".to_owned(), scale: Scale::Linear }
+}
+
+pub(super) fn levels(args: &Received, output: Output) -> Result<(), CliError> {
+    args.drawing.check()?;
+    let recordings = args.reading.read(std::slice::from_ref(&args.file))?;
+    let wanted = args.reading.wanted();
+    if wanted.is_some() {
+        args.reading.beacon(&recordings)?;
+    }
+    let mut of_receivers: BTreeMap<&str, Points> = BTreeMap::new();
+    for record in recordings.iter().flat_map(Recording::records) {
+        let (Some(time), Some(level)) = (record.time, record.rss_dbm) else { continue };
+        if wanted.is_none_or(|name| record.beacon.as_deref() == Some(name)) {
+            of_receivers.entry(record.drone.as_str()).or_default().push([time, level]);
+        }
+    }
+    let times = of_receivers.values().flatten().map(|[time, _]| *time);
+    let start = times.fold(f64::INFINITY, f64::min);
+    if !start.is_finite() {
+        let name = args.file.display();
+        return Err(CliError::input(format!("{name}: no row has a time and a level")));
+    }
+    let curves = of_receivers.into_iter().enumerate().map(|(index, (name, points))| {
+        let name = if name.is_empty() { "levels" } else { name };
+        let points = points.into_iter().map(|[time, level]| [time - start, level]).collect();
+        curve(name, points, Mark::Dots, Tint::Number(index))
+    });
+    let graph = Graph {
+        title: args.drawing.title(&file_name(&args.file).unwrap_or_default()),
+        across: Axis { label: "time in seconds".to_owned(), scale: Scale::Linear },
+        up: level_axis(),
+        bands: Vec::new(),
+        curves: curves.collect(),
+    };
+    args.drawing.write(graph_svg(&graph), output)
+}
+
+fn file_name(path: &Path) -> Option<String> {
+    path.file_name().map(|name| name.to_string_lossy().into_owned())
 }
 
 /// Pairs of a known and a measured value.
@@ -165,9 +301,7 @@ impl Measured {
 
     /// The names of the files, as a title.
     fn named(&self) -> String {
-        let name =
-            |path: &PathBuf| path.file_name().map(|name| name.to_string_lossy().into_owned());
-        let names: Vec<String> = self.files.iter().filter_map(name).collect();
+        let names: Vec<String> = self.files.iter().filter_map(|path| file_name(path)).collect();
         match names.as_slice() {
             [first, _, _, ..] => format!("{first} and {} more", names.len() - 1),
             few => few.join(", "),
@@ -186,15 +320,18 @@ struct Recorded<'a> {
 pub(super) fn rssi(args: &Measured, context: Context<'_>) -> Result<(), CliError> {
     let of_log = |reception: &Reception, [east, north]: [f64; 2]| {
         let from = reception.receiver.position;
-        let range = (from.x - east).hypot(from.y - north).hypot(from.z);
-        Some([range, reception.level?.rss_dbm])
+        Some(KnownRange {
+            range_m: (from.x - east).hypot(from.y - north).hypot(from.z),
+            up_m: Some(from.z),
+            rss_dbm: reception.level?.rss_dbm,
+        })
     };
-    let points: Points = args.measured(context, false, of_log, |of| {
+    let levels = args.measured(context, false, of_log, |of| {
         known_ranges(of.recordings, of.beacon, of.extractor, of.config)
     })?;
-    let fit = fit_log_distance(points.iter().map(|[range, rss]| (*range, *rss)), None);
+    let fit = fit_log_distance(levels.iter().map(|level| (level.range_m, level.rss_dbm)), None);
     let fit = fit.map_err(CliError::input)?;
-    let ranges = points.iter().map(|[range, _]| *range);
+    let ranges = levels.iter().map(|level| level.range_m);
     let (nearest, farthest) = ranges
         .fold((f64::INFINITY, 0.0_f64), |(low, high), range| (low.min(range), high.max(range)));
     let line = |shift_db: f64| -> Points {
@@ -202,30 +339,61 @@ pub(super) fn rssi(args: &Measured, context: Context<'_>) -> Result<(), CliError
         let level = |range: f64| fit.reference_dbm - 10.0 * fit.exponent * range.log10();
         ends.map(|range| [range, level(range) + shift_db]).to_vec()
     };
-    let curve = |name: String, points, mark, tint| Curve { name, points, mark, tint };
+    let law = format!("P₀ {:.1}, γ {:.2}", fit.reference_dbm, fit.exponent);
+    let mut curves = by_height(&levels);
+    curves.extend([
+        curve(law, line(0.0), Mark::Line, Tint::Belief),
+        curve(
+            format!("± σ, {:.1} dB", fit.sigma_db),
+            line(fit.sigma_db),
+            Mark::Dashes,
+            Tint::Belief,
+        ),
+        curve("", line(-fit.sigma_db), Mark::Dashes, Tint::Belief),
+    ]);
     let graph = Graph {
         title: args.drawing.title(&args.named()),
         across: Axis { label: "distance in metres".to_owned(), scale: Scale::Logarithmic },
-        up: Axis { label: "level in dBm, or dB".to_owned(), scale: Scale::Linear },
+        up: level_axis(),
         bands: Vec::new(),
-        curves: vec![
-            curve(format!("{} levels", fit.points), points.clone(), Mark::Dots, Tint::Number(0)),
-            curve(
-                format!("P₀ {:.1}, γ {:.2}", fit.reference_dbm, fit.exponent),
-                line(0.0),
-                Mark::Line,
-                Tint::Belief,
-            ),
-            curve(
-                format!("± σ, {:.1} dB", fit.sigma_db),
-                line(fit.sigma_db),
-                Mark::Dashes,
-                Tint::Belief,
-            ),
-            curve(String::new(), line(-fit.sigma_db), Mark::Dashes, Tint::Belief),
-        ],
+        curves,
     };
     args.drawing.write(graph_svg(&graph), context.output)
+}
+
+/// Most heights that have a colour of their own.
+const MOST_HEIGHTS: usize = 6;
+
+/// The levels as dots, in a colour for each height. Heights are rounded to the least width that
+/// leaves at most [`MOST_HEIGHTS`] colours.
+fn by_height(levels: &[KnownRange]) -> Vec<Curve> {
+    let up = |level: &KnownRange| level.up_m.unwrap_or(f64::INFINITY);
+    let mut sorted = levels.to_vec();
+    sorted.sort_by(|a, b| up(a).total_cmp(&up(b)));
+    let groups = |width: f64| -> Vec<&[KnownRange]> {
+        let rounded = |level: &KnownRange| (up(level) / width).round();
+        sorted.chunk_by(|a, b| rounded(a).total_cmp(&rounded(b)).is_eq()).collect()
+    };
+    let widths = [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0];
+    let few = widths.into_iter().map(groups).find(|groups| groups.len() <= MOST_HEIGHTS);
+    let groups = few.unwrap_or_else(|| vec![&sorted]);
+    let only = groups.len() == 1;
+    let dots = groups.iter().enumerate().map(|(index, group)| {
+        let count = group.len();
+        let ends = (group.first().and_then(|l| l.up_m), group.last().and_then(|l| l.up_m));
+        let name = match ends {
+            (Some(low), Some(high)) if !only && high - low < 0.1 => {
+                format!("{count} levels {low:.1} m up")
+            }
+            (Some(low), Some(high)) if !only => {
+                format!("{count} levels {low:.0} to {high:.0} m up")
+            }
+            _ => format!("{count} levels"),
+        };
+        let points = group.iter().map(|level| [level.range_m, level.rss_dbm]).collect();
+        curve(name, points, Mark::Dots, Tint::Number(index))
+    });
+    dots.collect()
 }
 
 pub(super) fn bearing_errors(args: &Measured, context: Context<'_>) -> Result<(), CliError> {
@@ -254,22 +422,22 @@ pub(super) fn bearing_errors(args: &Measured, context: Context<'_>) -> Result<()
         bands: Vec::new(),
         curves: vec![
             histogram(&errors, reach),
-            Curve {
-                name: format!(
+            curve(
+                format!(
                     "{:.0} % outliers, σ {:.1}°",
                     100.0 * fit.outlier_share(),
                     fit.sigma().to_degrees()
                 ),
-                points: density(&fit, reach),
-                mark: Mark::Line,
-                tint: Tint::Belief,
-            },
-            Curve {
-                name: "Isaacs et al. 2014".to_owned(),
-                points: density(&BearingMixture::isaacs2014(), reach),
-                mark: Mark::Dashes,
-                tint: Tint::Truth,
-            },
+                density(&fit, reach),
+                Mark::Line,
+                Tint::Belief,
+            ),
+            curve(
+                "Isaacs et al. 2014",
+                density(&BearingMixture::isaacs2014(), reach),
+                Mark::Dashes,
+                Tint::Truth,
+            ),
         ],
     };
     args.drawing.write(graph_svg(&graph), context.output)
