@@ -43,7 +43,6 @@ mod extractor;
 #[cfg(feature = "alloc")]
 mod interrogation;
 mod models;
-mod near_zero;
 #[cfg(feature = "alloc")]
 mod omnidirectional;
 mod propagation;

@@ -1,3 +1,5 @@
+//! Levels alone, and with a bearing, of a transmitter whose law is known or partly known.
+
 use core::f64::consts::TAU;
 
 use foxhunt_core::{
@@ -6,27 +8,12 @@ use foxhunt_core::{
     parameter::{self, ParameterError},
     vectorised::{Kernel, run},
 };
-use nalgebra::{RowVector2, SMatrix, Vector2};
+use nalgebra::{RowVector2, SMatrix, Vector1, Vector2};
 
 use super::{
-    FreePathLoss, FreePower, LevelLaw, Sight,
-    columns::{BLOCK, BearingResiduals, LevelResiduals},
-    sight::differences,
+    BLOCK, BearingResiduals, FreePathLoss, FreePower, LevelLaw, LevelResiduals, Sight, differences,
 };
 use crate::{LogDistance, Propagation};
-
-/// Signal strength and bearing, z = [P(d) in dBm, atan2(N, E) in radians] (Pritzl 2018, eq. 3.7),
-/// of a transmitter whose law of the level has `P` unknown parameters.
-///
-/// d is the slant range; the bearing is the direction from the receiver to the target in the
-/// world frame. Exactly over the target the bearing is 0 with a zero Jacobian: it holds nothing.
-/// The state is (East, North, …, the law's parameters), N ≥ 2 + P. For a transmitter without
-/// bearings leave the bearing out of the observations.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LevelBearing<L, const P: usize> {
-    law: L,
-    target_up: f64,
-}
 
 /// Signal strength and bearing of a transmitter whose law of the level is known: any
 /// [`Propagation`], over states whose first components are the target's East and North.
@@ -44,6 +31,116 @@ pub type FreePowerRssBearing = LevelBearing<FreePower, 1>;
 /// The state is (East, North, …, P₀, γ), N ≥ 4. Power and exponent can only be distinguished
 /// from several ranges: give both a prior that means something.
 pub type FreePathLossRssBearing = LevelBearing<FreePathLoss, 2>;
+
+/// Received signal strength alone: z = P(d) in dBm, d the slant range (Pritzl 2018, eq. 3.7).
+///
+/// Works on every state whose first components are the target's East and North.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rss<P> {
+    propagation: P,
+    target_up: f64,
+}
+
+impl<P: Propagation> Rss<P> {
+    /// The model for a target on the ground, Up = 0.
+    #[must_use]
+    pub fn new(propagation: P) -> Self {
+        Self { propagation, target_up: 0.0 }
+    }
+
+    /// Sets the height of the target, in metres.
+    ///
+    /// # Errors
+    ///
+    /// If the height is not finite.
+    pub fn with_target_up(self, target_up: f64) -> Result<Self, ParameterError> {
+        Ok(Self { target_up: parameter::finite("target_up", target_up)?, ..self })
+    }
+
+    /// The law of received power over range.
+    #[must_use]
+    pub fn propagation(&self) -> &P {
+        &self.propagation
+    }
+}
+
+impl<P: Propagation, const N: usize> MeasurementModel<N, 1> for Rss<P> {
+    fn quantities(&self) -> [Quantity; 1] {
+        [Quantity::RSS]
+    }
+
+    fn expected(&self, state: &State<N>, receiver: &Pose) -> Vector1<f64> {
+        let sight = Sight::new(state, receiver, self.target_up);
+        Vector1::new(self.propagation.rss_dbm(sight.range()))
+    }
+
+    #[inline(always)]
+    fn expected_change(
+        &self,
+        state: &State<N>,
+        expected: &Vector1<f64>,
+        offset: &State<N>,
+        receiver: &Pose,
+    ) -> Vector1<f64> {
+        let [odd, even] = self.expected_parts(state, expected, offset, receiver);
+        odd + even
+    }
+
+    /// Computes them from the changes of range and bearing, where these are plain: no large numbers
+    /// are subtracted.
+    #[inline(always)]
+    fn expected_parts(
+        &self,
+        state: &State<N>,
+        expected: &Vector1<f64>,
+        offset: &State<N>,
+        receiver: &Pose,
+    ) -> [Vector1<f64>; 2] {
+        let parts = Sight::new(state, receiver, self.target_up).parts(offset[0], offset[1]);
+        match (parts, self.propagation.log_slope()) {
+            (Some((logs, _)), Some(slope)) => logs.map(|log| Vector1::new(slope * log)),
+            _ => differences(self, *state, *expected, *offset, receiver),
+        }
+    }
+
+    fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, 1, N> {
+        let sight = Sight::new(state, receiver, self.target_up);
+        let mut jacobian = SMatrix::<f64, 1, N>::zeros();
+        [jacobian[(0, 0)], jacobian[(0, 1)]] = sight.power_slope(&self.propagation);
+        jacobian
+    }
+
+    fn residuals(
+        &self,
+        columns: [&[f64]; N],
+        z: &Vector1<f64>,
+        receiver: &Pose,
+        [out]: [&mut [f64]; 1],
+    ) {
+        run(LevelResiduals {
+            law: &self.propagation,
+            parameters: [],
+            places: [columns[0], columns[1]],
+            target_up: self.target_up,
+            receiver,
+            level: z[0],
+            out,
+        });
+    }
+}
+
+/// Signal strength and bearing, z = [P(d) in dBm, atan2(N, E) in radians] (Pritzl 2018, eq. 3.7),
+/// of a transmitter whose law of the level has `P` unknown parameters.
+///
+/// d is the slant range; the bearing is the direction from the receiver to the target in the
+/// world frame. Exactly over the target the bearing is 0 with a zero Jacobian: it holds nothing.
+/// The state is (East, North, …, the law's parameters), N ≥ 2 + P. For a transmitter without
+/// bearings leave the bearing out of the observations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LevelBearing<L, const P: usize> {
+    law: L,
+    target_up: f64,
+}
 
 impl<L: Propagation> LevelBearing<L, 0> {
     /// The model for a target on the ground, Up = 0.
@@ -119,12 +216,6 @@ impl<L: LevelLaw<P>, const P: usize> LevelBearing<L, P> {
     pub fn target_up(&self) -> f64 {
         self.target_up
     }
-}
-
-/// The last components of a state.
-fn parameters<const N: usize, const P: usize, T>(component: impl Fn(usize) -> T) -> [T; P] {
-    const { assert!(N >= 2 + P, "a state holds East, North and the law's parameters") };
-    core::array::from_fn(|i| component(N - P + i))
 }
 
 impl<L: LevelLaw<P>, const P: usize, const N: usize> MeasurementModel<N, 2> for LevelBearing<L, P> {
@@ -285,6 +376,12 @@ impl<L: LevelLaw<P>, const P: usize> Kernel for LogLikelihoods<'_, L, P> {
             }
         }
     }
+}
+
+/// The last components of a state.
+fn parameters<const N: usize, const P: usize, T>(component: impl Fn(usize) -> T) -> [T; P] {
+    const { assert!(N >= 2 + P, "a state holds East, North and the law's parameters") };
+    core::array::from_fn(|i| component(N - P + i))
 }
 
 /// ln(eᵃ + eᵇ) of finite numbers.
