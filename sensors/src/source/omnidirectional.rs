@@ -1,9 +1,85 @@
+//! A source with an omnidirectional antenna, which needs no turn.
+
 use foxhunt_core::{
-    BeaconId, Clock, PatternSource, Pose, Radio, Sweep, Vehicle, parameter::ParameterError,
+    BeaconId, Clock, PatternSource, Pose, Radio, Sweep, Vehicle,
+    parameter::{ParameterError, at_least_one, finite, in_range, not_negative, positive},
 };
 
-use super::{OmnidirectionalConfig, OmnidirectionalError};
-use crate::{interrogation::Interrogation, turn_recorder::TurnRecorder};
+use super::{Interrogation, Timing, TurnRecorder};
+
+type Failure<R, V> = OmnidirectionalError<<R as Radio>::Error, <V as Vehicle>::Error>;
+
+/// Sampling of an omnidirectional source at a place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+pub struct OmnidirectionalConfig {
+    /// Number of requests to each beacon.
+    pub questions: u16,
+    /// Least time from one request to the next, in seconds.
+    pub spacing_s: f64,
+    /// A request without an answer after this long, in seconds, is given up.
+    pub answer_timeout_s: f64,
+    /// Time of the radio's measurement of the power between request (0) and answer (1).
+    pub measured_at: f64,
+    /// The receiver's weakest reading in dBm, where that is known.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub floor_dbm: Option<f64>,
+}
+
+impl Default for OmnidirectionalConfig {
+    /// 768 requests, as many as in a stepped turn of the reference, each as soon as the last is
+    /// settled; 50 ms for an answer; a power that is measured at the request.
+    fn default() -> Self {
+        Self {
+            questions: 768,
+            spacing_s: 0.0,
+            answer_timeout_s: 0.05,
+            measured_at: 0.0,
+            floor_dbm: None,
+        }
+    }
+}
+
+impl OmnidirectionalConfig {
+    /// Checks the ranges of all numbers.
+    ///
+    /// # Errors
+    ///
+    /// [`ParameterError`] names the first that is out of its range.
+    pub fn check(&self) -> Result<(), ParameterError> {
+        at_least_one("questions", self.questions.into())?;
+        not_negative("spacing_s", self.spacing_s)?;
+        positive("answer_timeout_s", self.answer_timeout_s)?;
+        in_range("measured_at", self.measured_at, 0.0..=1.0, "from 0 to 1")?;
+        self.floor_dbm.map_or(Ok(()), |floor| finite("floor_dbm", floor).map(|_| ()))
+    }
+
+    fn timing(&self) -> Timing {
+        Timing {
+            spacing: self.spacing_s,
+            answer_timeout: self.answer_timeout_s,
+            measured_at: self.measured_at,
+            mount_offset: 0.0,
+            positions: 1,
+            interval: None,
+        }
+    }
+}
+
+/// Failure of one of an omnidirectional source's devices.
+///
+/// The source may be polled again; nothing that it has collected is lost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum OmnidirectionalError<R, V> {
+    /// The radio.
+    #[error("the radio failed: {0}")]
+    Radio(#[source] R),
+    /// The aircraft that carries the antenna and reports its pose.
+    #[error("the vehicle failed: {0}")]
+    Vehicle(#[source] V),
+}
 
 /// A source with an omnidirectional antenna: its sweeps have one position, which holds all
 /// samples, so that extractors find a level and no bearing.
@@ -26,8 +102,6 @@ pub struct OmnidirectionalSource<R, V, C> {
     interrogation: Interrogation,
     last_pose: Pose,
 }
-
-type Failure<R, V> = OmnidirectionalError<<R as Radio>::Error, <V as Vehicle>::Error>;
 
 impl<R: Radio, V: Vehicle, C: Clock> OmnidirectionalSource<R, V, C> {
     /// A source made of its devices.

@@ -1,3 +1,9 @@
+//! An antenna on a stepper motor under the drone.
+
+mod config;
+
+pub use config::StepperConfig;
+
 use alloc::{vec, vec::Vec};
 use core::f64::consts::TAU;
 
@@ -5,11 +11,30 @@ use foxhunt_core::{
     BeaconId, Clock, PatternSource, Pose, Radio, Rotator, Sample, Sweep, Unanswered, Vehicle, angle,
 };
 
-use super::{Phase, StepperConfig, StepperError, Turn};
-use crate::{
-    turn_goal::TurnGoal,
-    turn_recorder::{TurnRecorder, mean_pose, nearest_position},
-};
+use super::{TurnGoal, TurnRecorder, between_steps, mean_pose, nearest_position};
+
+/// Maximum number of samples of each beacon that a turn begins with room for; it may have more.
+const MOST_RESERVED: usize = 4096;
+
+type Failure<R, T, V> =
+    StepperError<<R as Radio>::Error, <T as Rotator>::Error, <V as Vehicle>::Error>;
+
+/// Failure of one of a stepper source's devices.
+///
+/// The source may be polled again; nothing that it has collected is lost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum StepperError<R, T, V> {
+    /// The radio.
+    #[error("the radio failed: {0}")]
+    Radio(#[source] R),
+    /// The motor.
+    #[error("the rotator failed: {0}")]
+    Rotator(#[source] T),
+    /// The aircraft that carries the antenna and reports its pose.
+    #[error("the vehicle failed: {0}")]
+    Vehicle(#[source] V),
+}
 
 /// A directional antenna that a motor steps through a turn, with a radio that requests
 /// answers from a beacon at every step (Pritzl 2018, §4.1).
@@ -56,9 +81,6 @@ struct Aim {
     position: u16,
 }
 
-/// Maximum number of samples of each beacon that a turn begins with room for; it may have more.
-const MOST_RESERVED: usize = 4096;
-
 /// Result of trying a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Progress {
@@ -66,9 +88,6 @@ enum Progress {
     Waiting,
     Complete,
 }
-
-type Failure<R, T, V> =
-    StepperError<<R as Radio>::Error, <T as Rotator>::Error, <V as Vehicle>::Error>;
 
 impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
     /// A source made of its devices, with the antenna at the rotator's 0.
@@ -341,6 +360,97 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> PatternSource for StepperSource
             Phase::Idle => (!self.recorder.has_more()).then_some(f64::INFINITY),
             _ if self.clock.is_ahead() => Some(self.clock.now()),
             _ => self.event(),
+        }
+    }
+}
+
+/// A turn that is under way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Turn {
+    /// Number of beacons listened for at each position.
+    beacons: usize,
+    /// Index of the beacon interrogated at present, below `beacons`.
+    beacon: usize,
+    /// Number of positions done, of all rounds.
+    done: u32,
+    /// The antenna goes from the last position to the first, in the first round.
+    backwards: bool,
+    /// Time at which the first order was tried.
+    begun: Option<f64>,
+    /// End of this beacon's time at the present position; `None` until the first order.
+    deadline: Option<f64>,
+    /// Present phase of the turn.
+    phase: Phase,
+}
+
+/// Next action of the source at a position.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Phase {
+    /// There is no turn, or it is over.
+    Idle,
+    /// Order the rotator to turn.
+    Order,
+    /// Wait until it stands.
+    Turn,
+    /// Send a request by the radio: the antenna stands at `angle`, `answers` have come.
+    Request { angle: f64, answers: u16 },
+    /// Wait for the radio's answer.
+    Await { angle: f64, answers: u16 },
+    /// Answers came, the last `new` ones; poll the vehicle for the place. `awaits` is true if the
+    /// next one is already waited for.
+    Locate { angle: f64, answers: u16, new: u16, awaits: bool },
+    /// All positions are done; poll the vehicle for its pose if there is no sample.
+    Finish { time: f64 },
+}
+
+impl Turn {
+    /// A turn that begins, if there are any beacons.
+    fn new(beacons: usize, backwards: bool) -> Self {
+        let phase = if beacons > 0 { Phase::Order } else { Phase::Idle };
+        Self { beacons, beacon: 0, done: 0, backwards, begun: None, deadline: None, phase }
+    }
+
+    /// The position that the antenna is at or on its way to, of `positions`; between them in all
+    /// rounds but the first.
+    fn position(&self, positions: u16) -> f64 {
+        let positions = u32::from(positions.max(1));
+        let round = self.done / positions;
+        let done = self.done % positions;
+        let backwards = self.backwards != (round % 2 == 1);
+        f64::from(if backwards { positions - 1 - done } else { done }) + between_steps(round)
+    }
+
+    /// Number of beacons listened for, as a number to reckon with.
+    #[expect(clippy::cast_precision_loss, reason = "there are a few")]
+    fn beacons(&self) -> f64 {
+        self.beacons as f64
+    }
+
+    /// Goes on to the next beacon, after the last to the next position, or ends the turn after the
+    /// last of these. The next action follows at once, so its time begins now, whether the device
+    /// takes it or not.
+    fn next(&mut self, config: &StepperConfig, now: f64) {
+        self.deadline = Some(now + config.position_timeout());
+        self.beacon += 1;
+        if let Some(angle) = self.standing()
+            && self.beacon < self.beacons
+        {
+            self.phase = Phase::Request { angle, answers: 0 };
+            return;
+        }
+        self.beacon = 0;
+        self.done += 1;
+        let more = self.done < u32::from(config.positions());
+        self.phase = if more { Phase::Order } else { Phase::Finish { time: now } };
+    }
+
+    /// Angle at which the antenna stands, if it has come to a standstill.
+    fn standing(&self) -> Option<f64> {
+        match self.phase {
+            Phase::Request { angle, .. }
+            | Phase::Await { angle, .. }
+            | Phase::Locate { angle, .. } => Some(angle),
+            Phase::Idle | Phase::Order | Phase::Turn | Phase::Finish { .. } => None,
         }
     }
 }
