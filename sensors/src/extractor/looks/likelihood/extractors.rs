@@ -1,3 +1,5 @@
+//! Extractors that know their antenna's gain.
+
 use alloc::vec::Vec;
 
 use foxhunt_core::{
@@ -6,16 +8,46 @@ use foxhunt_core::{
 };
 
 use super::{
-    amplitude_table::AmplitudeTable,
-    fading::Fading,
-    fit::Fit,
-    gain_table::GainTable,
+    super::{Looks, NODES, Node, Peak, node_offset, summit},
+    Fit, Limits, Misfit,
     judge::{self, Judged},
-    looks::Looks,
-    read_out::{Limits, read_out},
-    residuals::Residuals,
+    read_out,
+    tables::{AmplitudeTable, Fading, GainTable},
 };
 use crate::Antenna;
+
+/// Strengths of diffuse fading that are weighed: the reflected amplitude over the direct one.
+const RATIOS: [f64; 5] = [0.05, 0.1, 0.2, 0.35, 0.6];
+
+/// Degrees of freedom from which the scatter of a turn's readings outweighs the assumed one.
+const PRIOR_FREEDOM: f64 = 4.0;
+
+const SAMPLE_SIGMA_DB: f64 = 2.0;
+
+const FITTED: f64 = 2.0;
+
+/// The model of the residuals that a fitted pattern leaves.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub enum Residuals {
+    /// As Gaussian noise, larger than the readings' scatter where they are, and correlated as they
+    /// are.
+    #[default]
+    Gaussian,
+    /// As noise with Student's t: a part of the pattern that does not fit loses its weight
+    /// (Lange, Little & Taylor 1989).
+    StudentT {
+        /// The degrees of freedom; the fewer, the less weight. A number that is not positive counts
+        /// as
+        /// 1.
+        degrees: f64,
+    },
+    /// As Gaussian noise about one path or two: a reflection of unknown direction, strength and
+    /// phase may add its amplitude to the direct wave's, with a probability of 0.2 before the turn.
+    /// The residuals of two paths are diffuse fading, Rician, so that the pattern's back weighs
+    /// less than its main lobe. The one to use where the antenna is known.
+    Reflection,
+}
 
 /// The bearing and the level under which the readings are most likely, for an antenna whose gain
 /// is known.
@@ -48,12 +80,6 @@ pub struct MaximumLikelihood<A> {
     amplitude: AmplitudeTable,
     fadings: Vec<Fading>,
 }
-
-/// Strengths of diffuse fading that are weighed: the reflected amplitude over the direct one.
-const RATIOS: [f64; 5] = [0.05, 0.1, 0.2, 0.35, 0.6];
-
-/// Degrees of freedom from which the scatter of a turn's readings outweighs the assumed one.
-const PRIOR_FREEDOM: f64 = 4.0;
 
 impl<A: Antenna> MaximumLikelihood<A> {
     /// One for readings with σ of about 2 dB through `antenna`, by beacons on the horizon; a
@@ -194,12 +220,6 @@ impl<A: Antenna> MaximumLikelihood<A> {
     }
 }
 
-/// Tables of a gain's amplitude and its fading.
-fn of_table(table: &GainTable) -> (AmplitudeTable, Vec<Fading>) {
-    let fadings = RATIOS.iter().map(|ratio| Fading::new(table, *ratio)).collect();
-    (AmplitudeTable::new(table), fadings)
-}
-
 impl<A: Antenna> BearingExtractor for MaximumLikelihood<A> {
     fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading> {
         let (fit, Judged { posterior, residual_db, .. }) = self.judged(sweep)?;
@@ -216,4 +236,108 @@ impl<A: Antenna> BearingExtractor for MaximumLikelihood<A> {
         let bound = fit.bound(angle::wrap(bearing.angle - fit.looks.origin), reading.rss_dbm);
         Some(bearing.sigma.max(libm::sqrt(bound? * inflation)))
     }
+}
+
+/// The bearing under which the readings in dB correlate best with the gain of a known antenna
+/// (cited in Isaacs et al. 2014, §II).
+///
+/// Over a whole turn this is the maximum-likelihood bearing. Where positions are missing it is not:
+/// the gain that was not received is missing from the one side alone. σ is that of the readings'
+/// scatter, with residuals that exceed it or correlate, and of the bias that a perfect pattern
+/// would have over these boresights. The level is that of the fit.
+#[derive(Clone, Debug)]
+pub struct CrossCorrelation<A> {
+    antenna: A,
+    table: GainTable,
+    limits: Limits,
+}
+
+impl<A: Antenna> CrossCorrelation<A> {
+    /// One for readings through `antenna` by beacons on the horizon; a level's σ of 7.9 dB,
+    /// bearings up to 1 rad of σ, from 8 boresights on.
+    #[must_use]
+    pub fn new(antenna: A) -> Self {
+        let table = GainTable::new(&antenna, 0.0);
+        Self { antenna, table, limits: Limits::default() }
+    }
+
+    /// Sets another σ of the level against a path-loss law, in dB.
+    ///
+    /// # Errors
+    ///
+    /// If it is negative or not finite.
+    pub fn with_rss_sigma_db(mut self, sigma: f64) -> Result<Self, ParameterError> {
+        self.limits.rss_sigma_db = not_negative("rss_sigma_db", sigma)?;
+        Ok(self)
+    }
+
+    /// Sets the largest standard deviation of bearings that are used, in radians.
+    ///
+    /// # Errors
+    ///
+    /// If it is not a positive number.
+    pub fn with_max_sigma(mut self, sigma: f64) -> Result<Self, ParameterError> {
+        self.limits.max_sigma = positive("max_sigma", sigma)?;
+        Ok(self)
+    }
+}
+
+impl<A: Antenna> BearingExtractor for CrossCorrelation<A> {
+    fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading> {
+        let looks = Looks::new(sweep)?;
+        let noise = looks.sample_variance(SAMPLE_SIGMA_DB, PRIOR_FREEDOM);
+        let fit = Fit::new(&self.antenna, &self.table, looks, sweep, noise, 0.0);
+        let (mean, _) = fit.looks.spread();
+        let mut gains = Vec::new();
+        let node = |index| {
+            let offset = node_offset(index);
+            fit.gains(offset, &mut gains);
+            let looks = fit.looks.looks.iter().zip(&gains);
+            let mut product = 0.0;
+            let mut rest = 0.0;
+            for (look, gain) in looks {
+                product += (look.mean_dbm - mean) * gain;
+                rest += look.mean_dbm - gain;
+            }
+            Node { log_density: product, level: rest / fit.looks.len(), level_variance: 0.0 }
+        };
+        let nodes: Vec<Node> = (0..NODES).map(node).collect();
+        let (offset, level) = summit(&nodes);
+        let residuals = fit.residuals(offset, level);
+        let misfit = Misfit::new(&fit, offset, &residuals, FITTED);
+        let slopes = fit.slopes(offset);
+        fit.gains(offset, &mut gains);
+        let count = fit.looks.len();
+        let (mean_gain, mean_slope) =
+            (gains.iter().sum::<f64>() / count, slopes.iter().sum::<f64>() / count);
+        let mut information = 0.0;
+        let mut scatter = 0.0;
+        let mut bias = 0.0;
+        for ((slope, gain), variance) in slopes.iter().zip(&gains).zip(&fit.variances) {
+            let centered = slope - mean_slope;
+            information += centered * centered;
+            scatter += centered * centered * variance;
+            bias += (gain - mean_gain) * slope;
+        }
+        bias /= information;
+        let variance = scatter / (information * information) * misfit.inflation() + bias * bias;
+        // An antenna that is flat all round gives no direction.
+        let variance = if variance.is_finite() { variance } else { f64::INFINITY };
+        let mean_variance = fit.variances.iter().sum::<f64>() / count;
+        let peak = Peak {
+            weight: 1.0,
+            offset,
+            sigma: libm::sqrt(variance),
+            level,
+            level_variance: mean_variance / count * misfit.inflation(),
+            covariance: 0.0,
+        };
+        Ok(read_out(sweep, &fit, &[peak], misfit.residual_db, &self.limits))
+    }
+}
+
+/// Tables of a gain's amplitude and its fading.
+fn of_table(table: &GainTable) -> (AmplitudeTable, Vec<Fading>) {
+    let fadings = RATIOS.iter().map(|ratio| Fading::new(table, *ratio)).collect();
+    (AmplitudeTable::new(table), fadings)
 }
