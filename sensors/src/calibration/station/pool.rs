@@ -4,9 +4,7 @@ use foxhunt_core::angle;
 use nalgebra::{Matrix2, Vector2};
 
 use super::{
-    burst::StationBurst,
-    floor::{Chance, Floor},
-    lobe::{Lobe, UNIFORM_SIGMA},
+    Chance, Floor, Lobe, StationBurst, UNIFORM_SIGMA,
     shape::{Own, Shared},
 };
 use crate::{CalibrationError, StationModel, StationPattern};
@@ -52,14 +50,14 @@ const SITE_REFIT_ROUNDS: u32 = 15;
 /// All stations as they are fitted together.
 #[derive(Clone, Debug)]
 pub(super) struct Pool {
-    pub(super) shared: Shared,
-    pub(super) stations: Vec<Own>,
+    shared: Shared,
+    stations: Vec<Own>,
     /// Scale of the residuals before the sites were fitted, which are then a part of them.
     scale_with_site: f64,
 }
 
 /// Bursts of each station.
-pub(super) type Bursts<'a> = [Vec<&'a StationBurst>];
+type Bursts<'a> = [Vec<&'a StationBurst>];
 
 impl Pool {
     /// Fits all stations to their bursts.
