@@ -31,8 +31,8 @@ use crate::Propagation;
 /// position's σ, so only the singularity itself is cut out.
 const OVERHEAD: f64 = 1e-3;
 
-/// The largest m / g of [`Sight::parts`] for series: the squares of what [`artanh_arctan`] takes are
-/// below 4 m / g (1 + 3 m / g).
+/// The largest m / g of [`Sight::parts`] for series: the squares of what [`artanh_arctan`] takes
+/// are below 4 m / g (1 + 3 m / g).
 const NEAR: f64 = 3e-5;
 
 /// Number of targets that are worked on at once: data between two loops stay in the nearest cache.

@@ -3,12 +3,12 @@
 use alloc::vec::Vec;
 use core::f64::consts::FRAC_PI_2;
 
+use foxhunt_core::angle;
+
 use super::{
     StationBurst, StationRecord,
     pool::{Pool, likeliest_scale},
 };
-use foxhunt_core::angle;
-
 use crate::{CalibrationError, StationModel, StationPattern, calibration::statistics::quantile};
 
 /// Largest half interval of a boresight that is known.

@@ -19,7 +19,6 @@ const H: f64 = 0.01;
 
 /// Ranges of a lobe that is fitted.
 const BEAMWIDTHS: [f64; 2] = [0.2, 3.0];
-
 const FRONT_TO_BACKS_DB: [f64; 2] = [3.0, 40.0];
 
 /// Largest standard deviation of an angle: a uniform one over the circle.

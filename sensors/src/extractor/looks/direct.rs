@@ -15,7 +15,6 @@ use crate::extractor::{Cell, Pattern, pattern::LEAST_RESULTANT, resultant_confid
 
 /// σ comes from the strongest boresights: one in 20, and at least four.
 const SHARE: usize = 20;
-
 const FEWEST_STRONGEST: usize = 4;
 
 /// Fewer boresights have no harmonic.

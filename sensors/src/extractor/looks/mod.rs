@@ -30,7 +30,6 @@ const ROUNDING_VARIANCE: f64 = 1.0 / 12.0;
 
 /// Losses are taken to have the density Beta(1, 3) before a turn: any share, rather a small one.
 const PRIOR_LOST: f64 = 1.0;
-
 const PRIOR_NOT_LOST: f64 = 3.0;
 
 /// Expectation and maximisation in turn settle a level to a hundredth of a dB within as many.

@@ -29,9 +29,7 @@ pub(crate) const LOST: f64 = 0.03;
 /// antenna's front receives it at its level, its back some 15 dB below. A step is this share of the
 /// residuals' scale.
 const BELOW: f64 = 15.0;
-
 const ABOVE: f64 = 35.0;
-
 const STEP: f64 = 0.4;
 
 /// Largest distance from an antenna's recorded boresight of a boresight of its own, in radians: a

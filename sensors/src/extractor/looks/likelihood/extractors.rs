@@ -21,9 +21,7 @@ const RATIOS: [f64; 5] = [0.05, 0.1, 0.2, 0.35, 0.6];
 
 /// Degrees of freedom from which the scatter of a turn's readings outweighs the assumed one.
 const PRIOR_FREEDOM: f64 = 4.0;
-
 const SAMPLE_SIGMA_DB: f64 = 2.0;
-
 const FITTED: f64 = 2.0;
 
 /// The model of the residuals that a fitted pattern leaves.

@@ -19,7 +19,6 @@ const ROUNDS: u32 = 4;
 
 /// Fitted are a level and a bearing, or three more.
 const ONE_PATH: f64 = 2.0;
-
 const TWO_PATHS: f64 = 5.0;
 
 /// A single path that leaves no more than this of what the noise promises, and no correlation, is

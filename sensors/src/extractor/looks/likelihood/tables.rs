@@ -14,7 +14,6 @@ const ROWS: u16 = 720;
 
 /// Rows from one node to the next.
 const STEP: usize = (ROWS / NODES) as usize;
-
 const _: () = assert!(ROWS.is_multiple_of(NODES), "a step is a whole number of rows");
 
 /// Decibels to one natural logarithm of an amplitude: 20 log₁₀ e.

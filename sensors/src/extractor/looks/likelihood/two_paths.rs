@@ -19,15 +19,10 @@ use crate::Antenna;
 /// Unknowns of two paths: the bearing, the level, the reflection's bearing, and its amplitude over
 /// the direct one's, in phase and in quadrature.
 const UNKNOWNS: usize = 5;
-
 pub(super) const BEARING: usize = 0;
-
 const LEVEL: usize = 1;
-
 const REFLECTION: usize = 2;
-
 const IN_PHASE: usize = 3;
-
 const QUADRATURE: usize = 4;
 
 type Vector = SVector<f64, UNKNOWNS>;
@@ -61,14 +56,11 @@ type Measured = (f64, f64, f64);
 
 /// The slopes along the unknowns, and the residual of two paths, over σ.
 const COLUMNS: usize = UNKNOWNS + 1;
-
 const REST: usize = UNKNOWNS;
-
 const PRODUCTS: usize = COLUMNS * (COLUMNS + 1) / 2;
 
 /// Directions of a reflection that a search starts from, each with either sign.
 const STARTS: u16 = 12;
-
 const ROUNDS: u32 = 10;
 
 /// Number of starts that are followed, the best-fitting ones: the others find next to nothing more.
