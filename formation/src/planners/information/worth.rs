@@ -64,9 +64,12 @@ struct Drone {
 /// off that for the power in doubt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Taught {
-    /// The information about East, both and North; the weighted gradient of the level; and the
-    /// level's information.
-    sums: [Column; 6],
+    /// The information about East, both and North.
+    place: [Column; 3],
+    /// The level's gradient over East and North, weighted with its information.
+    gradient: [Column; 2],
+    /// The level's information.
+    level: Column,
     /// The square of the distance over ground.
     distance2: Column,
 }
@@ -90,6 +93,17 @@ struct Known {
     log_variance: Column,
     /// Share of the power's doubt to take off the divergence from it.
     shared: Column,
+}
+
+/// The weights that all cells keep if the target is in one of some cells: their sums, and their
+/// first and second moments about that cell.
+#[derive(Clone, Copy, Debug)]
+struct Kept {
+    weight: Column,
+    /// East and North.
+    mean: [Column; 2],
+    /// East, both and North.
+    square: [Column; 3],
 }
 
 /// Parts of the Kullback-Leibler divergence of what is read of each of some cells from what is read
@@ -149,12 +163,12 @@ impl Kernel for Teach<'_> {
             let x = fishers.level_gradient[0][i] - power.level_gradient[0][i];
             let y = fishers.level_gradient[1][i] - power.level_gradient[1][i];
             let information = fishers.level_information[i];
-            taught.sums[0][i] = fishers.bearing[0][i] + x * x * information;
-            taught.sums[1][i] = fishers.bearing[1][i] + x * y * information;
-            taught.sums[2][i] = fishers.bearing[2][i] + y * y * information;
-            taught.sums[3][i] = x * information;
-            taught.sums[4][i] = y * information;
-            taught.sums[5][i] = information;
+            taught.place[0][i] = fishers.bearing[0][i] + x * x * information;
+            taught.place[1][i] = fishers.bearing[1][i] + x * y * information;
+            taught.place[2][i] = fishers.bearing[2][i] + y * y * information;
+            taught.gradient[0][i] = x * information;
+            taught.gradient[1][i] = y * information;
+            taught.level[i] = information;
             let east = cells.mean[0][i] - place.x;
             let north = cells.mean[1][i] - place.y;
             taught.distance2[i] = east * east + north * north;
@@ -233,7 +247,12 @@ impl Kernel for Compare<'_> {
 }
 
 impl Taught {
-    const ZERO: Self = Self { sums: [[0.0; TARGETS]; 6], distance2: [0.0; TARGETS] };
+    const ZERO: Self = Self {
+        place: [[0.0; TARGETS]; 3],
+        gradient: [[0.0; TARGETS]; 2],
+        level: [0.0; TARGETS],
+        distance2: [0.0; TARGETS],
+    };
 
     /// Returns the information of all drones, the power in doubt taken off, and the farthest one's
     /// distance.
@@ -246,22 +265,28 @@ impl Taught {
         let mut all = Self::ZERO;
         for drone in drones {
             let taught = &drone.taught[block];
-            let parts = all.sums.as_flattened_mut().iter_mut().zip(taught.sums.as_flattened());
-            parts.for_each(|(sum, part)| *sum += part);
+            all.place.iter_mut().zip(&taught.place).for_each(|(sum, part)| add(sum, part));
+            all.gradient.iter_mut().zip(&taught.gradient).for_each(|(sum, part)| add(sum, part));
+            add(&mut all.level, &taught.level);
             for (most, square) in all.distance2.iter_mut().zip(&taught.distance2) {
                 *most = if *square > *most { *square } else { *most };
             }
         }
         for i in 0..TARGETS {
             let variance = power.variance[i];
-            let shared = variance / (1.0 + variance * all.sums[5][i]);
-            let [x, y] = [all.sums[3][i], all.sums[4][i]];
-            all.sums[0][i] -= x * x * shared;
-            all.sums[1][i] -= x * y * shared;
-            all.sums[2][i] -= y * y * shared;
+            let shared = variance / (1.0 + variance * all.level[i]);
+            let [x, y] = [all.gradient[0][i], all.gradient[1][i]];
+            all.place[0][i] -= x * x * shared;
+            all.place[1][i] -= x * y * shared;
+            all.place[2][i] -= y * y * shared;
         }
         all
     }
+}
+
+impl Kept {
+    const ZERO: Self =
+        Self { weight: [0.0; TARGETS], mean: [[0.0; TARGETS]; 2], square: [[0.0; TARGETS]; 3] };
 }
 
 #[inline(always)]
@@ -291,7 +316,7 @@ impl Kernel for ByFisher<'_> {
             let all = Taught::of_all(self.drones, block, &self.power.blocks[block]);
             let mut learned = [0.0; TARGETS];
             for (i, learned) in learned.iter_mut().enumerate() {
-                let [t_xx, t_xy, t_yy] = [0, 1, 2].map(|k: usize| all.sums[k][i]);
+                let [t_xx, t_xy, t_yy] = [0, 1, 2].map(|k: usize| all.place[k][i]);
                 let [xx, xy, yy] = [xx + t_xx, xy + t_xy, yy + t_yy];
                 let determinant = xx * yy - xy * xy;
                 let axes = axes_of_inverse(xx, xy, yy, determinant);
@@ -332,7 +357,7 @@ impl Kernel for ByEntropy<'_> {
             for (i, learned) in learned.iter_mut().enumerate() {
                 // (P⁻¹ + T)⁻¹ = (I + P T)⁻¹ P.
                 let [xx, xy, yy] = [0, 1, 2].map(|k: usize| cells.covariance[k][i]);
-                let [t_xx, t_xy, t_yy] = [0, 1, 2].map(|k: usize| all.sums[k][i]);
+                let [t_xx, t_xy, t_yy] = [0, 1, 2].map(|k: usize| all.place[k][i]);
                 let [a, b] = [1.0 + xx * t_xx + xy * t_xy, xx * t_xy + xy * t_yy];
                 let [c, d] = [xy * t_xx + yy * t_xy, 1.0 + xy * t_xy + yy * t_yy];
                 let determinant = a * d - b * c;
@@ -358,18 +383,19 @@ impl Kernel for ByEntropy<'_> {
             }
         }
         for (block, left) in left.iter_mut().enumerate() {
-            let mut sums = [[0.0; TARGETS]; 6];
+            let mut kept = Kept::ZERO;
             for first in (0..TARGETS).step_by(PART) {
-                weigh(belief, drones, known, block, first, &mut sums);
+                weigh(belief, drones, known, block, first, &mut kept);
             }
             let mut learned = [0.0; TARGETS];
             for (i, learned) in learned.iter_mut().enumerate() {
-                let inverse = 1.0 / sums[0][i];
-                let [x, y, xx, xy, yy] = [1, 2, 3, 4, 5].map(|k: usize| sums[k][i] * inverse);
+                let inverse = 1.0 / kept.weight[i];
+                let [x, y] = [0, 1].map(|k: usize| kept.mean[k][i] * inverse);
+                let [xx, xy, yy] = [0, 1, 2].map(|k: usize| kept.square[k][i] * inverse);
                 let axes = axes_of(xx - x * x, xy - x * y, yy - y * y);
                 left.axes[0][i] = axes[0];
                 left.axes[1][i] = axes[1];
-                *learned = ln(sums[0][i]);
+                *learned = ln(kept.weight[i]);
             }
             nats -= dot(&learned, &belief.blocks[block].weight);
         }
@@ -377,8 +403,7 @@ impl Kernel for ByEntropy<'_> {
     }
 }
 
-/// Sets, for a part of a block, the weights that all cells keep if the target is in one of these:
-/// their sums, and their first and second moments about it.
+/// Sets the [`Kept`] of a part of a block.
 #[inline(always)]
 fn weigh(
     belief: &Cells,
@@ -386,12 +411,14 @@ fn weigh(
     known: &[Known],
     block: usize,
     first: usize,
-    sums: &mut [Column; 6],
+    kept: &mut Kept,
 ) {
     let of = &belief.blocks[block];
     let of_known = &known[block];
     let two_each = 2.0 * number(drones.len());
-    let mut moments = [[0.0; PART]; 6];
+    let mut weights = [0.0; PART];
+    let mut means = [[0.0; PART]; 2];
+    let mut squares = [[0.0; PART]; 3];
     for (j, cell) in belief.cells.iter().enumerate() {
         let pair = j * belief.blocks.len() + block;
         let from = &known[j / TARGETS];
@@ -422,16 +449,21 @@ fn weigh(
             let weight = exp(exponents[i]) * cell.weight;
             let x = cell.mean.x - of.mean[0][first + i];
             let y = cell.mean.y - of.mean[1][first + i];
-            moments[0][i] += weight;
-            moments[1][i] += weight * x;
-            moments[2][i] += weight * y;
-            moments[3][i] += weight * (within[0] + x * x);
-            moments[4][i] += weight * (within[1] + x * y);
-            moments[5][i] += weight * (within[2] + y * y);
+            weights[i] += weight;
+            means[0][i] += weight * x;
+            means[1][i] += weight * y;
+            squares[0][i] += weight * (within[0] + x * x);
+            squares[1][i] += weight * (within[1] + x * y);
+            squares[2][i] += weight * (within[2] + y * y);
         }
     }
-    for (sums, moments) in sums.iter_mut().zip(&moments) {
-        sums[first..first + PART].copy_from_slice(moments);
+    let part = first..first + PART;
+    kept.weight[part.clone()].copy_from_slice(&weights);
+    for (column, mean) in kept.mean.iter_mut().zip(&means) {
+        column[part.clone()].copy_from_slice(mean);
+    }
+    for (column, square) in kept.square.iter_mut().zip(&squares) {
+        column[part.clone()].copy_from_slice(square);
     }
 }
 
