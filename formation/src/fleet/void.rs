@@ -5,7 +5,7 @@ use geo::{Distance, Euclidean, Line, Point};
 use nalgebra::Vector2;
 
 use super::ground::{SLACK, line, point, ring_about};
-use crate::spiral::spiral;
+use crate::planners::spiral;
 
 /// Fewer places than this give a belief's moments and not where the target may be; then the
 /// Gaussian of these moments replaces it.
