@@ -5,9 +5,8 @@ use foxhunt_core::parameter::{ParameterError, positive, require};
 use nalgebra::Vector3;
 
 use super::{
-    Formation, Traffic, Void,
-    deadlock::ASIDE,
-    ground::Region,
+    Formation, Region, Traffic, Void,
+    flight::ASIDE,
     way::{Surroundings, length_over_ground, with_altitudes},
 };
 

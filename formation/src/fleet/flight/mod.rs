@@ -1,8 +1,16 @@
+//! Flights: what is reserved for each drone, and the traffic of all.
+
+mod traffic;
+
+pub use traffic::Traffic;
+
+pub(super) use traffic::ASIDE;
+
 use std::{vec, vec::Vec};
 
 use nalgebra::{Vector2, Vector3};
 
-use super::ground::Region;
+use super::Region;
 
 /// An order to a drone.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,19 +66,19 @@ pub enum Travel {
 
 /// Goal of a drone, and the rules for it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Task {
-    pub(super) goal: Vector3<f64>,
+struct Task {
+    goal: Vector3<f64>,
     /// True if targets need not be kept away from, and the goal may lie below the band.
-    pub(super) home: bool,
+    home: bool,
     /// True if it may exchange its goal with others of the formation.
-    pub(super) formation: bool,
+    formation: bool,
     /// True if it has flown aside for others already.
-    pub(super) aside: bool,
+    aside: bool,
 }
 
 /// One drone: where it is, and what is reserved for it.
 #[derive(Clone, Debug)]
-pub(super) struct Flight {
+struct Flight {
     /// Rest of its way, at least one place: the first is where it is taken to be, within the
     /// tolerance; the second is where it is ordered to fly next.
     way: Vec<Vector3<f64>>,
@@ -82,17 +90,17 @@ pub(super) struct Flight {
     unsent: bool,
     /// It has been located since.
     located: bool,
-    pub(super) task: Option<Task>,
+    task: Option<Task>,
     /// The order that has not been given yet.
-    pub(super) due: Option<OrderReason>,
+    due: Option<OrderReason>,
     last: OrderReason,
-    pub(super) blocked: bool,
+    blocked: bool,
     /// Nobody counts on it any more.
     given_up: bool,
 }
 
 /// Position of a drone on its line.
-pub(super) enum Located {
+enum Located {
     /// It is where it should be, and that many metres of its line are released.
     OnLine(f64),
     /// It is at the next corner of its line, or at its end.
@@ -102,7 +110,7 @@ pub(super) enum Located {
 }
 
 impl Flight {
-    pub(super) fn resting(place: Vector3<f64>) -> Self {
+    fn resting(place: Vector3<f64>) -> Self {
         Self {
             way: vec![place],
             ordered: [place; 2],
@@ -118,34 +126,34 @@ impl Flight {
     }
 
     /// Returns the place where it is taken to be.
-    pub(super) fn place(&self) -> Vector3<f64> {
+    fn place(&self) -> Vector3<f64> {
         self.way[0]
     }
 
     /// Returns the end of its reserved way.
-    pub(super) fn end(&self) -> Vector3<f64> {
+    fn end(&self) -> Vector3<f64> {
         self.way[self.way.len() - 1]
     }
 
     /// Returns true if it flies, or may be flying because it has not been located since it was to
     /// stop. One that was given up does not count.
-    pub(super) fn flies(&self) -> bool {
+    fn flies(&self) -> bool {
         !self.given_up && (self.way.len() > 1 || self.former.is_some())
     }
 
-    pub(super) fn is_given_up(&self) -> bool {
+    fn is_given_up(&self) -> bool {
         self.given_up
     }
 
     /// Gets a place to reach, and is counted on to reach it.
-    pub(super) fn set_task(&mut self, task: Task) {
+    fn set_task(&mut self, task: Task) {
         self.task = Some(task);
         self.blocked = false;
         self.given_up = false;
     }
 
     /// Keeps the leg that it was ordered to fly, and gets no more orders but to stop.
-    pub(super) fn give_up(&mut self) {
+    fn give_up(&mut self) {
         self.task = None;
         self.given_up = true;
         match self.due {
@@ -162,15 +170,15 @@ impl Flight {
 
     /// Returns true if a way may be added to the end of its line. Not where it was to stop at once
     /// and has not been located since: it would fly there from wherever it is.
-    pub(super) fn may_extend(&self) -> bool {
+    fn may_extend(&self) -> bool {
         self.way.len() > 1 || self.former.is_none()
     }
 
-    pub(super) fn way(&self) -> &[Vector3<f64>] {
+    fn way(&self) -> &[Vector3<f64>] {
         &self.way
     }
 
-    pub(super) fn region(&self) -> Region {
+    fn region(&self) -> Region {
         let mut region = Region::along(&self.way);
         if let Some([from, to]) = &self.former {
             region.add(from, to);
@@ -179,11 +187,11 @@ impl Flight {
     }
 
     /// Returns true if it has somewhere to go and is not on its way there.
-    pub(super) fn waits(&self) -> bool {
+    fn waits(&self) -> bool {
         self.task.is_some_and(|task| (task.goal - self.end()).norm() > 1e-9)
     }
 
-    pub(super) fn travel(&self) -> Travel {
+    fn travel(&self) -> Travel {
         match (self.flies(), self.waits()) {
             (true, _) => Travel::UnderWay,
             (false, false) => Travel::There,
@@ -194,7 +202,7 @@ impl Flight {
 
     /// For how many seconds nothing changes but how far it is on its line, while it goes on from
     /// `place` at `velocity`; `None` where that is not known.
-    pub(super) fn undisturbed_s(
+    fn undisturbed_s(
         &self,
         place: &Vector3<f64>,
         velocity: &Vector3<f64>,
@@ -216,12 +224,12 @@ impl Flight {
     }
 
     /// Returns true if the leg that it was ordered to leave is released when it is next located.
-    pub(super) fn turns(&self) -> bool {
+    fn turns(&self) -> bool {
         self.former.is_some() && self.due.is_none()
     }
 
     /// Takes note of where it is.
-    pub(super) fn locate(&mut self, place: &Vector3<f64>, tolerance: f64) -> Located {
+    fn locate(&mut self, place: &Vector3<f64>, tolerance: f64) -> Located {
         self.located = true;
         // As long as it has not accepted another order it flies where the last one led it.
         self.former = self.due.map(|_| [place.xy(), self.ordered[0].xy()]);
@@ -258,18 +266,18 @@ impl Flight {
     }
 
     /// Its line now begins at another place.
-    pub(super) fn begin_at(&mut self, place: Vector3<f64>) {
+    fn begin_at(&mut self, place: Vector3<f64>) {
         self.way[0] = place;
     }
 
     /// It has been moved away from where it rests, and returns.
-    pub(super) fn return_from(&mut self, place: Vector3<f64>) {
+    fn return_from(&mut self, place: Vector3<f64>) {
         self.way = vec![place, self.way[0]];
         self.due = Some(OrderReason::Return);
     }
 
     /// It stops at a place off its line.
-    pub(super) fn rest_at(&mut self, place: Vector3<f64>) {
+    fn rest_at(&mut self, place: Vector3<f64>) {
         self.former = Some([place.xy(), self.ordered[0].xy()]);
         self.due = Some(OrderReason::Stop);
         self.way = vec![place];
@@ -277,7 +285,7 @@ impl Flight {
 
     /// Ends its line as soon as it can stop. The leg that it flies stays reserved until it is
     /// located again.
-    pub(super) fn stop(&mut self, stopping: f64) {
+    fn stop(&mut self, stopping: f64) {
         let Some(to) = self.way.get(1).copied() else { return };
         let from = self.way[0];
         let length = (to - from).xy().norm();
@@ -294,7 +302,7 @@ impl Flight {
     }
 
     /// Flies on from the end of its line.
-    pub(super) fn extend(&mut self, places: &[Vector3<f64>], reason: OrderReason) {
+    fn extend(&mut self, places: &[Vector3<f64>], reason: OrderReason) {
         if self.way.len() == 1 || self.due.is_some() {
             self.due = Some(reason);
         }
@@ -304,7 +312,7 @@ impl Flight {
 
     /// The order that is due, once. One that was not accepted is given again when it is known
     /// where the drone is by then.
-    pub(super) fn order(&mut self, drone: usize) -> Option<Order> {
+    fn order(&mut self, drone: usize) -> Option<Order> {
         if self.unsent && !self.located {
             return None;
         }
@@ -320,7 +328,7 @@ impl Flight {
     }
 
     /// The last order did not reach it: it flies on as it did.
-    pub(super) fn repeat(&mut self) {
+    fn repeat(&mut self) {
         if !self.unsent {
             self.ordered = [self.ordered[1]; 2];
             let from = self.way[0].xy();

@@ -1,20 +1,24 @@
+//! The traffic of a fleet: who flies where, and what ends a wait in which no drone flies.
+
 use std::{vec, vec::Vec};
 
 use foxhunt_core::Belief;
+use geo::{Distance, Euclidean, Point};
 use nalgebra::{Vector2, Vector3};
 
-use super::{
-    Airspace, Formation, Order, OrderReason, TrafficConfig, TrafficError, Travel,
-    flight::{Flight, Located, Task},
-    formation,
-    ground::EXACT,
-    void::Cloud,
+use super::{Flight, Located, Order, OrderReason, Task, Travel};
+use crate::fleet::{
+    Airspace, Cloud, EXACT, Formation, SLACK, TrafficConfig, TrafficError, formation, line, point,
+    ring_about,
     way::{Surroundings, length_over_ground, with_altitudes},
 };
 
 /// A way around others is taken at once if it is at most this many times as long as one without
 /// them; otherwise the drone waits for them as long as any flies.
 const DETOUR: f64 = 1.2;
+
+/// Largest distance that a drone flies aside to let others pass, in distances that lines keep.
+pub(in crate::fleet) const ASIDE: u32 = 6;
 
 /// The traffic of a fleet: who flies where, and which lines are reserved.
 ///
@@ -26,12 +30,12 @@ const DETOUR: f64 = 1.2;
 #[derive(Clone, Debug)]
 pub struct Traffic {
     /// With the tolerance as its margin.
-    pub(super) airspace: Airspace,
-    pub(super) config: TrafficConfig,
-    pub(super) flights: Vec<Flight>,
-    pub(super) clouds: Vec<Cloud>,
+    pub(in crate::fleet) airspace: Airspace,
+    config: TrafficConfig,
+    flights: Vec<Flight>,
+    pub(in crate::fleet) clouds: Vec<Cloud>,
     /// Pairs that have exchanged their goals since the formation set off.
-    pub(super) exchanged: Vec<[usize; 2]>,
+    exchanged: Vec<[usize; 2]>,
     /// Something happened that may open a way.
     changed: bool,
     /// Metres of line released since ways were looked for.
@@ -345,7 +349,7 @@ impl Traffic {
     }
 
     /// Returns the surroundings that a drone has to keep away from; without the drones named.
-    pub(super) fn surroundings(&self, drone: usize, without: &[usize]) -> Surroundings<'_> {
+    fn surroundings(&self, drone: usize, without: &[usize]) -> Surroundings<'_> {
         let others = self.flights.iter().enumerate();
         let others = others.filter(|(other, _)| *other != drone && !without.contains(other));
         let home = self.flights[drone].task.is_some_and(|task| task.home);
@@ -382,7 +386,7 @@ impl Traffic {
         }
     }
 
-    pub(super) fn waiting(&self) -> impl Iterator<Item = usize> {
+    fn waiting(&self) -> impl Iterator<Item = usize> {
         (0..self.flights.len()).filter(|&drone| self.flights[drone].waits())
     }
 
@@ -417,15 +421,114 @@ impl Traffic {
         self.reserve(drone, goal.z, &way, reason);
     }
 
-    pub(super) fn reserve(
-        &mut self,
-        drone: usize,
-        goal_up: f64,
-        way: &[Vector2<f64>],
-        reason: OrderReason,
-    ) {
+    fn reserve(&mut self, drone: usize, goal_up: f64, way: &[Vector2<f64>], reason: OrderReason) {
         let places = with_altitudes(&self.airspace, &self.flights[drone].end(), goal_up, way);
         self.flights[drone].extend(&places, reason);
+    }
+}
+
+/// Attempts to end a wait in which no drone flies.
+impl Traffic {
+    /// Has two drones of the formation exchange their goals, if one of them can then set off.
+    /// Every pair exchanges once per formation, so this ends.
+    fn exchange(&mut self) -> bool {
+        let waiting: Vec<usize> = self.waiting().collect();
+        let in_formation =
+            |t: &Self, d: usize| t.flights[d].task.filter(|task| task.formation).map(|w| w.goal);
+        for drone in waiting {
+            for with in 0..self.flights.len() {
+                let pair = [drone.min(with), drone.max(with)];
+                let goals = (in_formation(self, drone), in_formation(self, with));
+                let (Some(own), Some(other)) = goals else { continue };
+                if drone == with || self.exchanged.contains(&pair) {
+                    continue;
+                }
+                if self.reaches(with, &own) || self.reaches(drone, &other) {
+                    self.exchanged.push(pair);
+                    self.give(drone, other);
+                    self.give(with, own);
+                    self.set_off_exchanged(drone, with);
+                    self.set_off_exchanged(with, drone);
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
+    fn give(&mut self, drone: usize, goal: Vector3<f64>) {
+        if let Some(task) = &mut self.flights[drone].task {
+            task.goal = goal;
+        }
+    }
+
+    fn set_off_exchanged(&mut self, drone: usize, with: usize) {
+        let Some(goal) = self.goal(drone).filter(|_| self.flights[drone].waits()) else { return };
+        let from = self.flights[drone].end().xy();
+        if let Some(way) = self.surroundings(drone, &[]).way(&from, &goal.xy()) {
+            self.reserve(drone, goal.z, &way, OrderReason::Exchanged { with });
+        }
+    }
+
+    fn reaches(&self, drone: usize, goal: &Vector3<f64>) -> bool {
+        let from = self.flights[drone].end();
+        (goal - from).norm() > SLACK
+            && self.airspace.permits(goal)
+            && self.surroundings(drone, &[]).way(&from.xy(), &goal.xy()).is_some()
+    }
+
+    /// Has one drone that is in another's way fly aside, to a place that is in nobody's way. Every
+    /// drone does so once per task, so this ends.
+    fn step_aside(&mut self) -> bool {
+        let in_the_way = |drone: usize| {
+            let here = self.flights[drone].end().xy();
+            self.waiting().filter(|&other| other != drone).any(|other| {
+                let goal = self.goal(other).map_or(here, |goal| goal.xy());
+                let from = self.flights[other].end().xy();
+                self.airspace.holds(&goal)
+                    && line_distance(&from, &goal, &here) < self.config.keep_m()
+            })
+        };
+        let able = |&drone: &usize| self.flights[drone].task.is_some_and(|task| !task.aside);
+        let drones = (0..self.flights.len()).filter(able).filter(|&drone| in_the_way(drone));
+        // Those that wait themselves first.
+        let mut drones: Vec<usize> = drones.collect();
+        drones.sort_by_key(|&drone| !self.flights[drone].waits());
+        for drone in drones {
+            if let Some(place) = self.place_aside(drone) {
+                if let Some(task) = &mut self.flights[drone].task {
+                    task.aside = true;
+                }
+                let up = self.airspace.altitude(self.flights[drone].end().z);
+                self.reserve(drone, up, &[place], OrderReason::Aside);
+                return true;
+            }
+        }
+        false
+    }
+
+    /// The nearest place, straight ahead, that keeps away from all drones, all goals, and best
+    /// also from the lines of those that wait.
+    fn place_aside(&self, drone: usize) -> Option<Vector2<f64>> {
+        let from = self.flights[drone].end().xy();
+        let keep = self.config.keep_m();
+        let surroundings = self.surroundings(drone, &[]);
+        let others = (0..self.flights.len()).filter(|&other| other != drone);
+        let legs: Vec<_> = others
+            .filter_map(|other| Some((self.flights[other].end().xy(), self.goal(other)?.xy())))
+            .collect();
+        let free_of = |lines: bool, place: &Vector2<f64>| {
+            legs.iter().all(|(start, goal)| {
+                let start = if lines { start } else { goal };
+                line_distance(start, goal, place) >= keep
+            })
+        };
+        let rings = || {
+            (1..=2 * ASIDE).flat_map(|k| ring_about(&from, f64::from(k) * 0.5 * keep + SLACK, 16))
+        };
+        [true, false].into_iter().find_map(|lines| {
+            rings().find(|place| free_of(lines, place) && surroundings.first_leg(&from, place))
+        })
     }
 }
 
@@ -436,4 +539,8 @@ fn check_finite(drone: usize, place: &Vector3<f64>) -> Result<(), TrafficError> 
         let [east, north, up] = [place.x, place.y, place.z];
         Err(TrafficError::NotFinite { drone, east, north, up })
     }
+}
+
+fn line_distance(from: &Vector2<f64>, to: &Vector2<f64>, place: &Vector2<f64>) -> f64 {
+    Euclidean.distance(&Point::from(point(place)), &line(from, to))
 }
