@@ -11,7 +11,7 @@ use foxhunt_core::{
 use super::BearingOffset;
 
 /// σ of a direction that may be any: the root of the mean square of a uniform angle.
-const ANY_DIRECTION: f64 = 1.813_799_364_234_217_8;
+pub(super) const ANY_DIRECTION: f64 = 1.813_799_364_234_217_8;
 
 /// Number of boresights that is as good as any larger number.
 const LOOKS: usize = 8;

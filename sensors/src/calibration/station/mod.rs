@@ -7,7 +7,7 @@ mod shape;
 pub use fit::{StationDoubt, StationFit, StationsFit, fit_stations};
 
 use alloc::vec::Vec;
-use core::f64::consts::{PI, TAU};
+use core::f64::consts::TAU;
 
 use crate::extractor::{LOST, TAIL, lobe_db, normal_cdf};
 
@@ -20,9 +20,6 @@ const H: f64 = 0.01;
 /// Ranges of a lobe that is fitted.
 const BEAMWIDTHS: [f64; 2] = [0.2, 3.0];
 const FRONT_TO_BACKS_DB: [f64; 2] = [3.0, 40.0];
-
-/// Largest standard deviation of an angle: a uniform one over the circle.
-const UNIFORM_SIGMA: f64 = PI / 1.732_050_807_568_877_2;
 
 /// A burst of the transmitter as a station received it.
 #[derive(Clone, Debug, PartialEq)]
