@@ -341,8 +341,7 @@ impl TurnGoal {
     }
 
     /// Returns true if the bearing from such samples is expected to be as certain as wanted.
-    #[must_use]
-    pub fn is_reached(&self, sweep: &Sweep<'_>) -> bool {
+    fn is_reached(&self, sweep: &Sweep<'_>) -> bool {
         self.extractor.expected_sigma(sweep).is_some_and(|sigma| sigma <= self.sigma)
     }
 

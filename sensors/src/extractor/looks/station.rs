@@ -235,8 +235,7 @@ impl StationPattern {
     }
 
     /// Index of the antenna that recordings mean by a boresight: the one recorded nearest to it.
-    #[must_use]
-    pub fn antenna_of(&self, recorded_boresight: f64) -> usize {
+    fn antenna_of(&self, recorded_boresight: f64) -> usize {
         let off = |antenna: &StationAntenna| {
             angle::distance(antenna.recorded_boresight, recorded_boresight)
         };
