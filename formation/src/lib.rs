@@ -36,8 +36,6 @@ mod fleet;
 mod planners;
 mod search;
 mod shape;
-#[cfg(feature = "alloc")]
-mod spiral;
 
 #[cfg(feature = "fleet")]
 pub use fleet::*;

@@ -36,24 +36,13 @@ extern crate std;
 
 #[cfg(feature = "alloc")]
 mod antenna;
-#[cfg(feature = "alloc")]
-mod body;
 mod calibration;
 mod extractor;
-#[cfg(feature = "alloc")]
-mod interrogation;
 mod models;
-mod near_zero;
-#[cfg(feature = "alloc")]
-mod omnidirectional;
 mod propagation;
 #[cfg(feature = "alloc")]
-mod stepper;
+mod source;
 mod terrain;
-#[cfg(feature = "alloc")]
-mod turn_goal;
-#[cfg(feature = "alloc")]
-mod turn_recorder;
 
 #[cfg(feature = "alloc")]
 pub use antenna::{
@@ -66,8 +55,6 @@ pub use antenna::{
 pub use antenna::{
     AntennaConfig, AntennaError, CardioidConfig, GainRow, PatchConfig, SharedAntenna, YagiConfig,
 };
-#[cfg(feature = "alloc")]
-pub use body::{BodyConfig, BodyError, BodySource};
 pub use calibration::{
     AtSite, BearingError, BearingOffset, BearingOffsetFit, Calibrated, CalibrationError,
     Correlation, HARMONIC_PATTERN_UNKNOWNS, KnownBearing, OffsetTerms, PathLossFit, SigmaFit, Site,
@@ -92,13 +79,12 @@ pub use models::{
 };
 #[cfg(feature = "alloc")]
 pub use models::{DirectionalLevel, WithElevationPattern};
-#[cfg(feature = "alloc")]
-pub use omnidirectional::{OmnidirectionalConfig, OmnidirectionalError, OmnidirectionalSource};
 pub use propagation::{Friis, LogDistance, Polarisation, Propagation, TwoRay};
 #[cfg(feature = "alloc")]
-pub use stepper::{StepperConfig, StepperError, StepperSource};
+pub use source::{
+    BodyConfig, BodyError, BodySource, OmnidirectionalConfig, OmnidirectionalError,
+    OmnidirectionalSource, StepperConfig, StepperError, StepperSource, TurnGoal, TurnGoalConfig,
+};
 #[cfg(feature = "alloc")]
 pub use terrain::{HeightRaster, Hill, Hills, SharedTerrain};
 pub use terrain::{TerrainLoss, fresnel_parameter, knife_edge_loss_db};
-#[cfg(feature = "alloc")]
-pub use turn_goal::{TurnGoal, TurnGoalConfig};

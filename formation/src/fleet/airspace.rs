@@ -11,10 +11,7 @@ use geo::{
 };
 use nalgebra::{Vector2, Vector3};
 
-use super::{
-    AirspaceConfig, AirspaceError, KeepOut,
-    ground::{EXACT, SLACK, line, point, ring_about},
-};
+use super::{AirspaceConfig, AirspaceError, EXACT, KeepOut, SLACK, line, point, ring_about};
 
 /// Number of corners of a disc where a polygon is made of it.
 const DISC_CORNERS: u32 = 64;

@@ -5,9 +5,8 @@ use foxhunt_core::parameter::{ParameterError, positive, require};
 use nalgebra::Vector3;
 
 use super::{
-    Formation, Traffic, Void,
-    deadlock::ASIDE,
-    ground::Region,
+    Formation, Region, Traffic, Void,
+    flight::ASIDE,
     way::{Surroundings, length_over_ground, with_altitudes},
 };
 
@@ -77,8 +76,7 @@ impl Endurance {
     ///
     /// Targets need not be kept away from. Drones of the traffic that are not among those that
     /// fly are flown around.
-    #[must_use]
-    pub fn flights_s(
+    fn flights_s(
         &self,
         traffic: &Traffic,
         flights: &[(usize, Vector3<f64>, Vector3<f64>)],

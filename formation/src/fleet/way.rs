@@ -3,11 +3,7 @@ use std::{vec, vec::Vec};
 use nalgebra::{Vector2, Vector3};
 use pathfinding::directed::astar::astar;
 
-use super::{
-    Airspace, Void,
-    ground::{EXACT, Region, SLACK, line, micrometres, ring_about},
-    void::Cloud,
-};
+use super::{Airspace, Cloud, EXACT, Region, SLACK, Void, line, micrometres, ring_about};
 
 /// Surroundings that a drone has to keep away from on its way.
 pub(super) struct Surroundings<'a> {

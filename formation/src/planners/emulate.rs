@@ -6,7 +6,7 @@ use foxhunt_core::{
     parameter::{ParameterError, as_value, require},
 };
 
-use super::places::centroid;
+use super::centroid;
 
 /// The most virtual drones.
 const MOST: usize = 64;

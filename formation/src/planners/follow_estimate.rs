@@ -6,7 +6,7 @@ use foxhunt_core::{
 };
 use nalgebra::Vector2;
 
-use super::places::{self, centroid};
+use super::{centroid, finite_place};
 use crate::shape::{Polygon, Shape, arrange};
 
 /// Configuration of [`FollowEstimate`]. Lengths are metres, angles radians.
@@ -143,7 +143,7 @@ impl<S: Shape> FollowEstimate<S> {
         centre: Vector2<f64>,
         stations: &mut [Station],
     ) -> Result<(), PlanError> {
-        self.centre = places::finite(centre)?;
+        self.centre = finite_place(centre)?;
         self.stage = Stage::Searching;
         self.measured = 0;
         self.finishing = 0;
@@ -203,7 +203,7 @@ impl<S: Shape> FormationPlanner for FollowEstimate<S> {
         belief: &dyn Belief,
         stations: &mut [Station],
     ) -> Result<Decision, PlanError> {
-        let estimate = places::finite(belief.position().mean)?;
+        let estimate = finite_place(belief.position().mean)?;
         // The centre was moved to the estimate before, so this is how far the estimate moved.
         let decision = self.decide((estimate - self.centre).norm());
         self.centre = estimate;
@@ -269,7 +269,8 @@ mod tests {
             assert_eq!(decision, Ok(Decision::Listen(Stage::Finishing)));
             assert!((planner.rotation() - f64::from(turned) * PI / 6.0).abs() < 1e-12);
             assert!((stations[1].goal.position.z - 3.0).abs() < 1e-12);
-            let direction = places::direction(planner.centre(), &stations[0].goal.position.xy());
+            let direction =
+                crate::planners::direction(planner.centre(), &stations[0].goal.position.xy());
             assert!((direction - planner.rotation()).abs() < 1e-9);
         }
         let decision = planner.plan(&at(3.2, 1.0), &mut stations);

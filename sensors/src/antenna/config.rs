@@ -1,3 +1,5 @@
+//! An antenna chosen at run time.
+
 use std::{
     fs,
     path::{Path, PathBuf},
@@ -6,13 +8,55 @@ use std::{
     vec::Vec,
 };
 
+use foxhunt_core::parameter::ParameterError;
+
 use super::{
-    Antenna, AntennaError, Cardioid, Dipole, Isotropic, MsiFile, Patch, PatternTable,
-    PatternTable3d, Yagi,
+    Antenna, Cardioid, Dipole, Isotropic, MsiFile, Patch, PatternFileError, PatternTable,
+    PatternTable3d, PatternTableError, Yagi,
 };
 
 /// An antenna shared by the channel that receives through it and the extractors that know it.
 pub type SharedAntenna = Arc<dyn Antenna + Send + Sync>;
+
+/// A thousand worlds of a campaign share its 1440 rows of powers and logarithms.
+static REFERENCE_PATCH: LazyLock<SharedAntenna> =
+    LazyLock::new(|| Arc::new(PatternTable::reference_patch()));
+
+/// Reason that there is no antenna.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum AntennaError {
+    /// A parameter is out of its range.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// The rows of a table make no pattern.
+    #[error(transparent)]
+    Table(#[from] PatternTableError),
+    /// A file cannot be read.
+    #[error("{file}: {reason}")]
+    Read {
+        /// The file.
+        file: String,
+        /// The system's error.
+        reason: String,
+    },
+    /// A file holds no antenna.
+    #[error("{file}, {source}")]
+    File {
+        /// The file.
+        file: String,
+        /// The line and its fault.
+        source: PatternFileError,
+    },
+    /// A file's extension belongs to no known format.
+    #[error("{file} has the extension {extension:?}; antennas are read from msi, pln and csv")]
+    Extension {
+        /// The file.
+        file: String,
+        /// Its extension, in small letters.
+        extension: String,
+    },
+}
 
 /// An antenna chosen at run time.
 ///
@@ -114,10 +158,6 @@ impl Default for YagiConfig {
         Self { elements: 5, spacing_wavelengths: 0.25, front_to_back_db: 20.0 }
     }
 }
-
-/// A thousand worlds of a campaign share its 1440 rows of powers and logarithms.
-static REFERENCE_PATCH: LazyLock<SharedAntenna> =
-    LazyLock::new(|| Arc::new(PatternTable::reference_patch()));
 
 impl AntennaConfig {
     /// The antennas that have a name and need no more.

@@ -1,26 +1,19 @@
 //! Calibration of models and bearings by readings of a known transmitter.
 
 mod calibrated;
-mod correlation;
-mod error;
-mod fit;
-mod harmonic_pattern;
 mod offset;
+mod path_loss;
 mod sigma;
-mod site;
 #[cfg(feature = "alloc")]
 mod station;
-mod student;
+mod statistics;
 
-pub use calibrated::{Calibrated, heading_towards};
-pub use correlation::Correlation;
-pub use error::CalibrationError;
-pub use fit::{PathLossFit, fit_log_distance};
-pub use harmonic_pattern::{HARMONIC_PATTERN_UNKNOWNS, unexplained_by_harmonics};
+pub use calibrated::{AtSite, Calibrated, Site, heading_towards};
 pub use offset::{BearingOffset, BearingOffsetFit, KnownBearing, OffsetTerms, fit_bearing_offset};
+pub use path_loss::{CalibrationError, PathLossFit, fit_log_distance};
 pub use sigma::{BearingError, SigmaFit, fit_sigma};
-pub use site::{AtSite, Site};
 #[cfg(feature = "alloc")]
 pub use station::{
     StationBurst, StationDoubt, StationFit, StationRecord, StationsFit, fit_stations,
 };
+pub use statistics::{Correlation, HARMONIC_PATTERN_UNKNOWNS, unexplained_by_harmonics};

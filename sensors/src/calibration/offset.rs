@@ -3,7 +3,7 @@ use core::f64::consts::PI;
 use foxhunt_core::angle::{self, Resultant};
 use nalgebra::{Matrix3, Vector3};
 
-use super::{CalibrationError, student};
+use super::{CalibrationError, statistics::quantile};
 
 /// A measured bearing whose true direction is known.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,7 +92,7 @@ impl BearingOffsetFit {
     /// Student's t. `None` when `probability` is not in (0, 1).
     #[must_use]
     pub fn half_intervals(&self, probability: f64) -> Option<Vector3<f64>> {
-        let t = student::quantile(count(self.points) - self.terms.count(), probability)?;
+        let t = quantile(count(self.points) - self.terms.count(), probability)?;
         Some(self.standard_errors() * t)
     }
 

@@ -1,14 +1,92 @@
-use core::f64::consts::TAU;
+//! A turn of the antenna in order, and how much it looks like one transmitter.
+
+use core::{
+    f64::consts::{FRAC_PI_4, LN_10, TAU},
+    mem,
+};
 
 use foxhunt_core::{
     NoReading, Sample, Sweep,
     angle::{self, Resultant},
+    elementary,
 };
 
-use super::{
-    Cell,
-    rounding::{LEAST_RESULTANT, round_half_away},
-};
+/// A window's mean this near to a half, in dB, is the half.
+///
+/// The mean of whole-dB readings is a fraction whose denominator is the window times the common
+/// multiple of the counts: with the reference's six readings and seven positions it is a half or
+/// at least 1/840 dB off. Floating-point sums err by some 1e-13 dB, in a way that hangs on the
+/// order of summation; 1e-9 lies between, so the result is that of exact sums in any order.
+const TIE: f64 = 1e-9;
+
+/// Length of a mean resultant below which directions cancel, up to rounding.
+pub(super) const LEAST_RESULTANT: f64 = 1e-9;
+
+/// One position of a turn: its own mean, and the moving mean with its neighbours.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Cell {
+    /// Number of samples of the position.
+    count: u32,
+    /// Number of measured positions in the moving mean.
+    window: u16,
+    /// The mean of the samples in dBm, if there is one.
+    mean_dbm: f64,
+    /// The moving mean in dBm, if its window had anything.
+    smoothed_dbm: f64,
+    /// The moving mean in whole dBm, halves away from zero.
+    rounded_dbm: f64,
+    /// True if all samples have one boresight.
+    steady: bool,
+    /// The circular mean of the samples' boresights; without samples, nominal plus yaw.
+    angle: f64,
+    /// The samples' boresights.
+    boresights: Resultant,
+}
+
+impl Cell {
+    /// Number of samples of the position.
+    #[must_use]
+    pub fn count(&self) -> u32 {
+        self.count
+    }
+
+    /// The mean of its samples in dBm (Pritzl 2018, eq. 4.1).
+    #[must_use]
+    pub fn mean_dbm(&self) -> Option<f64> {
+        (self.count > 0).then_some(self.mean_dbm)
+    }
+
+    /// The antenna's direction, in radians in the world frame: the circular mean of its samples'
+    /// boresights (Pritzl 2018, eq. 4.2); without samples, the nominal angle plus the mean yaw.
+    #[must_use]
+    pub fn angle(&self) -> f64 {
+        self.angle
+    }
+
+    /// The antenna's direction, with a weight.
+    fn direction(&self, weight: f64) -> Resultant {
+        if self.steady {
+            return self.boresights.scaled(weight / f64::from(self.count));
+        }
+        self.boresights.with_weight(weight, LEAST_RESULTANT).unwrap_or_else(|| {
+            let mut nominal = Resultant::default();
+            nominal.add(self.angle, weight);
+            nominal
+        })
+    }
+
+    /// The moving mean about it, in dBm; `None` where the whole window is empty.
+    #[must_use]
+    pub fn smoothed_dbm(&self) -> Option<f64> {
+        (self.window > 0).then_some(self.smoothed_dbm)
+    }
+
+    /// The moving mean in whole dBm, halves away from zero.
+    #[must_use]
+    pub fn rounded_dbm(&self) -> Option<f64> {
+        (self.window > 0).then_some(self.rounded_dbm)
+    }
+}
 
 /// A turn of the antenna in order (Pritzl 2018, §4.1): the mean of each position, and the moving
 /// mean around the circle, which fills gaps from their neighbours.
@@ -207,4 +285,65 @@ pub(super) fn check(sweep: &Sweep<'_>) -> Result<(), NoReading> {
         }
     }
     Ok(())
+}
+
+/// Similarity of a turn to one transmitter received through one main lobe: the mean resultant
+/// length of the received power over the circle (Mardia & Jupp 2000, §2.3), times the share of the
+/// circle that was received.
+///
+/// Each measured position weighs its mean power in milliwatt times its arc, half the way to either
+/// measured neighbour and at most 45° in all, so that unevenly spaced positions count for the part
+/// of the circle that they stand for. In [0, 1]: 0.8 for the reference patch whatever the number of
+/// positions, 0 for a flat pattern. It grows with the antenna's directivity, and it does not know
+/// of reflections: a second path of half the amplitude costs it a fifth.
+#[must_use]
+pub fn resultant_confidence(pattern: &Pattern) -> f64 {
+    let cells = pattern.cells();
+    let maximum_dbm = pattern.maximum_dbm();
+    #[expect(clippy::cast_precision_loss, reason = "a turn has at most 360 positions")]
+    let half_step = 0.5 * TAU / cells.len() as f64;
+    let mut resultant = Resultant::default();
+    let mut measured = 0.0;
+    let is_empty = |cell: &&Cell| cell.count() == 0;
+    let first = cells.iter().take_while(is_empty).count();
+    let mut before = first + cells.iter().rev().take_while(is_empty).count();
+    for (index, cell) in cells.iter().enumerate() {
+        let Some(mean_dbm) = cell.mean_dbm() else { continue };
+        let next = cells.iter().skip(index + 1);
+        let empty = next.take_while(is_empty).count();
+        let after = if index + 1 + empty < cells.len() { empty } else { empty + first };
+        let steps = mem::replace(&mut before, after) + after + 2;
+        #[expect(clippy::cast_precision_loss, reason = "as above")]
+        let arc = (half_step * steps as f64).min(FRAC_PI_4);
+        measured += arc;
+        // Relative to the strongest, so that no power underflows.
+        let relative_db = mean_dbm - maximum_dbm;
+        resultant += cell.direction(arc * elementary::exp(0.1 * LN_10 * relative_db));
+    }
+    (resultant.length() * (measured / TAU)).clamp(0.0, 1.0)
+}
+
+/// `value` in whole numbers, halves away from zero; what is a half up to [`TIE`] is a half.
+fn round_half_away(value: f64) -> f64 {
+    libm::copysign(libm::floor(value.abs() + (0.5 + TIE)), value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn same(a: f64, b: f64) -> bool {
+        (a - b).abs() < 1e-12
+    }
+
+    #[test]
+    fn halves_go_away_from_zero_whatever_the_last_bits() {
+        for near in [-1e-12, 0.0, 1e-12] {
+            assert!(same(round_half_away(-48.5 + near), -49.0));
+            assert!(same(round_half_away(48.5 + near), 49.0));
+        }
+        assert!(same(round_half_away(-48.5 + 1.0 / 840.0), -48.0));
+        assert!(same(round_half_away(-48.5 - 1.0 / 840.0), -49.0));
+        assert!(same(round_half_away(-0.2), 0.0));
+    }
 }

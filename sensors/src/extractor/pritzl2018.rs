@@ -4,7 +4,7 @@ use foxhunt_core::{
     parameter::{ParameterError, not_negative, positive, require},
 };
 
-use super::{Cell, Pattern, resultant_confidence, rounding::LEAST_RESULTANT};
+use super::{Cell, Pattern, pattern::LEAST_RESULTANT, resultant_confidence};
 
 /// The reference extractor (Pritzl 2018, §4.1–4.2): the level is the mean over the turn, the
 /// bearing the angle of the moving mean's maximum, its σ the reach of the lobe about it.

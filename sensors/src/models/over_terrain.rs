@@ -5,10 +5,11 @@ use foxhunt_core::{
 };
 use nalgebra::{SMatrix, SVector, Vector1, Vector3};
 
+use super::differences;
+use crate::TerrainLoss;
+
 #[cfg(feature = "alloc")]
 use super::WithElevationPattern;
-use super::sight::differences;
-use crate::TerrainLoss;
 
 /// A model of a level over terrain: the loss by diffraction over the ground between receiver and
 /// target is subtracted.

@@ -1,3 +1,16 @@
+//! Settings of detectors, their detections, and the rate at which noise alone gives them.
+
+use std::f64::consts::{FRAC_1_SQRT_2, PI};
+
+use serde::Serialize;
+
+use super::channeliser::float;
+use crate::Pulse;
+
+/// Half-width of the band that is searched by default, over the rate: at the very edges receivers'
+/// filters cut, and their clocks leave lines at half the rate.
+const EDGE: f64 = 0.49;
+
 /// Settings of a detector: the samples, the band, the widths of pulses and the rate of false
 /// alarms.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,10 +39,6 @@ pub struct DetectorConfig {
     /// second.
     pub search_every_s: Option<f64>,
 }
-
-/// Half-width of the band that is searched by default, over the rate: at the very edges receivers'
-/// filters cut, and their clocks leave lines at half the rate.
-const EDGE: f64 = 0.49;
 
 impl DetectorConfig {
     /// The band around an unknown centre, widths of 2.5, 5, 10, 20 and 40 ms, one false alarm an
@@ -115,6 +124,63 @@ impl DetectorConfig {
     }
 }
 
+/// Settings of a search for trains.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct FoldConfig {
+    /// The samples, the band, how long pulses may be, and how many times an hour noise may be taken
+    /// for a train, over all of it.
+    pub detector: DetectorConfig,
+    /// The number of pulses that are added up. A train may be longer, and some may be missing.
+    pub pulses: usize,
+    /// The shortest and the longest interval, in seconds; both the same where it is known.
+    pub intervals_s: [f64; 2],
+    /// The steepest drift of a carrier, up or down, in hertz a second.
+    pub drift_hz_per_s: f64,
+}
+
+impl FoldConfig {
+    /// Pulses of 20 ms, the other settings of [`DetectorConfig::new`], and drifts up to 1 Hz a
+    /// second, as a receiver has that warms up.
+    #[must_use]
+    pub fn new(rate_hz: f64, pulses: usize, intervals_s: [f64; 2]) -> Self {
+        let mut detector = DetectorConfig::new(rate_hz);
+        detector.widths_s = vec![20e-3];
+        Self { detector, pulses, intervals_s, drift_hz_per_s: 1.0 }
+    }
+
+    pub(super) fn check(&self) -> Result<(), DetectorError> {
+        let refuse = |setting, value, requirement| {
+            Err(DetectorError::Setting { setting, value, requirement })
+        };
+        if !(3..=64).contains(&self.pulses) {
+            let pulses = u32::try_from(self.pulses).unwrap_or(u32::MAX);
+            return refuse("pulses", pulses.into(), "3 to 64");
+        }
+        let (_, wide) = self.detector.narrow_and_wide();
+        let [shortest, longest] = self.intervals_s;
+        if !(shortest.is_finite() && shortest >= 3.0 * wide) {
+            return refuse("intervals_s[0]", shortest, "at least three times the widest pulse");
+        }
+        if !(longest.is_finite() && longest >= shortest) {
+            return refuse("intervals_s[1]", longest, "finite and not below intervals_s[0]");
+        }
+        if self.span_s() > 300.0 {
+            return refuse("intervals_s[1]", longest, "such that all pulses are within 300 s");
+        }
+        let drift = self.drift_hz_per_s;
+        if !(drift >= 0.0 && drift * self.span_s() <= 1000.0) {
+            return refuse("drift_hz_per_s", drift, "0 or more, and at most 1 kHz in a train");
+        }
+        Ok(())
+    }
+
+    /// Time from the first to the last of the pulses that are added up, at most.
+    pub(super) fn span_s(&self) -> f64 {
+        float(self.pulses.saturating_sub(1)) * self.intervals_s[1]
+    }
+}
+
 /// The reason why samples cannot be searched.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -137,4 +203,110 @@ pub enum DetectorError {
         /// The least index that they may begin at.
         expected: u64,
     },
+}
+
+/// A pulse, and how likely noise alone is to look so.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Detection {
+    /// The pulse.
+    #[serde(flatten)]
+    pub pulse: Pulse,
+    /// The rate per hour at which noise alone is at least as strong, anywhere in what is searched.
+    pub false_alarms_per_hour: f64,
+}
+
+impl Detection {
+    /// The probability that noise alone gives a detection at least as strong while `searched_s`
+    /// seconds are searched, over all frequencies and widths.
+    #[must_use]
+    pub fn p_value(&self, searched_s: f64) -> f64 {
+        -(-self.false_alarms_per_hour * searched_s / 3600.0).exp_m1()
+    }
+}
+
+/// The rate at which noise alone exceeds a threshold somewhere, when a pulse-long window slides
+/// over all times and frequencies.
+///
+/// The statistic is a window's energy over the noise's, X = |Σ x e^{−iωt}|² / (n N), exponential
+/// under noise. Its maxima above a high T come at a rate that the correlation of neighbours gives:
+/// in frequency |r| ≈ 1 − (π w δ)²/6, smooth, with √(πT/3) w upcrossings a hertz (Rice 1944); in
+/// time |r| = 1 − |τ|/w, with 2T/w a second (Pickands 1969), less by ν(√(4T/n)) as windows begin at
+/// samples only, n to a window (Siegmund 1985). So λ = B · 2 √(π/3) T^{3/2} ν P(X > T), whatever
+/// the width. The noise's level is an estimate worth k exponentials, so that P(X > T) is
+/// (1 + T/k)^−k (Finn & Johnson 1968). Rates of several widths add, which is above the truth as
+/// widths share noise.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct FalseAlarms {
+    band_hz: f64,
+    /// Samples in the window of each width.
+    windows: Vec<usize>,
+}
+
+impl FalseAlarms {
+    pub(super) fn new(band_hz: f64, windows: Vec<usize>) -> Self {
+        Self { band_hz, windows }
+    }
+
+    /// The number of noise's maxima above the threshold, a second; the level of the noise is worth
+    /// `known` exponentials.
+    pub(super) fn rate_hz(&self, threshold: f64, known: f64) -> f64 {
+        let nu = |n: &usize| discrete((4.0 * threshold / float(*n)).sqrt());
+        let beyond = (-known * (threshold / known).ln_1p()).exp();
+        let each: f64 = self.windows.iter().map(nu).sum();
+        self.band_hz * 2.0 * (PI / 3.0).sqrt() * threshold.powf(1.5) * beyond * each
+    }
+
+    /// The threshold that noise exceeds `rate_hz` times a second.
+    pub(super) fn threshold(&self, rate_hz: f64, known: f64) -> f64 {
+        // The rate falls above 1.5, where T^{3/2} e^−T is highest.
+        let mut low = 2.0;
+        let mut high = 2000.0;
+        for _ in 0..60 {
+            let middle = (low + high) / 2.0;
+            if self.rate_hz(middle, known) > rate_hz {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        high
+    }
+}
+
+/// The rate at which a random walk of steps x exceeds a level, over that of a continuous one
+/// (Siegmund 1985; the closed form of Siegmund & Yakir 2007).
+pub(super) fn discrete(x: f64) -> f64 {
+    let half = x / 2.0;
+    let above = 0.5 * libm::erf(half * FRAC_1_SQRT_2);
+    let density = (-half * half / 2.0).exp() / (2.0 * PI).sqrt();
+    (above / half) / (half * (0.5 + above) + density)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_make_maxima_rarer() {
+        // exp(−0.583 x) for small steps (Siegmund 1985, equation 4.38).
+        for x in [0.1_f64, 0.5, 1.0] {
+            assert!((discrete(x) / (-0.583 * x).exp() - 1.0).abs() < 0.02, "{x}");
+        }
+    }
+
+    #[test]
+    fn a_threshold_has_its_rate() {
+        let alarms = FalseAlarms::new(4e3, vec![120, 240]);
+        for rate in [1e-6, 1e-3, 1.0] {
+            for known in [100.0, 1e4] {
+                let threshold = alarms.threshold(rate, known);
+                let back = alarms.rate_hz(threshold, known);
+                assert!((back / rate - 1.0).abs() < 1e-6, "{rate} {known}: {back}");
+            }
+        }
+        let known = alarms.threshold(1e-3, 1e6);
+        assert!((20.0..22.0).contains(&known), "{known}");
+        assert!(alarms.threshold(1e-3, 500.0) > known + 0.3, "an unknown level costs");
+    }
 }

@@ -1,10 +1,15 @@
+//! Files of samples: by their kinds, and SigMF's metadata.
+
 use std::{
+    collections::VecDeque,
     fs::{self, File},
     io::{self, BufReader, Read},
     path::{Path, PathBuf},
 };
 
-use super::{SampleError, SampleFormat, SampleSource, SigMf};
+use serde_json::{Map, Value};
+
+use super::{SampleError, SampleFormat, SampleSource};
 
 /// Longer metadata than a recording has; what is longer is no metadata.
 const MOST_METADATA: u64 = 64 << 20;
@@ -19,6 +24,137 @@ pub struct OpenOptions {
     pub center_hz: Option<f64>,
     /// The format of raw samples, where the extension does not give it.
     pub format: Option<SampleFormat>,
+}
+
+/// The metadata of a SigMF recording: the format, rate and centre of its samples, and where some
+/// are missing (SigMF specification 1.2).
+#[derive(Debug, Clone, PartialEq)]
+pub struct SigMf {
+    /// The format of the samples.
+    pub format: SampleFormat,
+    /// Samples per second.
+    pub rate_hz: f64,
+    /// The frequency in the middle of the band, where it is given.
+    pub center_hz: Option<f64>,
+    /// The name of the file of samples, where it is not that of the metadata.
+    pub dataset: Option<String>,
+    /// Jumps of the receiver's count of samples: the number of samples before each, and the index
+    /// after it.
+    pub jumps: VecDeque<(u64, u64)>,
+}
+
+impl SigMf {
+    /// Reads the text of a `.sigmf-meta` file; `file` is what errors name.
+    ///
+    /// # Errors
+    ///
+    /// [`SampleError::Field`] if it is no JSON, a field is missing or of another type, the samples
+    /// are of another format, have several channels or headers, or the captures differ in
+    /// frequency.
+    pub fn parse(file: &str, text: &str) -> Result<Self, SampleError> {
+        let json: Value = serde_json::from_str(text)
+            .map_err(|error| SampleError::field(file, "the text", error, "JSON"))?;
+        let global = json.get("global").and_then(Value::as_object);
+        let global = Object { file, name: "global", object: global };
+        let datatype = global.text("core:datatype")?;
+        let of_datatype = |name: &str| {
+            Some(match name {
+                "cu8" => SampleFormat::Cu8,
+                "ci8" => SampleFormat::Cs8,
+                "ci16_le" => SampleFormat::Cs16,
+                "cf32_le" => SampleFormat::Cf32,
+                _ => return None,
+            })
+        };
+        let known = "cu8, ci8, ci16_le or cf32_le";
+        let format = datatype.and_then(of_datatype).ok_or_else(|| {
+            let value = datatype.unwrap_or("missing");
+            SampleError::field(file, "global core:datatype", value, known)
+        })?;
+        let rate_hz = global.number("core:sample_rate")?.filter(|rate| *rate > 0.0);
+        let rate_hz = rate_hz.ok_or_else(|| global.bad("core:sample_rate", "a number above 0"))?;
+        if global.count("core:num_channels")?.is_some_and(|channels| channels != 1) {
+            return Err(global.bad("core:num_channels", "1"));
+        }
+        let dataset = global.text("core:dataset")?.map(str::to_owned);
+        let captures = match json.get("captures") {
+            None => &[],
+            Some(Value::Array(captures)) => captures.as_slice(),
+            Some(other) => return Err(SampleError::field(file, "captures", other, "a list")),
+        };
+        let mut center_hz = None;
+        let mut jumps = VecDeque::new();
+        let mut next = (0_u64, 0_u64);
+        for (number, capture) in captures.iter().enumerate() {
+            let name = format!("captures[{number}]");
+            let capture = Object { file, name: &name, object: capture.as_object() };
+            if capture.count("core:header_bytes")?.is_some_and(|bytes| bytes > 0) {
+                return Err(capture.bad("core:header_bytes", "0 or missing"));
+            }
+            let start = capture.count("core:sample_start")?;
+            let start = start.filter(|start| *start >= next.0).ok_or_else(|| {
+                capture.bad("core:sample_start", "a count that does not decrease")
+            })?;
+            // What the receiver counted if nothing was lost.
+            let expected = next
+                .1
+                .checked_add(start - next.0)
+                .ok_or_else(|| capture.bad("core:sample_start", "one that can be counted to"))?;
+            let index = capture.count("core:global_index")?;
+            // The first capture's index is where the recording begins, not a loss.
+            let index = match (index, number) {
+                (Some(_), 0) | (None, _) => expected,
+                (Some(index), _) => index.saturating_sub(first_index(captures)),
+            };
+            if index < expected {
+                return Err(capture.bad("core:global_index", "one that does not go back"));
+            }
+            if index > expected {
+                jumps.push_back((start, index));
+            }
+            next = (start, index);
+            let frequency = capture.number("core:frequency")?;
+            if number > 0 && frequency.is_some() && frequency != center_hz {
+                let requirement = "that of the other captures: one centre for each recording";
+                return Err(capture.bad("core:frequency", requirement));
+            }
+            center_hz = center_hz.or(frequency);
+        }
+        Ok(Self { format, rate_hz, center_hz, dataset, jumps })
+    }
+}
+
+/// An object of the metadata, with its name for errors.
+struct Object<'a> {
+    file: &'a str,
+    name: &'a str,
+    object: Option<&'a Map<String, Value>>,
+}
+
+impl<'a> Object<'a> {
+    fn get(&self, field: &str) -> Option<&'a Value> {
+        self.object.and_then(|object| object.get(field))
+    }
+
+    fn bad(&self, field: &str, requirement: &str) -> SampleError {
+        let value = self.get(field).map_or_else(|| "missing".to_owned(), Value::to_string);
+        SampleError::field(self.file, format!("{} {field}", self.name), value, requirement)
+    }
+
+    fn text(&self, field: &str) -> Result<Option<&'a str>, SampleError> {
+        let Some(value) = self.get(field) else { return Ok(None) };
+        value.as_str().map(Some).ok_or_else(|| self.bad(field, "a text"))
+    }
+
+    fn number(&self, field: &str) -> Result<Option<f64>, SampleError> {
+        let Some(value) = self.get(field) else { return Ok(None) };
+        value.as_f64().map(Some).ok_or_else(|| self.bad(field, "a number"))
+    }
+
+    fn count(&self, field: &str) -> Result<Option<u64>, SampleError> {
+        let Some(value) = self.get(field) else { return Ok(None) };
+        value.as_u64().map(Some).ok_or_else(|| self.bad(field, "a count from 0"))
+    }
 }
 
 /// Opens a file of samples: raw (`.cu8`, `.cs8`, `.cs16`, `.cf32`), WAV, or SigMF by either of its
@@ -107,6 +243,12 @@ fn open_sigmf(path: &Path, options: &OpenOptions) -> Result<SampleSource, Sample
     Ok(source.with_jumps(sigmf.jumps))
 }
 
+/// The index that the receiver gave the first sample.
+fn first_index(captures: &[Value]) -> u64 {
+    let first = captures.first();
+    first.and_then(|c| c.get("core:global_index")).and_then(Value::as_u64).unwrap_or(0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -156,5 +298,77 @@ mod tests {
         let error = open(&meta, &OpenOptions::default()).expect_err("no samples");
         assert!(error.to_string().contains("b.sigmf-data: cannot be opened"), "{error}");
         fs::remove_dir_all(&folder).expect("it was made");
+    }
+
+    fn parse(global: &str, captures: &str) -> Result<SigMf, String> {
+        let text = format!("{{\"global\": {global}, \"captures\": {captures}}}");
+        SigMf::parse("a.sigmf-meta", &text).map_err(|error| error.to_string())
+    }
+
+    const GLOBAL: &str = r#"{"core:datatype": "ci16_le", "core:sample_rate": 250e3}"#;
+
+    #[test]
+    fn metadata_are_read() {
+        let read = parse(
+            GLOBAL,
+            r#"[{"core:sample_start": 0, "core:frequency": 150e6, "core:global_index": 500},
+                {"core:sample_start": 100, "core:global_index": 600},
+                {"core:sample_start": 200, "core:global_index": 950}]"#,
+        )
+        .expect("they are in order");
+        assert_eq!(read.format, SampleFormat::Cs16);
+        assert_eq!((read.rate_hz, read.center_hz), (250e3, Some(150e6)));
+        // The first 500 samples are before the recording; the receiver lost 250 before the third
+        // capture.
+        assert_eq!(read.jumps, [(200, 450)]);
+        assert_eq!(parse(GLOBAL, "[]").expect("none is needed").center_hz, None);
+    }
+
+    #[test]
+    fn bad_metadata_are_named() {
+        let cases = [
+            ("{}", "[]", "global core:datatype is missing"),
+            (r#"{"core:datatype": "rf32_le"}"#, "[]", "core:datatype is rf32_le"),
+            (r#"{"core:datatype": "cu8"}"#, "[]", "core:sample_rate is missing"),
+            (r#"{"core:datatype": "cu8", "core:sample_rate": "x"}"#, "[]", "is \"x\""),
+            (r#"{"core:datatype": "cu8", "core:sample_rate": -2}"#, "[]", "is -2"),
+            (
+                r#"{"core:datatype": "cu8", "core:sample_rate": 2, "core:num_channels": 2}"#,
+                "[]",
+                "core:num_channels is 2",
+            ),
+            (GLOBAL, "7", "captures is 7"),
+            (GLOBAL, "[{}]", "captures[0] core:sample_start is missing"),
+            (
+                GLOBAL,
+                r#"[{"core:sample_start": 5}, {"core:sample_start": 4}]"#,
+                "captures[1] core:sample_start is 4",
+            ),
+            (
+                GLOBAL,
+                r#"[{"core:sample_start": 0, "core:frequency": 1},
+                    {"core:sample_start": 4, "core:frequency": 2}]"#,
+                "captures[1] core:frequency is 2",
+            ),
+            (
+                GLOBAL,
+                r#"[{"core:sample_start": 0, "core:global_index": 10},
+                    {"core:sample_start": 4, "core:global_index": 12}]"#,
+                "captures[1] core:global_index is 12",
+            ),
+            (GLOBAL, r#"[{"core:sample_start": 0, "core:header_bytes": 8}]"#, "header_bytes is 8"),
+            (
+                GLOBAL,
+                r#"[{"core:sample_start": 0},
+                    {"core:sample_start": 4, "core:global_index": 18446744073709551615},
+                    {"core:sample_start": 5}]"#,
+                "captures[2] core:sample_start is 5",
+            ),
+        ];
+        for (global, captures, wanted) in cases {
+            let error = parse(global, captures).expect_err("it is bad");
+            assert!(error.starts_with("a.sigmf-meta: ") && error.contains(wanted), "{error}");
+        }
+        assert!(SigMf::parse("a", "{").is_err());
     }
 }

@@ -3,11 +3,9 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::{
-    AssociationConfig, IntervalTransform, KnownTag, TagError, TagTable,
-    clutter::Clutter,
-    coded::bursts,
-    codes::unknown_code,
-    train::{Link, Member, Scene, Train, TrainModel},
+    AssociationConfig, Clutter, IntervalTransform, KnownTag, Link, Member, Scene, TagError,
+    TagTable, Train, TrainModel,
+    codes::{bursts, unknown_code},
     transform::count,
 };
 use crate::Pulse;

@@ -174,7 +174,7 @@ fn outliers() -> OutlierMixture<2> {
 }
 
 #[test]
-#[should_panic(expected = "Kalman<foxhunt_filters::transform::taylor::Taylor")]
+#[should_panic(expected = "Kalman<foxhunt_filters::transform::Taylor")]
 fn a_breach_names_the_estimator() {
     let prior = Estimate::isotropic(Vector2::new(6.0, -3.0), 2.0);
     let observed = observed(Pose::at(40.0, 0.0, 4.0), Vector2::new(-60.0, 1.0), 4.0, 0.1);

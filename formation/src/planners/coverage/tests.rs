@@ -3,7 +3,7 @@ use alloc::vec::Vec;
 use nalgebra::Vector2;
 use proptest::prelude::*;
 
-use super::{Coverage, CoverageConfig, CoverageError, area::turn};
+use super::{Coverage, CoverageConfig, CoverageError, turn};
 
 fn corners(places: &[(f64, f64)]) -> Vec<Vector2<f64>> {
     places.iter().map(|&(east, north)| Vector2::new(east, north)).collect()

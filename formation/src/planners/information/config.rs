@@ -5,7 +5,7 @@ use foxhunt_core::parameter::{
 };
 
 use super::RssBearingTurn;
-use crate::planners::altitude::AltitudeRule;
+use crate::planners::AltitudeRule;
 
 /// Measure of a turn's worth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

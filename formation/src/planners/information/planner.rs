@@ -1,6 +1,5 @@
-use core::fmt;
-
 use alloc::vec::Vec;
+use core::fmt;
 
 use foxhunt_core::{
     BeaconId, Belief, Decision, Estimate, FormationPlanner, Outcome, PlanError, Reception, Stage,
@@ -9,13 +8,10 @@ use foxhunt_core::{
 use nalgebra::Vector2;
 
 use super::{
-    InformationConfig, RssBearingTurn, TurnInformation,
-    power::LevelRecord,
-    search::{Plan, Search},
-    shapes::Form,
-    travel::{exchanged, farthest},
+    InformationConfig, LevelRecord, RssBearingTurn, TurnInformation,
+    search::{Form, Plan, Search, exchanged, farthest},
 };
-use crate::planners::places::centroid;
+use crate::planners::centroid;
 
 /// The information-driven planner: listens where the ellipse of what is believed is expected to
 /// become small soonest.

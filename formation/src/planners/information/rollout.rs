@@ -7,9 +7,7 @@ use foxhunt_core::{
 use nalgebra::{Vector2, Vector3};
 
 use super::{
-    InformationConfig, Objective, TARGETS, TurnInformation,
-    cells::CellBlock,
-    columns::{Column, dot},
+    CellBlock, Column, InformationConfig, Objective, TARGETS, TurnInformation, dot,
     worth::{ExpectedPosterior, Left},
 };
 use crate::shape::number;

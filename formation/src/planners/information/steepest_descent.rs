@@ -1,6 +1,5 @@
-use core::fmt;
-
 use alloc::vec::Vec;
+use core::fmt;
 
 use foxhunt_core::{
     Belief, Decision, FormationPlanner, Outcome, PlanError, Reception, Stage, Station, Waypoint,
@@ -9,14 +8,12 @@ use foxhunt_core::{
 use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::{
-    RssBearingTurn, TurnInformation,
-    cells::Cells,
+    Cells, Power, RssBearingTurn, TurnInformation,
     planner::{flyable, semi_major},
-    power::Power,
-    shapes::{apart, low_over},
+    search::{apart, low_over},
     worth::ExpectedPosterior,
 };
-use crate::planners::altitude::AltitudeRule;
+use crate::planners::AltitudeRule;
 
 /// Number of places that stand for the belief.
 const PLACES: usize = 64;

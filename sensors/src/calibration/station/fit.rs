@@ -1,13 +1,27 @@
+//! Stations fitted together to their bursts, and how well each is known.
+
 use alloc::vec::Vec;
 use core::f64::consts::FRAC_PI_2;
 
 use foxhunt_core::angle;
 
 use super::{
-    burst::{StationBurst, StationRecord},
+    StationBurst, StationRecord,
     pool::{Pool, likeliest_scale},
 };
-use crate::{CalibrationError, StationModel, StationPattern, calibration::student};
+use crate::{CalibrationError, StationModel, StationPattern, calibration::statistics::quantile};
+
+/// Largest half interval of a boresight that is known.
+const KNOWN_BORESIGHT: f64 = FRAC_PI_2;
+
+/// Largest gain that is believed, in standard deviations of gains: one in 2000 is beyond.
+const BELIEVED_GAIN: f64 = 3.5;
+
+/// Bursts that are needed of all stations together.
+const NEEDED: usize = 8;
+
+/// Largest number of groups that are left out one after the other; more are joined.
+const MOST_GROUPS: usize = 20;
 
 /// Stations of one make, fitted together.
 #[derive(Clone, Debug, PartialEq)]
@@ -58,18 +72,6 @@ pub enum StationDoubt {
         believed_db: f64,
     },
 }
-
-/// Largest half interval of a boresight that is known.
-const KNOWN_BORESIGHT: f64 = FRAC_PI_2;
-
-/// Largest gain that is believed, in standard deviations of gains: one in 2000 is beyond.
-const BELIEVED_GAIN: f64 = 3.5;
-
-/// Bursts that are needed of all stations together.
-const NEEDED: usize = 8;
-
-/// Largest number of groups that are left out one after the other; more are joined.
-const MOST_GROUPS: usize = 20;
 
 /// Fits stations of fixed antennas together to bursts from known directions. They share the lobe
 /// (beamwidth, front-to-back ratio), the receivers' floor and the scale of the residuals; each
@@ -197,7 +199,7 @@ fn jackknife(moved: &[f64]) -> f64 {
     let mean = moved.iter().sum::<f64>() / n;
     let squares: f64 = moved.iter().map(|value| (value - mean) * (value - mean)).sum();
     let error = libm::sqrt((n - 1.0) / n * squares);
-    student::quantile(n - 1.0, 0.95).map_or(f64::INFINITY, |t| t * error)
+    quantile(n - 1.0, 0.95).map_or(f64::INFINITY, |t| t * error)
 }
 
 /// The group of each burst of each station, counted from 0, and their number: the burst's own

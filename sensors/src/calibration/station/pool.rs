@@ -4,12 +4,12 @@ use foxhunt_core::angle;
 use nalgebra::{Matrix2, Vector2};
 
 use super::{
-    burst::StationBurst,
-    floor::{Chance, Floor},
-    lobe::{Lobe, UNIFORM_SIGMA},
+    Chance, Floor, Lobe, StationBurst,
     shape::{Own, Shared},
 };
-use crate::{CalibrationError, StationModel, StationPattern};
+use crate::{
+    CalibrationError, StationModel, StationPattern, calibration::calibrated::ANY_DIRECTION,
+};
 
 /// Before anything was received: a beamwidth of 60° within a factor of 1.6, a front-to-back ratio
 /// of 15 ± 6 dB.
@@ -52,14 +52,14 @@ const SITE_REFIT_ROUNDS: u32 = 15;
 /// All stations as they are fitted together.
 #[derive(Clone, Debug)]
 pub(super) struct Pool {
-    pub(super) shared: Shared,
-    pub(super) stations: Vec<Own>,
+    shared: Shared,
+    stations: Vec<Own>,
     /// Scale of the residuals before the sites were fitted, which are then a part of them.
     scale_with_site: f64,
 }
 
 /// Bursts of each station.
-pub(super) type Bursts<'a> = [Vec<&'a StationBurst>];
+type Bursts<'a> = [Vec<&'a StationBurst>];
 
 impl Pool {
     /// Fits all stations to their bursts.
@@ -221,7 +221,7 @@ impl Pool {
             }
         }
         self.shared.boresight_sigma =
-            libm::sqrt(boresights.1 / boresights.0).clamp(LEAST_BORESIGHT_SIGMA, UNIFORM_SIGMA);
+            libm::sqrt(boresights.1 / boresights.0).clamp(LEAST_BORESIGHT_SIGMA, ANY_DIRECTION);
         let [least, most] = GAIN_SIGMAS_DB;
         self.shared.gain_sigma_db = libm::sqrt(gains.1 / gains.0).clamp(least, most);
     }

@@ -4,11 +4,7 @@ use core::f64::consts::TAU;
 use foxhunt_core::angle;
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
-use super::{
-    burst::StationBurst,
-    floor::{Chance, Floor},
-    lobe::Lobe,
-};
+use super::{Chance, Floor, Lobe, StationBurst};
 use crate::{StationAntenna, extractor::TAIL};
 
 /// Number of harmonics of the site over the circle.

@@ -2,7 +2,7 @@ use std::{f64::consts::LN_2, fmt, sync::Arc};
 
 use rustfft::{Fft, FftPlanner, num_complex::Complex32};
 
-use super::super::{bank::transform_size, channeliser::float, noise::signed};
+use super::super::channeliser::{float, signed, transform_size};
 
 /// A frame or a bin is lit by something that is no pulse where its median is above that of noise by
 /// this factor: a burst over all frequencies, of at least 64 bins (3.5 σ), and a carrier (2.5 σ and

@@ -3,17 +3,12 @@ use std::collections::{HashMap, VecDeque};
 use rustfft::num_complex::Complex32;
 
 use super::{
-    super::{
-        DetectorError,
-        channeliser::float,
-        front::{Front, index, place, samples},
-    },
-    FoldConfig, Train,
-    alarms::{TrainAlarms, Trials},
-    comb::Comb,
-    hit::{Course, Scene, time_step},
+    super::{DetectorError, FoldConfig, Front, channeliser::float, index, place, samples},
+    Course, Hit, OpenTrain, Scene, Train,
+    comb::{Comb, TrainAlarms, Trials},
+    ln_odds_of,
     map::Map,
-    train::{Hit, OpenTrain, ln_odds_of},
+    time_step,
 };
 
 /// A grid's points are screened above this share of the threshold over noise: between them a train
