@@ -1,3 +1,5 @@
+//! Reasons why a world, a terrain or a request is refused.
+
 use foxhunt_core::parameter::FieldError;
 use foxhunt_sensors::{AntennaError, ParameterError};
 

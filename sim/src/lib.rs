@@ -37,7 +37,6 @@ mod emulate;
 mod error;
 mod quadrotor;
 mod truth;
-mod world;
 
 pub use config::{
     BeaconConfig, BeaconCourse, ChannelConfig, DeadZoneConfig, DipoleConfig, DroneConfig, Interval,
@@ -47,7 +46,7 @@ pub use config::{
 };
 pub use devices::{
     LateSource, SimBody, SimClock, SimInstrument, SimOmnidirectional, SimRadio, SimRotator,
-    SimStepper, SimVehicle,
+    SimStepper, SimVehicle, World,
 };
 #[cfg(feature = "emulators")]
 pub use emulate::{
@@ -59,7 +58,9 @@ pub use emulate::{
 };
 pub use error::{ReliefError, SimError};
 pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};
-pub use world::World;
+
+/// Speed of light in metres per second.
+const SPEED_OF_LIGHT: f64 = 299_792_458.0;
 
 /// Returns true if a switch that is off by default was left off.
 fn is_false(switch: &bool) -> bool {

@@ -1,3 +1,5 @@
+//! The laws by which power falls with range.
+
 use foxhunt_sensors::{LogDistance, ParameterError, Polarisation, TwoRay};
 use serde::{Deserialize, Serialize};
 

@@ -1,3 +1,5 @@
+//! The terrain of a world: hills, or the tiles of an elevation model.
+
 use std::{
     path::{Path, PathBuf},
     sync::{Arc, OnceLock},
@@ -7,10 +9,7 @@ use foxhunt_core::parameter::{FieldError, ParameterError, in_range, positive};
 use foxhunt_sensors::{Hill, Hills, SharedTerrain, TerrainLoss};
 use serde::{Deserialize, Serialize};
 
-use crate::error::ReliefError;
-
-/// Speed of light in metres per second.
-const SPEED_OF_LIGHT: f64 = 299_792_458.0;
+use crate::{SPEED_OF_LIGHT, error::ReliefError};
 
 /// The terrain of a simulated world, or what a model takes for it: hills, or the tiles of an
 /// elevation model about an origin.

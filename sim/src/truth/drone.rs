@@ -1,19 +1,22 @@
+//! A drone: a body, an antenna that turns under it, and a radio; and the whole state of a world.
+
 use foxhunt_core::{BeaconId, Pose, SteadyMotion, angle};
 use foxhunt_sensors::{MagneticDipole, SharedTerrain};
 use nalgebra::Vector3;
+use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 
 use super::{
-    Channel, Free, Port,
+    Channel, Course, Free, Port, Streams, Turntable,
     body::Body,
-    course::Course,
     receiver::{Answer, Arrival, Receiver, Signal},
-    streams::Streams,
-    turntable::Turntable,
 };
 use crate::{
     BeaconConfig, DroneConfig, RangeDifferenceConfig, SimError, SimStepperConfig, ThreeAxisConfig,
-    VehicleConfig,
+    VehicleConfig, WorldConfig,
 };
+
+/// Spacing of the frequencies of beacons without a given one, in MHz.
+const SPACING_MHZ: f64 = 0.05;
 
 /// A drone: a body, an antenna that turns under it, and a radio at the antenna.
 #[derive(Debug)]
@@ -41,7 +44,7 @@ pub(crate) struct Drone {
 }
 
 impl Drone {
-    pub(crate) fn new(
+    fn new(
         config: &DroneConfig,
         vehicle: VehicleConfig,
         stepper: SimStepperConfig,
@@ -134,7 +137,7 @@ impl Drone {
 
     /// Flies for `dt` seconds from `begin` on.
     #[inline]
-    pub(super) fn advance(&mut self, begin: f64, dt: f64) {
+    fn advance(&mut self, begin: f64, dt: f64) {
         if !self.rests() {
             self.fly(begin, dt);
         }
@@ -142,7 +145,7 @@ impl Drone {
 
     /// Returns true if it stays where it is until it is ordered to move.
     #[inline]
-    pub(crate) fn rests(&self) -> bool {
+    fn rests(&self) -> bool {
         self.body.rests() && self.failures.stuck.is_empty()
     }
 
@@ -386,4 +389,69 @@ impl Drone {
         let velocity = self.reports_velocity.then(|| self.body.velocity());
         Pose { velocity, ..self.pose() }
     }
+}
+
+/// A world's state.
+#[derive(Debug)]
+pub(crate) struct Truth {
+    /// Seconds since the beginning.
+    pub(crate) time: f64,
+    /// The time that its drones' clocks may go ahead of it.
+    pub(crate) free: Free,
+    pub(crate) channel: Channel,
+    pub(crate) beacons: Vec<BeaconConfig>,
+    pub(crate) drones: Vec<Drone>,
+}
+
+impl Truth {
+    /// The state at time 0 of a world that is drawn from `seed`.
+    pub(crate) fn new(config: &WorldConfig, seed: u64) -> Result<Self, SimError> {
+        config.check()?;
+        // What belongs to places has a generator of its own: fields more or less leave the drones'
+        // streams as they are.
+        let mut fields = Xoshiro256PlusPlus::seed_from_u64(!seed);
+        let beacons = config.beacons.len();
+        let terrain = config.terrain.as_ref();
+        let channel = Channel::new(&config.channel, terrain, beacons, &mut fields)?;
+        let mut root = Xoshiro256PlusPlus::seed_from_u64(seed);
+        let mut drone = |drone| {
+            let streams = Streams::fork(&mut root);
+            let ground = channel.terrain().cloned();
+            Drone::new(drone, config.vehicle, config.stepper, streams, ground)
+        };
+        let drones = config.drones.iter().map(&mut drone).collect::<Result<_, _>>()?;
+        let beacons = config.drawn_beacons(seed);
+        Ok(Self { time: 0.0, free: Free::default(), channel, beacons, drones })
+    }
+
+    /// The frequency that a beacon sends at, in MHz.
+    pub(crate) fn frequency_mhz(&self, beacon: BeaconId) -> Option<f64> {
+        let own = self.beacons.get(usize::from(beacon.0))?.frequency_mhz;
+        let spaced = || self.channel.frequency_mhz + SPACING_MHZ * f64::from(beacon.0);
+        Some(own.unwrap_or_else(spaced))
+    }
+
+    /// Returns true if every drone stays where it is until it is sent somewhere.
+    pub(crate) fn rests(&self) -> bool {
+        self.drones.iter().all(Drone::rests)
+    }
+
+    /// Lets `dt` seconds pass.
+    pub(crate) fn advance(&mut self, dt: f64) {
+        let begin = self.time;
+        self.time += dt;
+        for drone in &mut self.drones {
+            drone.advance(begin, dt);
+        }
+    }
+}
+
+/// A beacon of a world.
+///
+/// # Errors
+///
+/// [`SimError::Beacon`] if there is no such beacon.
+pub(crate) fn beacon_of(beacons: &[BeaconConfig], id: BeaconId) -> Result<&BeaconConfig, SimError> {
+    let error = || SimError::Beacon { beacon: id.0, beacons: beacons.len() };
+    beacons.get(usize::from(id.0)).ok_or_else(error)
 }

@@ -1,24 +1,113 @@
+//! The radio of a drone, the paths that signals take to it, and what is drawn for each pattern and
+//! sample.
+
 use std::{
-    f64::consts::{FRAC_1_SQRT_2, TAU},
+    f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, PI, TAU},
     rc::Rc,
 };
 
 use foxhunt_core::{BeaconId, Pose};
+use foxhunt_sensors::ReflectedWave;
 use nalgebra::Vector3;
-use rand::RngExt;
+use rand::{RngExt, rngs::Xoshiro256PlusPlus};
 use rand_distr::{Distribution, StandardNormal};
 
-use super::{
-    Channel, Port,
-    path::{Arrivals, Path, Wave},
-    scattering,
-    streams::Streams,
-    time::is_due,
-};
+use super::{Channel, Port, Streams, is_due};
+use crate::ScatteringConfig;
 
 /// A drone that moves farther than this begins a new pattern, in metres: fading is another one
 /// there.
 const SAME_PLACE: f64 = 0.5;
+
+/// The way from a beacon to a receiver: what does not change while neither moves.
+#[derive(Clone, Debug)]
+struct Path {
+    beacon: usize,
+    from: Vector3<f64>,
+    to: Vector3<f64>,
+    /// The level over a level turn of the antenna.
+    level_dbm: f64,
+    reflected: Vec<Wave>,
+}
+
+/// A wave beside the direct one.
+#[derive(Clone, Copy, Debug)]
+struct Wave {
+    /// The direction that it comes from, of any length.
+    sight: Vector3<f64>,
+    /// Its amplitude over the direct wave's, before the antenna.
+    amplitude: f64,
+    /// The phase by which it leads the direct wave, in radians.
+    phase: f64,
+}
+
+/// The directions that the waves of a path come from in the body's own frame: what does not change
+/// while neither moves nor the body turns, whatever its antenna does.
+#[derive(Clone, Debug)]
+struct Arrivals {
+    pose: Pose,
+    /// The azimuth from the nose and the elevation of the direct wave.
+    direct: (f64, f64),
+    /// The reflected ones; their azimuths are from the nose.
+    reflected: Vec<ReflectedWave>,
+}
+
+impl Path {
+    /// The path from the receiver at `from` to the beacon at `to`.
+    fn new(channel: &Channel, beacon: usize, from: Vector3<f64>, to: Vector3<f64>) -> Self {
+        let level_dbm = channel.level_dbm(beacon, &from, &to);
+        let direct = (to - from).norm();
+        let reflected = channel.reflectors.iter().map(|reflector| {
+            let sight = reflector.place - from;
+            let excess = sight.norm() + (to - reflector.place).norm() - direct;
+            let phase = reflector.phase - channel.wave_number * excess;
+            Wave { sight, amplitude: reflector.amplitude, phase }
+        });
+        Self { beacon, from, to, level_dbm, reflected: reflected.collect() }
+    }
+
+    fn beacon(&self) -> usize {
+        self.beacon
+    }
+
+    /// Returns true if receiver and beacon are still there.
+    fn is_between(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> bool {
+        self.from == *from && self.to == *to
+    }
+
+    /// The arrivals of its waves at a receiver in a pose.
+    fn arrivals(&self, pose: &Pose) -> Arrivals {
+        let reflected = self.reflected.iter().map(|wave| wave.arrival(pose)).collect();
+        Arrivals { pose: *pose, direct: arrival(pose, &(self.to - self.from)), reflected }
+    }
+}
+
+impl Wave {
+    /// The wave as it arrives at a body in a pose, its azimuth from the nose.
+    fn arrival(&self, pose: &Pose) -> ReflectedWave {
+        let Self { amplitude, phase, .. } = *self;
+        let (azimuth, elevation) = arrival(pose, &self.sight);
+        ReflectedWave { azimuth, elevation, amplitude, phase }
+    }
+}
+
+impl Arrivals {
+    /// Returns true if the arrivals belong to a receiver in a pose.
+    fn are_at(&self, pose: &Pose) -> bool {
+        self.pose == *pose
+    }
+
+    /// The antenna's gain over its mean, in dB; the antenna is turned by `turned` from the nose. An
+    /// omnidirectional one has only the gain that reflected and scattered waves add.
+    fn gain_db(&self, channel: &Channel, scattered: &[Wave], turned: f64, port: Port<'_>) -> f64 {
+        let aimed = |wave: ReflectedWave| ReflectedWave { azimuth: wave.azimuth - turned, ..wave };
+        let scattered = scattered.iter().map(|wave| wave.arrival(&self.pose));
+        let reflected: Vec<_> =
+            self.reflected.iter().copied().chain(scattered).map(aimed).collect();
+        let (azimuth, elevation) = self.direct;
+        channel.relative_gain_db(azimuth - turned, elevation, &reflected, port)
+    }
+}
 
 /// The radio of a drone, and what is drawn for it.
 #[derive(Debug)]
@@ -277,7 +366,7 @@ impl Receiver {
         }
         let offset: f64 = self.streams.pattern.sample(StandardNormal);
         let error: f64 = self.streams.pattern.sample(StandardNormal);
-        let draw = |scattering: &_| scattering::draw(scattering, &mut self.streams.pattern);
+        let draw = |scattering: &_| scatter(scattering, &mut self.streams.pattern);
         let (share_db, scattered) = channel.scattering.as_ref().map(draw).unzip();
         let pattern = Pattern {
             beacon: arrival.beacon,
@@ -290,5 +379,116 @@ impl Receiver {
         };
         self.patterns.push(pattern.clone());
         pattern
+    }
+}
+
+/// Azimuth from the nose and elevation of a direction, for a body in a pose.
+fn arrival(pose: &Pose, sight: &Vector3<f64>) -> (f64, f64) {
+    let body = pose.to_body(sight);
+    let azimuth = libm::atan2(body.y, body.x);
+    (azimuth, libm::atan2(body.z, libm::hypot(body.x, body.y)))
+}
+
+/// Draws the scattered waves of a pattern: the direct wave's share of the power in dB, and the
+/// waves.
+fn scatter(config: &ScatteringConfig, random: &mut Xoshiro256PlusPlus) -> (f64, Rc<[Wave]>) {
+    let normal: f64 = random.sample(StandardNormal);
+    let k = libm::exp10((config.k_db + config.k_sigma_db * normal) / 10.0);
+    // The mean square of a Rayleigh variable is twice the square of its scale.
+    let scale = libm::sqrt(0.5 / (k * f64::from(config.waves)));
+    let elevation_sigma = config.elevation_sigma_deg.to_radians();
+    let wave = |_| {
+        let [x, y, tilt]: [f64; 3] = std::array::from_fn(|_| random.sample(StandardNormal));
+        let azimuth = random.random_range(-PI..PI);
+        let elevation = (elevation_sigma * tilt).clamp(-FRAC_PI_2, FRAC_PI_2);
+        let level = libm::cos(elevation);
+        let east = level * libm::cos(azimuth);
+        let north = level * libm::sin(azimuth);
+        let sight = Vector3::new(east, north, libm::sin(elevation));
+        Wave { sight, amplitude: scale * libm::hypot(x, y), phase: libm::atan2(y, x) }
+    };
+    let waves = (0..config.waves).map(wave).collect();
+    (10.0 * libm::log10(k / (k + 1.0)), waves)
+}
+
+#[cfg(test)]
+mod tests {
+    use foxhunt_sensors::{Antenna, AntennaConfig, Dipole};
+    use rand::SeedableRng;
+
+    use super::*;
+    use crate::ChannelConfig;
+
+    fn gain(antenna: AntennaConfig, pose: &Pose, to: Vector3<f64>, turned: f64) -> f64 {
+        let config = ChannelConfig { antenna, ..ChannelConfig::default() };
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(1);
+        let channel = Channel::new(&config, None, 1, &mut rng).expect("in order");
+        let path = Path::new(&channel, 0, pose.position, to);
+        path.arrivals(pose).gain_db(&channel, &[], turned, Port::Directional)
+    }
+
+    const URBAN: ScatteringConfig =
+        ScatteringConfig { k_db: 3.0, k_sigma_db: 0.0, waves: 6, elevation_sigma_deg: 15.0 };
+
+    #[test]
+    fn a_body_that_leans_tips_its_antenna() {
+        let far_north = Vector3::new(0.0, 1000.0, 0.0);
+        let level = Pose::level(Vector3::zeros(), std::f64::consts::FRAC_PI_2);
+        let dipole = |pose: &Pose| gain(AntennaConfig::Dipole, pose, far_north, 0.3);
+        assert!(dipole(&level).abs() < 1e-9);
+        // Nose down by 0.4 rad, the beacon ahead is 0.4 rad above the body's own horizon.
+        let leaning = Dipole.gain_dbi(0.0, 0.4) - Dipole.gain_dbi(0.0, 0.0);
+        assert!((dipole(&Pose { pitch: -0.4, ..level }) - leaning).abs() < 1e-9);
+        assert!(dipole(&Pose { roll: 0.4, ..level }).abs() < 1e-9, "about the line of sight");
+        let above = Pose { position: Vector3::new(0.0, 1000.0, 1000.0), ..level };
+        let below = gain(AntennaConfig::Dipole, &above, Vector3::new(1e3, 1e3, 0.0), 0.0);
+        let at_45 = Dipole.gain_dbi(0.0, std::f64::consts::FRAC_PI_4) - Dipole.gain_dbi(0.0, 0.0);
+        assert!((below - at_45).abs() < 1e-9, "{below} dB");
+    }
+
+    #[test]
+    fn heading_and_rotator_turn_it_alike() {
+        let to = Vector3::new(30.0, 40.0, 0.0);
+        let of = |heading: f64, turned: f64| {
+            let pose = Pose { heading, ..Pose::default() };
+            gain(AntennaConfig::ReferencePatch, &pose, to, turned)
+        };
+        assert!((of(0.7, 0.2) - of(0.0, 0.9)).abs() < 1e-9);
+        let best = of(0.5, 40.0_f64.atan2(30.0) - 0.5);
+        assert!(best > of(0.5, 0.0) && best > of(0.5, 1.0));
+    }
+
+    /// The direct wave and the scattered ones together have the power of the law, and K is their
+    /// ratio; 4000 patterns of six waves, whose mean power has a standard error of 0.7 %.
+    #[test]
+    fn the_power_is_that_of_the_law() {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(7);
+        let mut power = 0.0;
+        let mut shares = Vec::new();
+        for _ in 0..4000 {
+            let (share_db, waves) = scatter(&URBAN, &mut random);
+            power += waves.iter().map(|wave| wave.amplitude * wave.amplitude).sum::<f64>() / 4000.0;
+            shares.push(libm::exp10(share_db / 10.0));
+        }
+        let k = libm::exp10(0.3);
+        assert!((power * k - 1.0).abs() < 0.03, "{power}");
+        assert!(shares.iter().all(|share| (share * (1.0 + power) - 1.0).abs() < 0.01));
+    }
+
+    /// The logarithms of K over 4000 patterns have their median and their σ.
+    #[test]
+    fn k_is_log_normal() {
+        let config = ScatteringConfig { k_sigma_db: 5.0, ..URBAN };
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(8);
+        let mut k_db: Vec<f64> = (0..4000)
+            .map(|_| {
+                let share = libm::exp10(scatter(&config, &mut random).0 / 10.0);
+                10.0 * libm::log10(share / (1.0 - share))
+            })
+            .collect();
+        k_db.sort_by(f64::total_cmp);
+        assert!((k_db[2000] - 3.0).abs() < 0.4, "{}", k_db[2000]);
+        // 84 % of a Gaussian lie below the median and one σ.
+        assert!((k_db[3365] - 8.0).abs() < 0.5, "{}", k_db[3365]);
     }
 }

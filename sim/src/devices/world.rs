@@ -1,3 +1,5 @@
+//! The world as a whole: its time, its truth, and the devices that it lends.
+
 use std::{cell::RefCell, rc::Rc};
 
 use foxhunt_core::{BeaconId, Pose, parameter::FieldError};
@@ -6,13 +8,14 @@ use foxhunt_sensors::{
     StepperSource,
 };
 use nalgebra::Vector3;
-use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 
+use super::{
+    Instrument, LateSource, OnBoard, SimBody, SimClock, SimInstrument, SimOmnidirectional,
+    SimRadio, SimRotator, SimStepper, SimVehicle,
+};
 use crate::{
-    LateSource, PulseTrain, RangeDifferenceConfig, SimBody, SimClock, SimError, SimInstrument,
-    SimOmnidirectional, SimRadio, SimRotator, SimStepper, SimVehicle, ThreeAxisConfig, WorldConfig,
-    devices::{Instrument, OnBoard},
-    truth::{Channel, Drone, Free, Port, Streams, Truth, beacon_of, is_due},
+    PulseTrain, RangeDifferenceConfig, SimError, ThreeAxisConfig, WorldConfig,
+    truth::{Free, Port, Truth, beacon_of, is_due},
 };
 
 /// A simulated world. Clones and devices are handles to the same one.
@@ -33,22 +36,7 @@ impl World {
     /// [`SimError::Antenna`], [`SimError::PathLoss`] and [`SimError::Terrain`] what is wrong with
     /// these.
     pub fn new(config: &WorldConfig, seed: u64) -> Result<Self, SimError> {
-        config.check()?;
-        // What belongs to places has a generator of its own: fields more or less leave the drones'
-        // streams as they are.
-        let mut fields = Xoshiro256PlusPlus::seed_from_u64(!seed);
-        let beacons = config.beacons.len();
-        let terrain = config.terrain.as_ref();
-        let channel = Channel::new(&config.channel, terrain, beacons, &mut fields)?;
-        let mut root = Xoshiro256PlusPlus::seed_from_u64(seed);
-        let mut drone = |drone| {
-            let streams = Streams::fork(&mut root);
-            let ground = channel.terrain().cloned();
-            Drone::new(drone, config.vehicle, config.stepper, streams, ground)
-        };
-        let drones = config.drones.iter().map(&mut drone).collect::<Result<_, _>>()?;
-        let beacons = config.drawn_beacons(seed);
-        let truth = Truth { time: 0.0, free: Free::default(), channel, beacons, drones };
+        let truth = Truth::new(config, seed)?;
         Ok(Self { truth: Rc::new(RefCell::new(truth)) })
     }
 

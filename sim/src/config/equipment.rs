@@ -1,4 +1,6 @@
-use foxhunt_core::parameter::{FieldError, positive};
+//! The settings of what drones are made of: vehicles, antennas, and receivers of other quantities.
+
+use foxhunt_core::parameter::{FieldError, ParameterError, finite, not_negative, positive};
 use serde::{Deserialize, Serialize};
 
 use crate::{Gains, Piloting, QuadrotorConfig, WindConfig, is_false};
@@ -138,5 +140,100 @@ impl TryFrom<Fields> for VehicleConfig {
                 }))
             }
         }
+    }
+}
+
+/// The speed of every drone's antenna and radio.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SimStepperConfig {
+    /// The motor's speed in turning the antenna, in radians per second.
+    pub rotator_speed_rad_s: f64,
+    /// Time from a question to its answer, in seconds.
+    pub radio_latency_s: f64,
+}
+
+impl Default for SimStepperConfig {
+    /// 2 rad/s, with which half a turn fits the 2 s that the reference allows the first position
+    /// of a turn; 10 ms from question to answer. A turn of 128 positions takes 11 s.
+    fn default() -> Self {
+        Self { rotator_speed_rad_s: 2.0, radio_latency_s: 0.01 }
+    }
+}
+
+impl SimStepperConfig {
+    pub(super) fn check(&self) -> Result<(), ParameterError> {
+        positive("rotator_speed_rad_s", self.rotator_speed_rad_s)?;
+        not_negative("radio_latency_s", self.radio_latency_s)?;
+        Ok(())
+    }
+}
+
+/// A receiver of three coils across each other, which measures the magnetic field up to its sign.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ThreeAxisConfig {
+    /// σ of each axis, as a share of the field: its attitude, and how alike its coils are.
+    pub share_sigma: f64,
+    /// σ of each axis besides, in microamperes a metre: noise. Below three times this nothing is
+    /// received.
+    pub noise_ua_per_m: f64,
+}
+
+impl Default for ThreeAxisConfig {
+    /// 5 % of the field, as of an attitude that is 2° off and coils that are alike to 4 %, and
+    /// 0.5 nA/m, at which a beacon of the least strength is received some 45 m off.
+    fn default() -> Self {
+        Self { share_sigma: 0.05, noise_ua_per_m: 5e-4 }
+    }
+}
+
+impl ThreeAxisConfig {
+    /// Checks the ranges of all numbers.
+    ///
+    /// # Errors
+    ///
+    /// [`ParameterError`] names the first that cannot.
+    pub fn check(&self) -> Result<(), ParameterError> {
+        positive("share_sigma", self.share_sigma)?;
+        positive("noise_ua_per_m", self.noise_ua_per_m)?;
+        Ok(())
+    }
+
+    /// σ of each axis where the field is that strong.
+    #[must_use]
+    pub fn sigma(&self, field_ua_per_m: f64) -> f64 {
+        (self.share_sigma * field_ua_per_m).hypot(self.noise_ua_per_m)
+    }
+
+    /// The weakest field that is received.
+    pub(crate) fn floor(&self) -> f64 {
+        3.0 * self.noise_ua_per_m
+    }
+}
+
+/// Receiver that shares its clock with a reference receiver, and measures how much farther a beacon
+/// is from it than from the reference.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RangeDifferenceConfig {
+    /// Place of the reference receiver: East, North and Up in metres.
+    pub reference_m: [f64; 3],
+    /// σ of a difference in metres, the arrivals' times and both receivers' places in it.
+    pub sigma_m: f64,
+}
+
+impl RangeDifferenceConfig {
+    /// Checks the range of every number.
+    ///
+    /// # Errors
+    ///
+    /// [`ParameterError`] names the first that is out of range.
+    pub fn check(&self) -> Result<(), ParameterError> {
+        for coordinate in self.reference_m {
+            finite("reference_m", coordinate)?;
+        }
+        positive("sigma_m", self.sigma_m)?;
+        Ok(())
     }
 }
