@@ -1,3 +1,5 @@
+//! A Parrot AR.Drone 2.0 on a drone of the world.
+
 use std::io;
 
 use foxhunt_core::{Pose, angle};

@@ -1,3 +1,5 @@
+//! The settings of an emulated autopilot, and the faults that happen to it.
+
 use std::collections::BTreeMap;
 
 use foxhunt_core::parameter::{ParameterError, finite, in_range, not_negative, positive};
@@ -5,7 +7,6 @@ use foxhunt_wire::{
     geodesy::Geodetic,
     mavlink::{Autopilot, FlightMode, SigningKey},
 };
-
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 

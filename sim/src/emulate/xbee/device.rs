@@ -1,6 +1,11 @@
+//! The XBee itself: its settings, and the frames that it takes and sends.
+
 use std::io;
 
-use foxhunt_core::{BeaconId, Clock};
+use foxhunt_core::{
+    BeaconId, Clock,
+    parameter::{FieldError, positive, require},
+};
 use foxhunt_wire::{
     ByteStream,
     xbee::{
@@ -8,15 +13,40 @@ use foxhunt_wire::{
         ModemStatus, Protocol, TransmitStatus,
     },
 };
+use serde::{Deserialize, Serialize};
 
-use super::{
-    EmulatedXbeeConfig,
-    air::{Air, Outgoing, Payload},
-    config::drone_address,
-    registers::Registers,
-    text::Text,
-};
+use super::{Air, Outgoing, Payload, Registers, Text, drone_address};
 use crate::{Emulator, SimClock, SimError, World};
+
+/// A frame that stops in the middle for this time, in seconds, was cut.
+const QUIET_S: f64 = 0.1;
+
+/// The kind of XBee that is emulated.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct EmulatedXbeeConfig {
+    /// Its firmware's protocol on the air.
+    pub firmware: Protocol,
+    /// `AP`: 0 transparent, 1 plain frames, 2 escaped frames.
+    pub ap: u8,
+    /// Time from a question to a beacon that does not answer to the report of that, in seconds.
+    pub no_answer_s: f64,
+}
+
+/// Zigbee, plain frames, 0.2 s.
+impl Default for EmulatedXbeeConfig {
+    fn default() -> Self {
+        Self { firmware: Protocol::Zigbee, ap: 1, no_answer_s: 0.2 }
+    }
+}
+
+impl EmulatedXbeeConfig {
+    fn check(&self) -> Result<(), FieldError> {
+        require(self.ap <= 2, "ap", f64::from(self.ap), "0, 1 or 2")?;
+        positive("no_answer_s", self.no_answer_s)?;
+        Ok(())
+    }
+}
 
 /// The XBee of a simulated drone behind a stream of bytes.
 ///
@@ -36,9 +66,6 @@ pub struct EmulatedXbee<S> {
     received_at: f64,
     text: Text,
 }
-
-/// A frame that stops in the middle for this time, in seconds, was cut.
-const QUIET_S: f64 = 0.1;
 
 impl<S: ByteStream> EmulatedXbee<S> {
     /// The radio of a drone, which has just been switched on: it reports it where it speaks in
@@ -202,10 +229,6 @@ impl<S: ByteStream> EmulatedXbee<S> {
     }
 }
 
-fn mode(ap: u8) -> ApiMode {
-    if ap == 2 { ApiMode::Escaped } else { ApiMode::Plain }
-}
-
 impl<S: ByteStream> Emulator for EmulatedXbee<S> {
     fn serve(&mut self) -> io::Result<()> {
         let now = self.clock.now();
@@ -249,4 +272,8 @@ impl<S: ByteStream> Emulator for EmulatedXbee<S> {
         }
         Ok(())
     }
+}
+
+fn mode(ap: u8) -> ApiMode {
+    if ap == 2 { ApiMode::Escaped } else { ApiMode::Plain }
 }

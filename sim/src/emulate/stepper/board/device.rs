@@ -1,3 +1,5 @@
+//! The Arduino itself: the commands that it obeys, and what it reports.
+
 use std::io;
 
 use foxhunt_wire::{
@@ -5,15 +7,29 @@ use foxhunt_wire::{
     firmata::{Decimal, Message, Reply},
 };
 
-use super::{
-    EmulatedStepperConfig,
-    gear::Gear,
-    motor::{Action, Motor},
-    parser::{Parser, Taken},
-    pins::{COUNT, Pins, analog_channel, capabilities},
-    wires::{Wires, half_step},
-};
+use super::super::{Action, EmulatedStepperConfig, Gear, Motor, Wires, half_step};
+use super::{COUNT, Parser, Pins, Taken, analog_channel, capabilities};
 use crate::{Emulator, SimError, World, devices::OnBoard};
+
+/// D0 to A5 are in three ports of eight.
+const PORTS: usize = 3;
+const STEPPERS: usize = 10;
+
+/// Interval at which ports are looked at for levels that changed, in seconds.
+const SAMPLE_S: f64 = 0.019;
+const NAME: &str = "EmulatedFirmata";
+
+/// Commands of AccelStepper.
+const ACCEL_STEPPER: u8 = 0x62;
+const CONFIGURE: u8 = 0x00;
+const ZERO: u8 = 0x01;
+const STEP: u8 = 0x02;
+const TO: u8 = 0x03;
+const ENABLE: u8 = 0x04;
+const STOP: u8 = 0x05;
+const REPORT: u8 = 0x06;
+const ACCELERATION: u8 = 0x08;
+const SPEED: u8 = 0x09;
 
 /// An Arduino Nano with ConfigurableFirmata 3.4, and a 28BYJ-48 that turns the antenna of a drone.
 ///
@@ -46,25 +62,6 @@ struct Stepper {
     motor: Motor,
     wires: Wires,
 }
-
-/// D0 to A5 are in three ports of eight.
-const PORTS: usize = 3;
-const STEPPERS: usize = 10;
-/// Interval at which ports are looked at for levels that changed, in seconds.
-const SAMPLE_S: f64 = 0.019;
-const NAME: &str = "EmulatedFirmata";
-
-/// Commands of AccelStepper.
-const STEPPER: u8 = 0x62;
-const CONFIGURE: u8 = 0x00;
-const ZERO: u8 = 0x01;
-const STEP: u8 = 0x02;
-const TO: u8 = 0x03;
-const ENABLE: u8 = 0x04;
-const STOP: u8 = 0x05;
-const REPORT: u8 = 0x06;
-const ACCELERATION: u8 = 0x08;
-const SPEED: u8 = 0x09;
 
 impl<S: ByteStream> EmulatedStepper<S> {
     /// The stepper under a drone, at the other end of `stream`.
@@ -226,7 +223,7 @@ impl<S: ByteStream> EmulatedStepper<S> {
                     self.emit(&Reply::PinState { pin: first, mode, state });
                 }
             }
-            STEPPER if self.config.accel_stepper => {
+            ACCEL_STEPPER if self.config.accel_stepper => {
                 let mut argv = [0; 12];
                 argv.copy_from_slice(&arguments[..12]);
                 self.obey(argv, length, now);

@@ -1,8 +1,10 @@
+//! The messages that an autopilot sends.
+
 use foxhunt_wire::mavlink::{
     Autopilot, MessageData, dialect::*, e7_of_degrees, ned_of_enu, whole, yaw_of_heading,
 };
 
-use super::brain::Brain;
+use super::Brain;
 
 /// All good flags of the estimator, and the flags of an attitude without a place.
 const PLACED: u16 = 0x33F;
@@ -21,20 +23,6 @@ const TELLS_STANDING: u8 = 16;
 /// ArduCopter 4.5.7, and the first release of a minor version of PX4 1.
 const ARDUCOPTER_VERSION: u32 = 0x0405_07FF;
 const PX4_VERSION: u32 = 0x0100_00FF;
-
-#[expect(clippy::cast_possible_truncation, reason = "the messages have no more digits")]
-fn single(value: f64) -> f32 {
-    value as f32
-}
-
-/// A value in hundredths, as far as sixteen bits hold it.
-fn hundredths(value: f64) -> i16 {
-    i16::try_from(whole(value * 100.0).clamp(-32_767, 32_767)).unwrap_or(0)
-}
-
-fn positive(value: f64) -> u16 {
-    u16::try_from(whole(value).clamp(0, 65_535)).unwrap_or(0)
-}
 
 impl Brain {
     pub(super) fn boot_ms(&self) -> u32 {
@@ -383,6 +371,20 @@ impl Brain {
             ..AUTOPILOT_VERSION_DATA::default()
         }
     }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "the messages have no more digits")]
+fn single(value: f64) -> f32 {
+    value as f32
+}
+
+/// A value in hundredths, as far as sixteen bits hold it.
+fn hundredths(value: f64) -> i16 {
+    i16::try_from(whole(value * 100.0).clamp(-32_767, 32_767)).unwrap_or(0)
+}
+
+fn positive(value: f64) -> u16 {
+    u16::try_from(whole(value).clamp(0, 65_535)).unwrap_or(0)
 }
 
 fn is_within(sensor: &DISTANCE_SENSOR_DATA) -> bool {

@@ -1,64 +1,29 @@
+//! The autopilot behind its cable: what it flies, what it suffers, and what it lets happen.
+
+mod commands;
+mod telemetry;
+
+use std::io;
+
 use foxhunt_core::Pose;
-use foxhunt_wire::mavlink::{
-    Autopilot, CharArray, CommonFrame, FlightMode, Frame,
-    dialect::{
-        COMMAND_LONG_DATA, MISSION_COUNT_DATA, MavMessage, MavSeverity, MavType, STATUSTEXT_DATA,
-        TIMESYNC_DATA,
+use foxhunt_wire::{
+    ByteStream,
+    mavlink::{
+        Autopilot, CharArray, Codec, CommonFrame, FlightMode, Signing,
+        dialect::{MavMessage, MavSeverity, STATUSTEXT_DATA},
     },
 };
 use nalgebra::Vector3;
+use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 
-use super::{AutopilotConfig, flight::Flight, params::Params, streams::Streams};
-use crate::{Interval, devices::OnBoard};
+use super::{AutopilotConfig, Flight, Params, Streams, check_parameters};
+use crate::{Emulator, Interval, SimError, World, devices::OnBoard};
 
-/// Everything of the autopilot but its cable.
-#[derive(Debug)]
-pub(super) struct Brain {
-    pub(super) config: AutopilotConfig,
-    pub(super) frame: CommonFrame,
-    pub(super) on_board: OnBoard,
-    pub(super) flight: Flight,
-    pub(super) streams: Streams,
-    pub(super) params: Params,
-    /// The place where it was put on the ground.
-    pub(super) home: Vector3<f64>,
-    /// Pose by its estimator at the time of the last step; Up counts from where it was put down.
-    pub(super) pose: Pose,
-    /// Its true place.
-    place: Vector3<f64>,
-    /// True if its estimator found then that its GPS jumps.
-    glitch: bool,
-    /// Height above the ground below, in metres.
-    pub(super) above_ground: f64,
-    pub(super) now: f64,
-    /// East, North and Up in metres per second; radians per second.
-    pub(super) velocity: Vector3<f64>,
-    pub(super) turning: f64,
-    /// Seconds with motors running.
-    pub(super) used_s: f64,
-    /// Time of a ground station's last heartbeat.
-    pub(super) ground_contact: Option<f64>,
-    /// True if no ground station is heard any more and the failsafe has acted.
-    ground_lost: bool,
-    /// Numbers of the pilot's orders, of the failsafes and of the restarts that are done.
-    piloted: usize,
-    failed: usize,
-    restarted: usize,
-    /// Time since which it knows where it is.
-    placed_at: f64,
-    /// True if a failsafe acts, as its heartbeats say.
-    pub(super) critical: bool,
-    /// True if it flies by velocities: it reports no target then.
-    pub(super) by_velocity: bool,
-    /// True if another station has started its motors.
-    by_others: bool,
-    /// The number of pictures that its camera has taken, and the number of the last one ordered.
-    pub(super) pictures: u32,
-    pub(super) pictured: Option<f32>,
-    /// The number of the last text in chunks.
-    texts: u16,
-    pub(super) outbox: Vec<MavMessage>,
-}
+/// The share of late messages that come twice.
+const TWICE: f64 = 0.1;
+
+/// MAV_COMP_ID_AUTOPILOT1.
+const COMPONENT: u8 = 1;
 
 /// Time that its position takes after a restart, in seconds.
 const RESTART_S: f64 = 30.0;
@@ -69,11 +34,178 @@ const STATION_MPS: f64 = 3.0;
 /// Bytes of a text that one message holds.
 const CHUNK: usize = 50;
 
-/// The ground station that it belongs to (SYSID_MYGCS).
-const GROUND_SYSTEM: u32 = 255;
+/// An autopilot on a drone of a world, behind a stream of bytes.
+///
+/// What is imitated of ArduCopter: it sends nothing but heartbeats until it is requested; a
+/// take-off is refused unless it is armed in GUIDED and knows where it is; the first set-point in
+/// GUIDED, and after a take-off, has it fly at WPNAV_SPEED, whatever was ordered before, and a
+/// speed is refused in other modes; it can be armed in STABILIZE without knowing; motors that do
+/// not take off stop after 10 s; a relative CONDITION_YAW counts from the heading that it is
+/// slewing to; a set-point without yaw turns the nose to the goal; it stops its motors on the
+/// ground after landing; it comes back when the ground station falls silent (system 255). Of PX4:
+/// its modes, set-points flown to at MPC_XY_VEL_MAX, heights of take-off above sea level, telemetry
+/// without a request, and OFFBOARD, which needs set-points at 2 Hz and ends without them.
+///
+/// A drone of a world begins in the air; one with an emulated autopilot begins on the ground below,
+/// at an Up of 0.
+#[derive(Debug)]
+pub struct EmulatedAutopilot<S> {
+    stream: S,
+    codec: Codec,
+    connections: u32,
+    brain: Brain,
+    /// Bytes on their way, with the time at which they arrive.
+    late: Vec<(f64, Vec<u8>)>,
+    random: Xoshiro256PlusPlus,
+}
+
+impl<S: ByteStream> EmulatedAutopilot<S> {
+    /// Puts an autopilot on a drone and the drone on the ground.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Drone`] if there is no such drone; [`SimError::Field`], [`SimError::Place`] and
+    /// [`SimError::FlightMode`] name what is wrong in `config`.
+    pub fn new(
+        config: AutopilotConfig,
+        world: &World,
+        drone: usize,
+        stream: S,
+    ) -> Result<Self, SimError> {
+        config.check()?;
+        check_parameters(&config)?;
+        let frame = CommonFrame::new(config.origin.lat_deg, config.origin.lon_deg)?;
+        let codec = Codec::new(config.system_id, COMPONENT);
+        let codec = match config.signing {
+            Some(key) => codec.with_signing(Signing::new(key, 0)),
+            None => codec,
+        };
+        let connections = stream.connections();
+        let random = Xoshiro256PlusPlus::seed_from_u64(u64::from(config.system_id));
+        let brain = Brain::new(config, frame, world.on_board(drone)?);
+        Ok(Self { stream, codec, connections, brain, late: Vec::new(), random })
+    }
+
+    /// Its mode.
+    #[must_use]
+    pub fn mode(&self) -> FlightMode {
+        self.brain.flight.mode
+    }
+
+    /// Returns true if its motors run.
+    #[must_use]
+    pub fn is_armed(&self) -> bool {
+        self.brain.flight.armed
+    }
+
+    /// Returns true if it is in the air.
+    #[must_use]
+    pub fn is_airborne(&self) -> bool {
+        self.brain.flight.is_airborne()
+    }
+
+    /// Returns the number of pictures that its camera has taken.
+    #[must_use]
+    pub fn pictures(&self) -> u32 {
+        self.brain.pictures
+    }
+}
+
+impl<S: ByteStream> Emulator for EmulatedAutopilot<S> {
+    fn serve(&mut self) -> io::Result<()> {
+        self.brain.step();
+        let hears = self.brain.hears();
+        let unix_s = self.brain.unix_s();
+        let mut into = [0; 2048];
+        loop {
+            let count = self.stream.receive(&mut into)?;
+            let Some(bytes) = into.get(..count).filter(|bytes| !bytes.is_empty()) else { break };
+            // What was sent in the meantime is gone.
+            if hears {
+                self.codec.push(bytes);
+            }
+            while let Some(frame) = self.codec.next_frame(unix_s) {
+                self.brain.take(&frame);
+            }
+        }
+        if self.stream.connections() != self.connections {
+            self.connections = self.stream.connections();
+            self.codec.restart();
+        }
+        let now = self.brain.now;
+        let late = self.brain.is_within(&self.brain.config.faults.late);
+        for message in self.brain.emit() {
+            let bytes = self.codec.encode(&message, unix_s);
+            if late && self.random.random::<f64>() < TWICE {
+                self.late.push((now + self.random.random::<f64>(), bytes.clone()));
+            }
+            let delay = if late { self.random.random::<f64>() } else { 0.0 };
+            self.late.push((now + delay, bytes));
+        }
+        let mut due: Vec<_> = self.late.extract_if(.., |(at, _)| *at <= now).collect();
+        due.sort_by(|one, other| one.0.total_cmp(&other.0));
+        for (_, bytes) in due {
+            match self.stream.send(&bytes) {
+                // Nobody is there yet.
+                Err(error) if error.kind() == io::ErrorKind::NotConnected => {}
+                other => other?,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Everything of the autopilot but its cable.
+#[derive(Debug)]
+struct Brain {
+    config: AutopilotConfig,
+    frame: CommonFrame,
+    on_board: OnBoard,
+    flight: Flight,
+    streams: Streams,
+    params: Params,
+    /// The place where it was put on the ground.
+    home: Vector3<f64>,
+    /// Pose by its estimator at the time of the last step; Up counts from where it was put down.
+    pose: Pose,
+    /// Its true place.
+    place: Vector3<f64>,
+    /// True if its estimator found then that its GPS jumps.
+    glitch: bool,
+    /// Height above the ground below, in metres.
+    above_ground: f64,
+    now: f64,
+    /// East, North and Up in metres per second; radians per second.
+    velocity: Vector3<f64>,
+    turning: f64,
+    /// Seconds with motors running.
+    used_s: f64,
+    /// Time of a ground station's last heartbeat.
+    ground_contact: Option<f64>,
+    /// True if no ground station is heard any more and the failsafe has acted.
+    ground_lost: bool,
+    /// Numbers of the pilot's orders, of the failsafes and of the restarts that are done.
+    piloted: usize,
+    failed: usize,
+    restarted: usize,
+    /// Time since which it knows where it is.
+    placed_at: f64,
+    /// True if a failsafe acts, as its heartbeats say.
+    critical: bool,
+    /// True if it flies by velocities: it reports no target then.
+    by_velocity: bool,
+    /// True if another station has started its motors.
+    by_others: bool,
+    /// The number of pictures that its camera has taken, and the number of the last one ordered.
+    pictures: u32,
+    pictured: Option<f32>,
+    /// The number of the last text in chunks.
+    texts: u16,
+    outbox: Vec<MavMessage>,
+}
 
 impl Brain {
-    pub(super) fn new(config: AutopilotConfig, frame: CommonFrame, on_board: OnBoard) -> Self {
+    fn new(config: AutopilotConfig, frame: CommonFrame, on_board: OnBoard) -> Self {
         let (pose, now) = on_board.with(|drone, now| {
             drone.launch();
             (drone.body.pose(), now)
@@ -110,12 +242,12 @@ impl Brain {
         }
     }
 
-    pub(super) fn unix_s(&self) -> f64 {
+    fn unix_s(&self) -> f64 {
         self.config.clock_origin_unix_s + self.now
     }
 
     /// Returns true if a message to it arrives.
-    pub(super) fn hears(&self) -> bool {
+    fn hears(&self) -> bool {
         self.is_linked() && !self.is_within(&self.config.faults.deaf)
     }
 
@@ -129,17 +261,17 @@ impl Brain {
             && !self.is_within(&self.config.faults.silent)
     }
 
-    pub(super) fn is_within(&self, times: &[Interval]) -> bool {
+    fn is_within(&self, times: &[Interval]) -> bool {
         times.iter().any(|interval| interval.contains(self.now))
     }
 
     /// Returns true if its estimator knows where it is.
-    pub(super) fn is_placed(&self) -> bool {
+    fn is_placed(&self) -> bool {
         self.now >= self.placed_at
     }
 
     /// Goes on flying at the world's present time.
-    pub(super) fn step(&mut self) {
+    fn step(&mut self) {
         let (pose, above_ground, now) =
             self.on_board.with(|drone, now| (drone.body.pose(), drone.pose().position.z, now));
         let dt = now - self.now;
@@ -222,7 +354,7 @@ impl Brain {
     }
 
     /// Goes into a mode, as it comes back from here.
-    pub(super) fn begin(&mut self, mode: FlightMode) {
+    fn begin(&mut self, mode: FlightMode) {
         self.change_mode(mode);
     }
 
@@ -261,7 +393,7 @@ impl Brain {
     }
 
     /// Returns true if its own fence lets it go to a place.
-    pub(super) fn is_inside(&self, goal: &Vector3<f64>) -> bool {
+    fn is_inside(&self, goal: &Vector3<f64>) -> bool {
         let value = |name: &str| self.params.value(name).map_or(0.0, f64::from);
         if value("FENCE_ENABLE") < 0.5 {
             return true;
@@ -304,7 +436,7 @@ impl Brain {
         }
     }
 
-    pub(super) fn change_mode(&mut self, mode: FlightMode) {
+    fn change_mode(&mut self, mode: FlightMode) {
         if mode != self.flight.mode {
             self.take_own_speed();
         }
@@ -312,7 +444,7 @@ impl Brain {
     }
 
     /// Flies as fast as it is set up to.
-    pub(super) fn take_own_speed(&mut self) {
+    fn take_own_speed(&mut self) {
         let speed = match self.config.autopilot {
             Autopilot::ArduPilot => self.params.value("WPNAV_SPEED").map(|cm| f64::from(cm) * 0.01),
             Autopilot::Px4 => self.params.value("MPC_XY_VEL_MAX").map(f64::from),
@@ -323,7 +455,7 @@ impl Brain {
     }
 
     /// Writes something to the ground station, longer texts in chunks with a common number.
-    pub(super) fn send(&mut self, severity: MavSeverity, text: &str) {
+    fn send(&mut self, severity: MavSeverity, text: &str) {
         let chunked = text.len() > CHUNK;
         self.texts = self.texts.wrapping_add(u16::from(chunked)).max(1);
         let id = if chunked { self.texts } else { 0 };
@@ -335,78 +467,12 @@ impl Brain {
     }
 
     /// Returns true if a message is meant for it.
-    pub(super) fn is_meant(&self, system: u8) -> bool {
+    fn is_meant(&self, system: u8) -> bool {
         system == 0 || system == self.config.system_id
     }
 
-    pub(super) fn take(&mut self, frame: &Frame) {
-        match &frame.message {
-            // SYSID_MYGCS alone keeps the failsafe quiet.
-            MavMessage::HEARTBEAT(beat)
-                if beat.mavtype == MavType::MAV_TYPE_GCS
-                    && frame.header.system_id == GROUND_SYSTEM =>
-            {
-                self.ground_contact = Some(self.now);
-            }
-            MavMessage::COMMAND_LONG(command) if self.is_meant(command.target_system) => {
-                self.command(command, None, &frame.header);
-            }
-            MavMessage::COMMAND_INT(command) if self.is_meant(command.target_system) => {
-                let long = COMMAND_LONG_DATA {
-                    param1: command.param1,
-                    param2: command.param2,
-                    param3: command.param3,
-                    param4: command.param4,
-                    param7: command.z,
-                    command: command.command,
-                    target_system: command.target_system,
-                    target_component: command.target_component,
-                    ..COMMAND_LONG_DATA::default()
-                };
-                let place = (command.x, command.y, command.frame);
-                self.command(&long, Some(place), &frame.header);
-            }
-            MavMessage::SET_POSITION_TARGET_GLOBAL_INT(target)
-                if self.is_meant(target.target_system) =>
-            {
-                self.set_global(target);
-            }
-            MavMessage::SET_POSITION_TARGET_LOCAL_NED(target)
-                if self.is_meant(target.target_system) =>
-            {
-                self.set_local(target);
-            }
-            MavMessage::PARAM_REQUEST_LIST(query) if self.is_meant(query.target_system) => {
-                self.outbox.extend(self.params.all());
-            }
-            MavMessage::PARAM_REQUEST_READ(query) if self.is_meant(query.target_system) => {
-                self.outbox.extend(self.params.read(query));
-            }
-            MavMessage::PARAM_SET(set) if self.is_meant(set.target_system) => {
-                self.outbox.extend(self.params.set(set));
-            }
-            MavMessage::MISSION_REQUEST_LIST(query) if self.is_meant(query.target_system) => {
-                self.outbox.push(MavMessage::MISSION_COUNT(MISSION_COUNT_DATA {
-                    target_system: u8::try_from(frame.header.system_id).unwrap_or(0),
-                    target_component: frame.header.component_id,
-                    mission_type: query.mission_type,
-                    ..MISSION_COUNT_DATA::default()
-                }));
-            }
-            MavMessage::TIMESYNC(sync) if sync.tc1 == 0 => {
-                let nanoseconds = i64::from(self.boot_ms()) * 1_000_000;
-                self.outbox.push(MavMessage::TIMESYNC(TIMESYNC_DATA {
-                    tc1: nanoseconds,
-                    ts1: sync.ts1,
-                    ..TIMESYNC_DATA::default()
-                }));
-            }
-            _ => {}
-        }
-    }
-
     /// The messages that are due now.
-    pub(super) fn emit(&mut self) -> Vec<MavMessage> {
+    fn emit(&mut self) -> Vec<MavMessage> {
         for id in self.streams.due(self.now) {
             self.outbox.extend(self.message(id));
         }
@@ -415,7 +481,7 @@ impl Brain {
     }
 
     /// Returns the reason as an error if its motors may not be started.
-    pub(super) fn is_armable(&self) -> Result<(), String> {
+    fn is_armable(&self) -> Result<(), String> {
         use foxhunt_wire::mavlink::Autopilot::{ArduPilot, Px4};
         let mode = self.flight.mode;
         let failed = &self.config.faults.preflight;

@@ -1,23 +1,24 @@
-use foxhunt_wire::mavlink::{
-    Autopilot, FlightMode, MavHeader, MessageData, degrees_of_e7,
-    dialect::{
-        AUTOPILOT_VERSION_DATA, COMMAND_ACK_DATA, COMMAND_LONG_DATA, MavCmd, MavFrame, MavMessage,
-        MavResult, MavSeverity, SET_POSITION_TARGET_GLOBAL_INT_DATA,
-        SET_POSITION_TARGET_LOCAL_NED_DATA,
-    },
-    heading_of_yaw, ned_of_enu,
-};
-use nalgebra::Vector3;
-
-use super::brain::Brain;
-
-/// A place of an order in whole numbers, and its frame.
-type WholePlace = Option<(i32, i32, MavFrame)>;
+//! The messages that arrive at an autopilot: commands, set-points and questions.
 
 use MavResult::{
     MAV_RESULT_ACCEPTED as ACCEPTED, MAV_RESULT_DENIED as DENIED, MAV_RESULT_FAILED as FAILED,
     MAV_RESULT_TEMPORARILY_REJECTED as REJECTED, MAV_RESULT_UNSUPPORTED as UNSUPPORTED,
 };
+use foxhunt_wire::mavlink::{
+    Autopilot, FlightMode, Frame, MavHeader, MessageData, degrees_of_e7,
+    dialect::{
+        AUTOPILOT_VERSION_DATA, COMMAND_ACK_DATA, COMMAND_LONG_DATA, MISSION_COUNT_DATA, MavCmd,
+        MavFrame, MavMessage, MavResult, MavSeverity, MavType, SET_POSITION_TARGET_GLOBAL_INT_DATA,
+        SET_POSITION_TARGET_LOCAL_NED_DATA, TIMESYNC_DATA,
+    },
+    heading_of_yaw, ned_of_enu,
+};
+use nalgebra::Vector3;
+
+use super::Brain;
+
+/// The ground station that it belongs to (SYSID_MYGCS).
+const GROUND_SYSTEM: u32 = 255;
 
 /// The word that stops the motors in the air.
 const FORCE: f32 = 21196.0;
@@ -27,9 +28,79 @@ const NO_PLACE: u16 = 0x7;
 const NO_YAW: u16 = 0x400;
 const NO_YAW_RATE: u16 = 0x800;
 
+/// A place of an order in whole numbers, and its frame.
+type WholePlace = Option<(i32, i32, MavFrame)>;
+
 impl Brain {
+    /// Takes a message.
+    pub(super) fn take(&mut self, frame: &Frame) {
+        match &frame.message {
+            // SYSID_MYGCS alone keeps the failsafe quiet.
+            MavMessage::HEARTBEAT(beat)
+                if beat.mavtype == MavType::MAV_TYPE_GCS
+                    && frame.header.system_id == GROUND_SYSTEM =>
+            {
+                self.ground_contact = Some(self.now);
+            }
+            MavMessage::COMMAND_LONG(command) if self.is_meant(command.target_system) => {
+                self.command(command, None, &frame.header);
+            }
+            MavMessage::COMMAND_INT(command) if self.is_meant(command.target_system) => {
+                let long = COMMAND_LONG_DATA {
+                    param1: command.param1,
+                    param2: command.param2,
+                    param3: command.param3,
+                    param4: command.param4,
+                    param7: command.z,
+                    command: command.command,
+                    target_system: command.target_system,
+                    target_component: command.target_component,
+                    ..COMMAND_LONG_DATA::default()
+                };
+                let place = (command.x, command.y, command.frame);
+                self.command(&long, Some(place), &frame.header);
+            }
+            MavMessage::SET_POSITION_TARGET_GLOBAL_INT(target)
+                if self.is_meant(target.target_system) =>
+            {
+                self.set_global(target);
+            }
+            MavMessage::SET_POSITION_TARGET_LOCAL_NED(target)
+                if self.is_meant(target.target_system) =>
+            {
+                self.set_local(target);
+            }
+            MavMessage::PARAM_REQUEST_LIST(query) if self.is_meant(query.target_system) => {
+                self.outbox.extend(self.params.all());
+            }
+            MavMessage::PARAM_REQUEST_READ(query) if self.is_meant(query.target_system) => {
+                self.outbox.extend(self.params.read(query));
+            }
+            MavMessage::PARAM_SET(set) if self.is_meant(set.target_system) => {
+                self.outbox.extend(self.params.set(set));
+            }
+            MavMessage::MISSION_REQUEST_LIST(query) if self.is_meant(query.target_system) => {
+                self.outbox.push(MavMessage::MISSION_COUNT(MISSION_COUNT_DATA {
+                    target_system: u8::try_from(frame.header.system_id).unwrap_or(0),
+                    target_component: frame.header.component_id,
+                    mission_type: query.mission_type,
+                    ..MISSION_COUNT_DATA::default()
+                }));
+            }
+            MavMessage::TIMESYNC(sync) if sync.tc1 == 0 => {
+                let nanoseconds = i64::from(self.boot_ms()) * 1_000_000;
+                self.outbox.push(MavMessage::TIMESYNC(TIMESYNC_DATA {
+                    tc1: nanoseconds,
+                    ts1: sync.ts1,
+                    ..TIMESYNC_DATA::default()
+                }));
+            }
+            _ => {}
+        }
+    }
+
     /// Carries an order out, and acknowledges it.
-    pub(super) fn command(&mut self, c: &COMMAND_LONG_DATA, place: WholePlace, from: &MavHeader) {
+    fn command(&mut self, c: &COMMAND_LONG_DATA, place: WholePlace, from: &MavHeader) {
         let result = self.obey(c, place);
         let ack = MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
             command: c.command,
@@ -237,7 +308,7 @@ impl Brain {
         ACCEPTED
     }
 
-    pub(super) fn set_global(&mut self, target: &SET_POSITION_TARGET_GLOBAL_INT_DATA) {
+    fn set_global(&mut self, target: &SET_POSITION_TARGET_GLOBAL_INT_DATA) {
         let alt = f64::from(target.alt);
         let up = match self.config.autopilot {
             // PX4 until 1.18: `home.alt - alt - ref_alt` down from its estimator's zero, where that
@@ -254,7 +325,7 @@ impl Brain {
         self.set(goal, target.type_mask.bits(), target.yaw, target.yaw_rate);
     }
 
-    pub(super) fn set_local(&mut self, target: &SET_POSITION_TARGET_LOCAL_NED_DATA) {
+    fn set_local(&mut self, target: &SET_POSITION_TARGET_LOCAL_NED_DATA) {
         let [north, east, down] = [target.x, target.y, target.z].map(f64::from);
         // Local places count from the estimator's zero; those of an offset frame from where it is.
         let from = match (target.coordinate_frame, self.config.autopilot) {
