@@ -1,15 +1,37 @@
-//! Bearings that are ready-made, and turns of a directional antenna.
+//! Bearings that are ready-made, turns of a directional antenna, and logs of a KrakenSDR, which has no
+//! header, with what such logs suffer from.
 
-use core::f64::consts::{PI, TAU};
-
-use super::{
-    bound::Bound,
-    geodesy::azimuth_deg,
-    path,
-    radio::{Radio, Receiver},
-    random::Random,
-    scene::{At, Row, Scene},
+use core::{
+    f64::consts::{PI, TAU},
+    fmt::Write as _,
 };
+
+use crate::{
+    bound::Bound,
+    geodesy::{Origin, azimuth_deg},
+    radio::{self, Radio, Receiver},
+    random::Random,
+    scene::{At, Class, DrawnFile, DrawnRecording, Row, Scene},
+};
+
+/// Classes, in the order of tables.
+pub(crate) const CLASSES: [Class; 15] = [
+    Class::rows("bearings", "3 to 12 bearings", good),
+    Class::rows("bearings-back", "1 or 2 of 5 to 10 point back", back),
+    Class::rows("bearings-diverge", "two that point back", diverging),
+    Class::rows("bearings-outlier", "one of 8 to 12 is wrong", outlier),
+    Class::rows("bearings-common", "errors in common at each place", common),
+    Class::rows("bearings-array", "errors by direction of arrival", deviation),
+    Class::rows("bearings-sigma", "σ stated 0.3 to 3 times", misstated),
+    Class::rows("bearings-modes", "a third are reflections", two_modes),
+    Class::rows("bearings-far", "the transmitter 3 to 10 baselines away", far),
+    Class::rows("bearings-place", "all from one place", one_place),
+    Class::rows("bearings-north", "200 km at 52 to 66° N", north),
+    Class::rows("groups", "15 to 30 animals, σ not stated", groups),
+    Class::rows("groups-back", "two of them with back-bearings", groups_back),
+    Class::rows("turns", "turns of an antenna, with an echo", turns),
+    Class::files("kraken", "KrakenSDR: no fix, or a clock that steps back", kraken),
+];
 
 /// Column of bearings.
 const BEARING: &str = "bearing_deg_compass";
@@ -23,7 +45,7 @@ fn direction_deg(from: At, to: At) -> f64 {
 }
 
 /// True direction in the plane, in degrees clockwise from North.
-pub(super) fn compass_deg(from: [f64; 2], to: [f64; 2]) -> f64 {
+fn compass_deg(from: [f64; 2], to: [f64; 2]) -> f64 {
     direction_deg([from[0], from[1], 0.0], [to[0], to[1], 0.0])
 }
 
@@ -80,7 +102,7 @@ fn bound(places: &[At], from: At, sigma_deg: f64) -> Option<Bound> {
 }
 
 /// Bearings as they should be.
-pub(super) fn good(random: &mut Random) -> Scene {
+fn good(random: &mut Random) -> Scene {
     let (places, from) = about(random, 3, 12);
     let sigma_deg = random.between(2.0, 12.0).round();
     let rows = taken(random, &places, from, sigma_deg);
@@ -88,7 +110,7 @@ pub(super) fn good(random: &mut Random) -> Scene {
 }
 
 /// One or two of the bearings point back.
-pub(super) fn back(random: &mut Random) -> Scene {
+fn back(random: &mut Random) -> Scene {
     let (places, from) = about(random, 5, 10);
     let sigma_deg = random.between(2.0, 8.0).round();
     let mut rows = taken(random, &places, from, sigma_deg);
@@ -100,7 +122,7 @@ pub(super) fn back(random: &mut Random) -> Scene {
 }
 
 /// Two bearings that diverge, as both point back.
-pub(super) fn diverging(random: &mut Random) -> Scene {
+fn diverging(random: &mut Random) -> Scene {
     let apart_m = random.log_between(100.0, 2_000.0);
     let along_m = random.between(0.1, 0.9) * apart_m;
     let off_m = random.sign() * random.between(0.2, 1.0) * apart_m;
@@ -112,7 +134,7 @@ pub(super) fn diverging(random: &mut Random) -> Scene {
 }
 
 /// One bearing in eight is turned by more than its σ can explain.
-pub(super) fn outlier(random: &mut Random) -> Scene {
+fn outlier(random: &mut Random) -> Scene {
     let (places, from) = about(random, 8, 12);
     let sigma_deg = random.between(2.0, 6.0).round();
     let mut rows = taken(random, &places, from, sigma_deg);
@@ -123,7 +145,7 @@ pub(super) fn outlier(random: &mut Random) -> Scene {
 }
 
 /// Several bearings from each place, which err in common.
-pub(super) fn common(random: &mut Random) -> Scene {
+fn common(random: &mut Random) -> Scene {
     let (places, from) = about(random, 3, 6);
     let own_deg = 3.0;
     let mut time = 0_u32;
@@ -143,7 +165,7 @@ pub(super) fn common(random: &mut Random) -> Scene {
 }
 
 /// Fixed arrays whose errors follow from the direction of arrival.
-pub(super) fn deviation(random: &mut Random) -> Scene {
+fn deviation(random: &mut Random) -> Scene {
     let (places, from) = about(random, 2, 4);
     let mut time = 0_u32;
     let mut rows = Vec::new();
@@ -164,7 +186,7 @@ pub(super) fn deviation(random: &mut Random) -> Scene {
 }
 
 /// σ that is stated 0.3 to 3 times as large as it is.
-pub(super) fn misstated(random: &mut Random) -> Scene {
+fn misstated(random: &mut Random) -> Scene {
     let (places, from) = about(random, 4, 12);
     let sigma_deg = random.between(3.0, 10.0);
     let stated_deg = (sigma_deg * random.log_between(0.3, 3.0)).max(0.5);
@@ -174,7 +196,7 @@ pub(super) fn misstated(random: &mut Random) -> Scene {
 }
 
 /// A third of the bearings point to a reflection, in another direction at each place.
-pub(super) fn two_modes(random: &mut Random) -> Scene {
+fn two_modes(random: &mut Random) -> Scene {
     let (places, from) = about(random, 5, 12);
     let mut rows = taken(random, &places, from, 5.0);
     for row in &mut rows {
@@ -187,7 +209,7 @@ pub(super) fn two_modes(random: &mut Random) -> Scene {
 }
 
 /// A kilometre of places with the transmitter 3 to 10 km away.
-pub(super) fn far(random: &mut Random) -> Scene {
+fn far(random: &mut Random) -> Scene {
     let count = random.count(2, 5);
     let last = f64::from(count - 1);
     let places: Vec<At> =
@@ -198,7 +220,7 @@ pub(super) fn far(random: &mut Random) -> Scene {
 }
 
 /// All bearings are from one place.
-pub(super) fn one_place(random: &mut Random) -> Scene {
+fn one_place(random: &mut Random) -> Scene {
     let from = [random.between(100.0, 2_000.0), random.between(100.0, 2_000.0), 0.0];
     let places = vec![[0.0; 3]; usize::try_from(random.count(2, 6)).unwrap_or(2)];
     let sigma_deg = random.between(3.0, 15.0).round();
@@ -208,7 +230,7 @@ pub(super) fn one_place(random: &mut Random) -> Scene {
 }
 
 /// Stations 50 to 200 km apart in the North, where meridians converge.
-pub(super) fn north(random: &mut Random) -> Scene {
+fn north(random: &mut Random) -> Scene {
     let lat_deg = random.between(52.0, 66.0);
     let spread_deg = random.between(0.3, 1.0);
     let place = |random: &mut Random, spread_deg: f64| {
@@ -238,12 +260,12 @@ pub(super) fn north(random: &mut Random) -> Scene {
 }
 
 /// Animals with four bearings each, whose σ nothing states.
-pub(super) fn groups(random: &mut Random) -> Scene {
+fn groups(random: &mut Random) -> Scene {
     animals(random, 0)
 }
 
 /// Animals of which two have bearings that point back.
-pub(super) fn groups_back(random: &mut Random) -> Scene {
+fn groups_back(random: &mut Random) -> Scene {
     animals(random, 2)
 }
 
@@ -275,12 +297,12 @@ fn animals(random: &mut Random, wrong: usize) -> Scene {
 }
 
 /// Turns of a directional antenna at some places, with a reflection in the pattern.
-pub(super) fn turns(random: &mut Random) -> Scene {
+fn turns(random: &mut Random) -> Scene {
     let side_m = random.between(150.0, 500.0);
     let from = [random.between(0.2, 0.8) * side_m, random.between(0.2, 0.8) * side_m, 0.0];
     let radio = Radio::usual(random);
     let places = random.count(4, 10);
-    let path = path::nodes(random, places, side_m, 1);
+    let path = radio::nodes(random, places, side_m, 1);
     let reflected = random.between(0.1, 0.5);
     let mut rows = Vec::new();
     for (turn, row) in (0_u32..).zip(Receiver::default().receive(random, &path, from, &radio)) {
@@ -300,4 +322,54 @@ pub(super) fn turns(random: &mut Random) -> Scene {
         }
     }
     Scene::of(rows)
+}
+
+/// Draws a kraken with an array on the roof, with rows without a fix or a clock that steps back.
+fn kraken(random: &mut Random) -> DrawnRecording {
+    let origin = Origin { lat_deg: -36.85, lon_deg: 174.76 };
+    let length_m = random.between(1_500.0, 6_000.0);
+    let count = random.count(40, 120);
+    let from = [random.between(0.1, 0.9) * length_m, random.sign() * 0.3 * length_m];
+    let no_fix = random.chance(0.5);
+    let back_at = if no_fix { count } else { random.count(1, count) };
+    let back_ms = whole_ms(random.between(1_000.0, 60_000.0));
+    let mut text = String::new();
+    for row in 0..count {
+        let east_m = length_m * f64::from(row) / f64::from(count);
+        let bearing_deg = compass_deg([east_m, 0.0], from);
+        let bearing_deg = bearing_deg + random.normal(4.0);
+        let doa_deg = (bearing_deg - 90.0).rem_euclid(360.0).round();
+        let distance_m = (from[0] - east_m).hypot(from[1]);
+        let power_db = -5.0 - 25.0 * (distance_m / 100.0).log10() + random.normal(4.0);
+        let mut at = origin.degrees([east_m, 0.0]);
+        if no_fix && random.chance(0.05) {
+            at = [0.0, 0.0];
+        }
+        let back = if row >= back_at { back_ms } else { 0 };
+        let time_ms = 1_767_225_603_000 + 3000 * u64::from(row) - back;
+        let confidence = random.between(2.0, 9.0);
+        // Writing to a string does not fail.
+        let _ = write!(
+            text,
+            "{time_ms}, {doa_deg}, {confidence:.2}, {power_db:.2}, 144500000, Circular, 350, KR1, \
+             {:.7}, {:.7}, 90.0, 90.0, GPS, R, R, R, R",
+            at[0], at[1],
+        );
+        text.push_str(&", -30.00".repeat(360));
+        text.push('\n');
+    }
+    let [lat_deg, lon_deg] = origin.degrees(from);
+    DrawnRecording {
+        files: vec![DrawnFile { name: "kraken.csv".to_owned(), text }],
+        flags: vec!["--format=krakensdr".to_owned(), format!("--truth={lat_deg:.7},{lon_deg:.7}")],
+        header: 0,
+        bound: None,
+        is_empty: false,
+    }
+}
+
+/// Converts positive milliseconds to whole ones.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a minute at most")]
+fn whole_ms(value: f64) -> u64 {
+    value as u64
 }

@@ -15,7 +15,7 @@ pub struct Bound {
 impl Bound {
     /// Computes the bound from the derivatives of each measurement by East, North and whatever else
     /// is unknown, and its σ. `None` where the measurements leave the place open.
-    pub(super) fn of<'a>(rows: impl IntoIterator<Item = (&'a [f64], f64)>) -> Option<Self> {
+    pub(crate) fn of<'a>(rows: impl IntoIterator<Item = (&'a [f64], f64)>) -> Option<Self> {
         let mut information: Option<DMatrix<f64>> = None;
         for (slopes, sigma) in rows {
             let slopes = DVector::from_column_slice(slopes) / sigma;

@@ -2,11 +2,36 @@
 
 use std::{fs, io, path::Path};
 
-use super::{
-    path::whole,
+use crate::{
+    radio::whole,
     random::Random,
-    recording::{DrawnFile, DrawnRecording},
+    scene::{Class, DrawnFile, DrawnRecording},
 };
+
+/// Classes, in the order of tables.
+pub(crate) const CLASSES: [Class; 21] = [
+    Class::cut("afar", "AERPAW rover, a part", rover_part),
+    Class::cut("afar-thin", "AERPAW rover, 5 to 50 % of rows", rover_thinned),
+    Class::cut("afar-outside", "AERPAW rover beside the flight", rover_outside),
+    Class::cut("afar-ceiling", "AERPAW rover, clipped", rover_ceiling),
+    Class::cut("afar-weak", "AERPAW rover, weak rows missing", rover_deaf),
+    Class::cut("afar-coarse", "AERPAW rover, steps of 2 to 6 dB", rover_coarse),
+    Class::cut("afar-late", "AERPAW rover, 5 to 60 rows late", rover_late),
+    Class::cut("afar-outliers", "AERPAW rover, one level in eight is any", rover_outliers),
+    Class::cut("afar-jumps", "AERPAW rover, places that jump", rover_jumps),
+    Class::cut("tower", "AERPAW tower, a part", tower_part),
+    Class::cut("tower-thin", "AERPAW tower, 5 to 50 % of rows", tower_thinned),
+    Class::cut("tower-high", "AERPAW tower from 70 and 100 m", tower_high),
+    Class::cut("tower-ceiling", "AERPAW tower, clipped", tower_ceiling),
+    Class::cut("otter", "an otter's bearings of a day", otter),
+    Class::cut("otter-few", "two or three of them", otter_few),
+    Class::cut("otter-back", "one of them points back", otter_back),
+    Class::cut("otter-outlier", "one of them is wrong", otter_outlier),
+    Class::cut("otter-groups", "5 to 20 otters, σ not stated", otter_groups),
+    Class::cut("yagis", "a walking tag and a station of Yagis", yagis),
+    Class::cut("collars", "flights over VHF collars", collars),
+    Class::cut("collars-floor", "flights over VHF collars, with a floor", collars_floor),
+];
 
 /// A table of a file, cell by cell.
 struct Table {
@@ -152,14 +177,14 @@ impl Rover {
 }
 
 /// A part of a flight.
-pub(super) fn rover_part(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
+fn rover_part(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
     let mut rover = Rover::read(random, data, [1, 2])?;
     rover.table.cut(random, 0.25, 1.0);
     Ok(rover.recording())
 }
 
 /// Few of its rows.
-pub(super) fn rover_thinned(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
+fn rover_thinned(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
     let mut rover = Rover::read(random, data, [1, 2])?;
     let share = random.log_between(0.05, 0.5);
     rover.table.thin(random, share);
@@ -167,14 +192,14 @@ pub(super) fn rover_thinned(random: &mut Random, data: &Path) -> io::Result<Draw
 }
 
 /// A part of a flight beside whose area the transmitter is.
-pub(super) fn rover_outside(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
+fn rover_outside(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
     let mut rover = Rover::read(random, data, [3, 3])?;
     rover.table.cut(random, 0.4, 1.0);
     Ok(rover.recording())
 }
 
 /// A part of a flight by a receiver that clips.
-pub(super) fn rover_ceiling(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
+fn rover_ceiling(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
     let mut rover = Rover::read(random, data, [1, 3])?;
     let most = rover.quantile(random.between(0.5, 0.9));
     rover.table.change(ROVER_LEVEL, |level| level.min(most));
@@ -183,7 +208,7 @@ pub(super) fn rover_ceiling(random: &mut Random, data: &Path) -> io::Result<Draw
 }
 
 /// A part of a flight without what is weak.
-pub(super) fn rover_deaf(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
+fn rover_deaf(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
     let mut rover = Rover::read(random, data, [1, 3])?;
     let least = rover.quantile(random.between(0.3, 0.7));
     let strong = |table: &Table, row: &[String]| {
@@ -195,7 +220,7 @@ pub(super) fn rover_deaf(random: &mut Random, data: &Path) -> io::Result<DrawnRe
 }
 
 /// A part of a flight in steps of some decibels.
-pub(super) fn rover_coarse(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
+fn rover_coarse(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
     let mut rover = Rover::read(random, data, [1, 3])?;
     let step_db = f64::from(random.count(2, 6));
     rover.table.change(ROVER_LEVEL, |level| (level / step_db).round() * step_db);
@@ -204,7 +229,7 @@ pub(super) fn rover_coarse(random: &mut Random, data: &Path) -> io::Result<Drawn
 }
 
 /// A flight whose levels belong to places some seconds away.
-pub(super) fn rover_late(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
+fn rover_late(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
     let mut rover = Rover::read(random, data, [1, 3])?;
     let late = usize::try_from(random.count(5, 60)).unwrap_or(5);
     let levels = rover.table.numbers(ROVER_LEVEL);
@@ -216,7 +241,7 @@ pub(super) fn rover_late(random: &mut Random, data: &Path) -> io::Result<DrawnRe
 }
 
 /// A flight in which one level in eight is any.
-pub(super) fn rover_outliers(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
+fn rover_outliers(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
     let mut rover = Rover::read(random, data, [1, 2])?;
     rover.table.change(ROVER_LEVEL, |level| {
         if random.chance(0.125) { level + random.between(-30.0, 30.0) } else { level }
@@ -226,7 +251,7 @@ pub(super) fn rover_outliers(random: &mut Random, data: &Path) -> io::Result<Dra
 }
 
 /// A part of a flight with places that jump in a few rows.
-pub(super) fn rover_jumps(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
+fn rover_jumps(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
     let mut rover = Rover::read(random, data, [1, 2])?;
     rover.table.cut(random, 0.4, 1.0);
     rover.table.change_some(random, 4, "lat_deg", |random, lat_deg| {
@@ -249,14 +274,14 @@ fn tower(random: &mut Random, data: &Path, flights: &[&str]) -> io::Result<Table
 }
 
 /// A part of a flight over a tower.
-pub(super) fn tower_part(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
+fn tower_part(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
     let mut table = tower(random, data, &["40m_fs5MHz", "40m_fs10MHz", "40m_fs20MHz"])?;
     table.cut(random, 0.3, 1.0);
     Ok(table.into_recording("tower.csv", vec![TOWER.to_owned()]))
 }
 
 /// Few rows of it.
-pub(super) fn tower_thinned(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
+fn tower_thinned(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
     let mut table = tower(random, data, &["40m_fs5MHz", "40m_fs10MHz", "40m_fs20MHz"])?;
     let share = random.log_between(0.05, 0.5);
     table.thin(random, share);
@@ -264,14 +289,14 @@ pub(super) fn tower_thinned(random: &mut Random, data: &Path) -> io::Result<Draw
 }
 
 /// A part of a flight at 70 or 100 m.
-pub(super) fn tower_high(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
+fn tower_high(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
     let mut table = tower(random, data, &["70m_fs20MHz", "100m_fs20MHz"])?;
     table.cut(random, 0.3, 1.0);
     Ok(table.into_recording("tower.csv", vec![TOWER.to_owned()]))
 }
 
 /// A part of a flight by a receiver that clips near the tower.
-pub(super) fn tower_ceiling(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
+fn tower_ceiling(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
     let mut table = tower(random, data, &["40m_fs5MHz", "40m_fs10MHz", "40m_fs20MHz"])?;
     let mut levels = table.numbers("rss_db");
     levels.sort_by(f64::total_cmp);
@@ -315,25 +340,25 @@ fn of_otters((table, truth): (Table, DrawnFile)) -> DrawnRecording {
 }
 
 /// One animal on one day.
-pub(super) fn otter(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
+fn otter(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
     Ok(of_otters(otters(random, data, [1, 1], 4)?))
 }
 
 /// Two or three of its bearings.
-pub(super) fn otter_few(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
+fn otter_few(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
     let rows = if random.chance(0.5) { 2 } else { 3 };
     Ok(of_otters(otters(random, data, [1, 1], rows)?))
 }
 
 /// One of its bearings points back.
-pub(super) fn otter_back(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
+fn otter_back(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
     let (mut table, truth) = otters(random, data, [1, 1], 4)?;
     table.change_some(random, 1, "bearing_deg", |_, deg| (deg + 180.0).rem_euclid(360.0));
     Ok(of_otters((table, truth)))
 }
 
 /// One of its bearings is wrong.
-pub(super) fn otter_outlier(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
+fn otter_outlier(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
     let (mut table, truth) = otters(random, data, [1, 1], 4)?;
     table.change_some(random, 1, "bearing_deg", |random, deg| {
         (deg + random.sign() * random.between(40.0, 120.0)).rem_euclid(360.0)
@@ -342,12 +367,12 @@ pub(super) fn otter_outlier(random: &mut Random, data: &Path) -> io::Result<Draw
 }
 
 /// Several animals at once, whose σ is learned in common.
-pub(super) fn otter_groups(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
+fn otter_groups(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
     Ok(of_otters(otters(random, data, [5, 20], 4)?))
 }
 
 /// A tag that walks about a station of four Yagis, some dozens of bursts.
-pub(super) fn yagis(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
+fn yagis(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
     let folder = data.join("uri_yagi_station");
     let mut table = Table::read(&folder.join("detections.csv"))?;
     let rows = usize::try_from(random.count(60, 200)).unwrap_or(60);
@@ -361,7 +386,7 @@ pub(super) fn yagis(random: &mut Random, data: &Path) -> io::Result<DrawnRecordi
 }
 
 /// A part of a flight over three collars.
-pub(super) fn collars(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
+fn collars(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
     let folder = data.join("pulses");
     let flight = if random.chance(0.5) { "419" } else { "427" };
     let mut table = Table::read(&folder.join(format!("ucsd_run_000{flight}.csv")))?;
@@ -373,7 +398,7 @@ pub(super) fn collars(random: &mut Random, data: &Path) -> io::Result<DrawnRecor
 
 /// A part of a flight over three collars, with a floor between the noise of a frame and a collar's
 /// power.
-pub(super) fn collars_floor(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
+fn collars_floor(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
     let mut recording = collars(random, data)?;
     recording.flags.push(format!("--floor-dbm={:.1}", random.between(-42.0, -34.0)));
     Ok(recording)

@@ -2,13 +2,41 @@
 
 use core::f64::consts::{LN_10, TAU};
 
-use super::{
+use crate::{
     bound::Bound,
-    path::{self, Step},
-    radio::{Floor, Radio, Receiver, Wall},
+    radio::{self, Floor, Radio, Receiver, Step, Wall},
     random::Random,
-    scene::{At, Scene},
+    scene::{At, Class, LARGE_NAME, Scene},
 };
+
+/// Classes, in the order of tables.
+pub(crate) const CLASSES: [Class; 22] = [
+    Class::rows("lanes", "a field in lanes, shadowed", lanes),
+    Class::rows("lanes-white", "a field in lanes, independent errors", white),
+    Class::rows("lanes-long", "kilometres of lanes, independent errors", long),
+    Class::rows("lanes-beside", "the transmitter beside the lanes", beside),
+    Class::rows("lanes-far", "the transmitter 3 to 10 sides away", far),
+    Class::rows("drive", "5 to 100 km on streets, whole dB, weak rows missing", drive),
+    Class::rows("home", "a walk that ends at the transmitter, GNSS of 4 m", home),
+    Class::rows("round", "a loop round the transmitter or past it", round),
+    Class::rows("line", "one straight line", line),
+    Class::rows("hover", "one place", hover),
+    Class::rows("jitter", "one place, GNSS of 2 to 10 m", jitter),
+    Class::rows("heights", "5 to 120 m above dipoles", heights),
+    Class::rows("network", "5 to 50 receivers with gains of their own", network),
+    Class::rows("few-nodes", "3 or 4 receivers", few_nodes),
+    Class::rows("house", "nodes in a house of 1 to 3 storeys", house),
+    Class::rows("reflected", "low flights with a ground reflection", reflected),
+    Class::rows("exponents", "exponents of 1.2 to 8.5, σ that grows", exponents),
+    Class::rows("floor", "30 to 80 % of rows at a stated floor", floor),
+    Class::rows("floor-hidden", "a floor that nothing states", hidden_floor),
+    Class::rows("ceiling", "5 to 40 % of rows at a ceiling", ceiling),
+    Class::rows("coarse", "steps of 1 to 6 dB", coarse),
+    Class::rows("attenuator", "an attenuator switched in", attenuator),
+];
+
+/// The class whose recordings are so large that it runs on request alone.
+pub(crate) const LARGE: Class = Class::rows(LARGE_NAME, "100,000 to 2,000,000 rows", large);
 
 /// Receives along a path with a receiver without faults.
 fn received(random: &mut Random, path: &[Step], from: At, radio: &Radio) -> Scene {
@@ -36,19 +64,19 @@ fn bound(scene: &Scene, path: &[Step], from: At, radio: &Radio) -> Option<Bound>
 }
 
 /// A small field in lanes, with a transmitter in it.
-pub(super) fn lanes(random: &mut Random) -> Scene {
+fn lanes(random: &mut Random) -> Scene {
     let side_m = random.between(120.0, 500.0);
     let lanes = random.count(4, 10);
-    let path = path::lanes(side_m, side_m, lanes, 10.0, 30.0);
+    let path = radio::lanes(side_m, side_m, lanes, 10.0, 30.0);
     let from = within(random, [side_m, side_m]);
     let radio = Radio::usual(random);
     received(random, &path, from, &radio)
 }
 
 /// A field in lanes with independent errors.
-pub(super) fn white(random: &mut Random) -> Scene {
+fn white(random: &mut Random) -> Scene {
     let side_m = random.between(120.0, 500.0);
-    let path = path::lanes(side_m, side_m, random.count(4, 10), 20.0, 2.0);
+    let path = radio::lanes(side_m, side_m, random.count(4, 10), 20.0, 2.0);
     let from = within(random, [side_m, side_m]);
     let sigma_db = random.between(2.0, 6.0);
     let radio = Radio::white(random, sigma_db);
@@ -58,11 +86,11 @@ pub(super) fn white(random: &mut Random) -> Scene {
 }
 
 /// Kilometres of lanes with independent errors.
-pub(super) fn long(random: &mut Random) -> Scene {
+fn long(random: &mut Random) -> Scene {
     let length_m = random.between(600.0, 1200.0);
     let lanes = random.count(15, 41);
     let width_m = f64::from(lanes) * random.between(15.0, 25.0);
-    let path = path::lanes(length_m, width_m, lanes, 20.0, 0.0);
+    let path = radio::lanes(length_m, width_m, lanes, 20.0, 0.0);
     let from = within(random, [length_m, width_m]);
     let radio = Radio::white(random, 4.0);
     let scene = received(random, &path, from, &radio);
@@ -71,9 +99,9 @@ pub(super) fn long(random: &mut Random) -> Scene {
 }
 
 /// A field in lanes beside which the transmitter is.
-pub(super) fn beside(random: &mut Random) -> Scene {
+fn beside(random: &mut Random) -> Scene {
     let side_m = random.between(120.0, 400.0);
-    let path = path::lanes(side_m, side_m, random.count(4, 8), 10.0, 30.0);
+    let path = radio::lanes(side_m, side_m, random.count(4, 8), 10.0, 30.0);
     let off_m = random.between(0.1, 1.0) * side_m;
     let from = [random.between(0.0, side_m), -off_m, 0.0];
     let radio = Radio::usual(random);
@@ -81,9 +109,9 @@ pub(super) fn beside(random: &mut Random) -> Scene {
 }
 
 /// A field in lanes with the transmitter ten of its sides away.
-pub(super) fn far(random: &mut Random) -> Scene {
+fn far(random: &mut Random) -> Scene {
     let side_m = random.between(100.0, 300.0);
-    let path = path::lanes(side_m, side_m, random.count(3, 6), 10.0, 30.0);
+    let path = radio::lanes(side_m, side_m, random.count(3, 6), 10.0, 30.0);
     let off_m = random.between(3.0, 10.0) * side_m;
     let angle = random.between(0.0, TAU);
     let from = [off_m * angle.cos(), off_m * angle.sin(), 0.0];
@@ -92,11 +120,11 @@ pub(super) fn far(random: &mut Random) -> Scene {
 }
 
 /// A drive on streets, past whatever stands along them.
-pub(super) fn drive(random: &mut Random) -> Scene {
+fn drive(random: &mut Random) -> Scene {
     let length_m = random.log_between(5_000.0, 100_000.0);
     let step_m = (length_m / f64::from(random.count(150, 900))).max(20.0);
     let block_m = random.between(100.0, 400.0);
-    let path = path::streets(random, length_m, block_m, step_m);
+    let path = radio::streets(random, length_m, block_m, step_m);
     let near = path[random.index(path.len())].at;
     let off_m = random.log_between(20.0, 600.0);
     let angle = random.between(0.0, TAU);
@@ -107,9 +135,9 @@ pub(super) fn drive(random: &mut Random) -> Scene {
 }
 
 /// A loop round the transmitter, or past it.
-pub(super) fn round(random: &mut Random) -> Scene {
+fn round(random: &mut Random) -> Scene {
     let radius_m = random.between(50.0, 300.0);
-    let path = path::round([0.0, 0.0], radius_m, random.count(40, 150), 20.0);
+    let path = radio::round([0.0, 0.0], radius_m, random.count(40, 150), 20.0);
     let off_m = random.between(0.0, 2.0) * radius_m;
     let angle = random.between(0.0, TAU);
     let from = [off_m * angle.cos(), off_m * angle.sin(), 0.0];
@@ -118,9 +146,9 @@ pub(super) fn round(random: &mut Random) -> Scene {
 }
 
 /// One straight line: either side of it fits alike.
-pub(super) fn line(random: &mut Random) -> Scene {
+fn line(random: &mut Random) -> Scene {
     let length_m = random.between(200.0, 1000.0);
-    let path = path::straight(length_m, random.count(40, 200), 20.0);
+    let path = radio::straight(length_m, random.count(40, 200), 20.0);
     let off_m = random.sign() * random.between(0.1, 0.5) * length_m;
     let from = [random.between(0.0, length_m), off_m, 0.0];
     let radio = Radio::usual(random);
@@ -128,18 +156,18 @@ pub(super) fn line(random: &mut Random) -> Scene {
 }
 
 /// One place: levels from there leave all directions open.
-pub(super) fn hover(random: &mut Random) -> Scene {
+fn hover(random: &mut Random) -> Scene {
     let up_m = random.between(2.0, 60.0);
-    let path = path::hover(random, [0.0, 0.0, up_m], 120, 0.0);
+    let path = radio::hover(random, [0.0, 0.0, up_m], 120, 0.0);
     let off_m = random.between(30.0, 400.0);
     let radio = Radio::usual(random);
     received(random, &path, [off_m, 0.0, 0.0], &radio)
 }
 
 /// A place held to within the errors of its GNSS.
-pub(super) fn jitter(random: &mut Random) -> Scene {
+fn jitter(random: &mut Random) -> Scene {
     let up_m = random.between(2.0, 60.0);
-    let path = path::hover(random, [0.0, 0.0, up_m], 240, 0.2);
+    let path = radio::hover(random, [0.0, 0.0, up_m], 240, 0.2);
     let off_m = random.between(30.0, 300.0);
     let radio = Radio::usual(random);
     let receiver = Receiver { gnss_m: random.between(2.0, 10.0), ..Receiver::default() };
@@ -147,10 +175,10 @@ pub(super) fn jitter(random: &mut Random) -> Scene {
 }
 
 /// Flights at heights of 5 to 120 m over upright dipoles.
-pub(super) fn heights(random: &mut Random) -> Scene {
+fn heights(random: &mut Random) -> Scene {
     let side_m = random.between(100.0, 300.0);
     let up_m = random.log_between(5.0, 120.0);
-    let path = path::lanes(side_m, side_m, random.count(4, 8), 8.0, up_m);
+    let path = radio::lanes(side_m, side_m, random.count(4, 8), 8.0, up_m);
     let mut from = within(random, [side_m, side_m]);
     from[2] = random.between(0.3, 10.0);
     let mut radio = Radio::usual(random);
@@ -159,11 +187,11 @@ pub(super) fn heights(random: &mut Random) -> Scene {
 }
 
 /// A walk that ends at the transmitter, by the GNSS of a phone.
-pub(super) fn home(random: &mut Random) -> Scene {
+fn home(random: &mut Random) -> Scene {
     let length_m = random.between(150.0, 800.0);
     let angle = random.between(0.0, TAU);
     let from = [length_m * angle.cos(), length_m * angle.sin(), 1.0];
-    let path = path::home(random, [0.0, 0.0], [from[0], from[1]], 4.0);
+    let path = radio::home(random, [0.0, 0.0], [from[0], from[1]], 4.0);
     let radio = Radio::usual(random);
     let receiver = Receiver { gnss_m: 4.0, step_db: 1.0, ..Receiver::default() };
     let scene = Scene::of(receiver.receive(random, &path, from, &radio));
@@ -171,10 +199,10 @@ pub(super) fn home(random: &mut Random) -> Scene {
 }
 
 /// A network of receivers over some kilometres, each with a gain of its own.
-pub(super) fn network(random: &mut Random) -> Scene {
+fn network(random: &mut Random) -> Scene {
     let side_m = random.log_between(500.0, 8_000.0);
     let count = random.count(5, 50);
-    let path = path::nodes(random, count, side_m, 6);
+    let path = radio::nodes(random, count, side_m, 6);
     let from = within(random, [side_m, side_m]);
     let radio = Radio::usual(random);
     let receiver = Receiver { offset_db: 3.0, step_db: 1.0, ..Receiver::default() };
@@ -182,17 +210,17 @@ pub(super) fn network(random: &mut Random) -> Scene {
 }
 
 /// Three receivers, or four: hardly more than a network needs.
-pub(super) fn few_nodes(random: &mut Random) -> Scene {
+fn few_nodes(random: &mut Random) -> Scene {
     let side_m = random.log_between(300.0, 3_000.0);
     let count = random.count(3, 4);
-    let path = path::nodes(random, count, side_m, 20);
+    let path = radio::nodes(random, count, side_m, 20);
     let from = within(random, [side_m, side_m]);
     let radio = Radio::usual(random);
     received(random, &path, from, &radio)
 }
 
 /// A house of one to three floors with nodes in its rooms.
-pub(super) fn house(random: &mut Random) -> Scene {
+fn house(random: &mut Random) -> Scene {
     let long_m = random.between(8.0, 18.0);
     let wide_m = random.between(6.0, 12.0);
     let storeys = random.count(1, 3);
@@ -216,7 +244,7 @@ pub(super) fn house(random: &mut Random) -> Scene {
         Wall { from: [middle_m, -1.0], to: [middle_m, wide_m + 1.0], loss_db },
         Wall { from: [-1.0, across_m], to: [long_m + 1.0, across_m], loss_db },
     ];
-    let path = path::of_places(&nodes, 30, 1.0);
+    let path = radio::of_places(&nodes, 30, 1.0);
     let receiver = Receiver { step_db: 1.0, ..Receiver::default() };
     let scene = Scene::of(receiver.receive(random, &path, from, &radio));
     // The rooms are in metres: fences of hundreds of metres are of no use to anybody there.
@@ -224,10 +252,10 @@ pub(super) fn house(random: &mut Random) -> Scene {
 }
 
 /// Low flights with a reflection from the ground.
-pub(super) fn reflected(random: &mut Random) -> Scene {
+fn reflected(random: &mut Random) -> Scene {
     let side_m = random.between(100.0, 300.0);
     let up_m = random.between(5.0, 40.0);
-    let path = path::lanes(side_m, side_m, random.count(4, 8), 5.0, up_m);
+    let path = radio::lanes(side_m, side_m, random.count(4, 8), 5.0, up_m);
     let mut from = within(random, [side_m, side_m]);
     from[2] = random.between(0.5, 2.0);
     let mut radio = Radio::white(random, 1.5);
@@ -238,9 +266,9 @@ pub(super) fn reflected(random: &mut Random) -> Scene {
 }
 
 /// Exponents of 1.2 to 8.5, and errors that grow with the distance.
-pub(super) fn exponents(random: &mut Random) -> Scene {
+fn exponents(random: &mut Random) -> Scene {
     let side_m = random.between(120.0, 500.0);
-    let path = path::lanes(side_m, side_m, random.count(4, 10), 10.0, 20.0);
+    let path = radio::lanes(side_m, side_m, random.count(4, 10), 10.0, 20.0);
     let from = within(random, [side_m, side_m]);
     let mut radio = Radio::usual(random);
     radio.near = random.between(1.2, 3.0);
@@ -250,18 +278,18 @@ pub(super) fn exponents(random: &mut Random) -> Scene {
 }
 
 /// A field in lanes whose far part lies below the noise, as the recording states.
-pub(super) fn floor(random: &mut Random) -> Scene {
+fn floor(random: &mut Random) -> Scene {
     with_floor(random, Floor::Stated)
 }
 
 /// A field in lanes whose far part lies below a floor that nothing states.
-pub(super) fn hidden_floor(random: &mut Random) -> Scene {
+fn hidden_floor(random: &mut Random) -> Scene {
     with_floor(random, Floor::Hidden)
 }
 
 fn with_floor(random: &mut Random, floor: fn(f64) -> Floor) -> Scene {
     let side_m = random.between(200.0, 800.0);
-    let path = path::lanes(side_m, side_m, random.count(5, 10), 10.0, 30.0);
+    let path = radio::lanes(side_m, side_m, random.count(5, 10), 10.0, 30.0);
     let from = within(random, [side_m, side_m]);
     let radio = Radio::usual(random);
     let share = random.between(0.3, 0.8);
@@ -270,9 +298,9 @@ fn with_floor(random: &mut Random, floor: fn(f64) -> Floor) -> Scene {
 }
 
 /// A receiver that shows no more than its largest level, near the transmitter.
-pub(super) fn ceiling(random: &mut Random) -> Scene {
+fn ceiling(random: &mut Random) -> Scene {
     let side_m = random.between(200.0, 600.0);
-    let path = path::lanes(side_m, side_m, random.count(8, 14), 20.0, 0.0);
+    let path = radio::lanes(side_m, side_m, random.count(8, 14), 20.0, 0.0);
     let from = within(random, [side_m, side_m]);
     let radio = Radio::white(random, 3.0);
     let share = random.between(0.6, 0.95);
@@ -282,9 +310,9 @@ pub(super) fn ceiling(random: &mut Random) -> Scene {
 }
 
 /// Whole decibels, or steps of 3, by a signal meter.
-pub(super) fn coarse(random: &mut Random) -> Scene {
+fn coarse(random: &mut Random) -> Scene {
     let side_m = random.between(120.0, 500.0);
-    let path = path::lanes(side_m, side_m, random.count(4, 10), 10.0, 30.0);
+    let path = radio::lanes(side_m, side_m, random.count(4, 10), 10.0, 30.0);
     let from = within(random, [side_m, side_m]);
     let radio = Radio::usual(random);
     let receiver = Receiver { step_db: f64::from(random.count(1, 6)), ..usual() };
@@ -292,9 +320,9 @@ pub(super) fn coarse(random: &mut Random) -> Scene {
 }
 
 /// An attenuator that is switched in as the level rises, in a column that nothing reads.
-pub(super) fn attenuator(random: &mut Random) -> Scene {
+fn attenuator(random: &mut Random) -> Scene {
     let side_m = random.between(200.0, 600.0);
-    let path = path::lanes(side_m, side_m, random.count(6, 12), 10.0, 1.5);
+    let path = radio::lanes(side_m, side_m, random.count(6, 12), 10.0, 1.5);
     let from = within(random, [side_m, side_m]);
     let radio = Radio::usual(random);
     let step_db = f64::from(random.count(5, 20));
@@ -310,12 +338,12 @@ pub(super) fn attenuator(random: &mut Random) -> Scene {
 }
 
 /// More rows than most people have: up to two million.
-pub(super) fn large(random: &mut Random) -> Scene {
+fn large(random: &mut Random) -> Scene {
     let rows = random.log_between(100_000.0, 2_000_000.0);
     let side_m = random.between(1_000.0, 5_000.0);
     let lanes = random.count(20, 60);
     let step_m = side_m * f64::from(lanes) / rows;
-    let path = path::lanes(side_m, side_m, lanes, step_m, 50.0);
+    let path = radio::lanes(side_m, side_m, lanes, step_m, 50.0);
     let from = within(random, [side_m, side_m]);
     let radio = Radio::usual(random);
     received(random, &path, from, &radio)
@@ -330,6 +358,6 @@ fn level_above(path: &[Step], from: At, radio: &Radio, share: f64) -> f64 {
     let mut levels: Vec<f64> = path.iter().map(|step| radio.level(from, step.at)).collect();
     levels.sort_by(f64::total_cmp);
     let count = f64::from(u32::try_from(levels.len()).unwrap_or(u32::MAX));
-    let rank = usize::try_from(path::whole(share * count)).unwrap_or(0);
+    let rank = usize::try_from(radio::whole(share * count)).unwrap_or(0);
     levels.get(rank.min(levels.len().saturating_sub(1))).copied().unwrap_or(0.0)
 }

@@ -2,13 +2,28 @@
 
 use core::f64::consts::TAU;
 
-use super::{
-    path::{self, Step},
-    radio::{Floor, Radio, Receiver},
+use crate::{
+    radio::{self, Floor, Radio, Receiver, Step},
     random::Random,
-    recording::DrawnFile,
-    scene::{At, Row, Scene, Spelling},
+    scene::{At, Class, DrawnFile, Row, Scene, Spelling},
 };
+
+/// Classes, in the order of tables.
+pub(crate) const CLASSES: [Class; 13] = [
+    Class::rows("unsigned", "levels without their minus", unsigned),
+    Class::rows("comma", "semicolons and decimal commas", comma),
+    Class::rows("app", "an app's export with jumps, half with a preamble", app),
+    Class::rows("jumps", "places that jump in 2 to 6 rows", jumps),
+    Class::rows("no-fix", "0° N 0° E in 1 to 5 rows", no_fix),
+    Class::rows("late", "levels 5 to 120 s off their places", late),
+    Class::rows("clock-back", "a clock that steps back", steps_back),
+    Class::rows("duplicates", "rows twice or swapped", duplicates),
+    Class::rows("outliers", "one level in eight is any", outliers),
+    Class::rows("another", "a second transmitter", another),
+    Class::rows("moving", "a transmitter that moves", moving),
+    Class::rows("switched-off", "a transmitter that is switched off", switched_off),
+    Class::rows("never-there", "noise alone", silent),
+];
 
 /// A field that is well received.
 struct Plain {
@@ -22,7 +37,7 @@ struct Plain {
 impl Plain {
     fn draw(random: &mut Random) -> Self {
         let side_m = random.between(150.0, 500.0);
-        let path = path::lanes(side_m, side_m, random.count(5, 10), 12.0, 20.0);
+        let path = radio::lanes(side_m, side_m, random.count(5, 10), 12.0, 20.0);
         let from = [random.between(0.15, 0.85) * side_m, random.between(0.15, 0.85) * side_m, 0.0];
         let radio = Radio::usual(random);
         let rows = Receiver::default().receive(random, &path, from, &radio);
@@ -31,20 +46,20 @@ impl Plain {
 }
 
 /// Levels without their minus.
-pub(super) fn unsigned(random: &mut Random) -> Scene {
+fn unsigned(random: &mut Random) -> Scene {
     let mut rows = Plain::draw(random).rows;
     rows.iter_mut().for_each(|row| row.change("rss_dbm", |level| -level.round()));
     Scene::of(rows)
 }
 
 /// Semicolons between cells and commas in numbers.
-pub(super) fn comma(random: &mut Random) -> Scene {
+fn comma(random: &mut Random) -> Scene {
     let scene = Scene::of(Plain::draw(random).rows).in_degrees(50.0, 14.4);
     Scene { spelling: Spelling::Comma, ..scene }
 }
 
 /// An app's export: a line above the header, names of its own, and a few places that jump.
-pub(super) fn app(random: &mut Random) -> Scene {
+fn app(random: &mut Random) -> Scene {
     let mut rows = Plain::draw(random).rows;
     let jumps = random.count(1, 3);
     for _ in 0..jumps {
@@ -78,7 +93,7 @@ const APP: &str = "name = \"app\"\n\
     truth_lon_deg = \"truth_lon_deg\"\n";
 
 /// Places that jump in a few rows.
-pub(super) fn jumps(random: &mut Random) -> Scene {
+fn jumps(random: &mut Random) -> Scene {
     let mut rows = Plain::draw(random).rows;
     for _ in 0..random.count(2, 6) {
         let row = random.index(rows.len());
@@ -88,7 +103,7 @@ pub(super) fn jumps(random: &mut Random) -> Scene {
 }
 
 /// Places of 0° N 0° E in rows without a fix.
-pub(super) fn no_fix(random: &mut Random) -> Scene {
+fn no_fix(random: &mut Random) -> Scene {
     let plain = Plain::draw(random);
     let mut scene = Scene::of(plain.rows).in_degrees(50.08, 14.42);
     let origin = scene.origin.unwrap_or(super::geodesy::Origin { lat_deg: 0.0, lon_deg: 0.0 });
@@ -102,7 +117,7 @@ pub(super) fn no_fix(random: &mut Random) -> Scene {
 }
 
 /// Levels whose clock is off by seconds to minutes from that of the places.
-pub(super) fn late(random: &mut Random) -> Scene {
+fn late(random: &mut Random) -> Scene {
     let Plain { mut rows, path, .. } = Plain::draw(random);
     let late_s = random.sign() * random.log_between(5.0, 120.0);
     for row in &mut rows {
@@ -115,7 +130,7 @@ pub(super) fn late(random: &mut Random) -> Scene {
 }
 
 /// A clock that steps back by seconds to minutes in the middle.
-pub(super) fn steps_back(random: &mut Random) -> Scene {
+fn steps_back(random: &mut Random) -> Scene {
     let mut rows = Plain::draw(random).rows;
     let from = random.index(rows.len());
     let back_s = random.log_between(2.0, 300.0);
@@ -124,7 +139,7 @@ pub(super) fn steps_back(random: &mut Random) -> Scene {
 }
 
 /// Rows that come twice, or in each other's place.
-pub(super) fn duplicates(random: &mut Random) -> Scene {
+fn duplicates(random: &mut Random) -> Scene {
     let mut rows = Plain::draw(random).rows;
     for _ in 0..random.count(3, 40) {
         let one = random.index(rows.len());
@@ -140,7 +155,7 @@ pub(super) fn duplicates(random: &mut Random) -> Scene {
 }
 
 /// One level in eight is any.
-pub(super) fn outliers(random: &mut Random) -> Scene {
+fn outliers(random: &mut Random) -> Scene {
     let mut rows = Plain::draw(random).rows;
     for row in &mut rows {
         if random.chance(0.125) {
@@ -152,7 +167,7 @@ pub(super) fn outliers(random: &mut Random) -> Scene {
 }
 
 /// Another transmitter on the same frequency, that is the stronger one near itself.
-pub(super) fn another(random: &mut Random) -> Scene {
+fn another(random: &mut Random) -> Scene {
     let Plain { mut rows, path, side_m, mut radio, .. } = Plain::draw(random);
     let from = [random.between(0.0, side_m), random.between(0.0, side_m), 0.0];
     radio.power_dbm += random.between(-6.0, 6.0);
@@ -165,7 +180,7 @@ pub(super) fn another(random: &mut Random) -> Scene {
 }
 
 /// A transmitter that moves on the way; its truth is the place of the middle of the time.
-pub(super) fn moving(random: &mut Random) -> Scene {
+fn moving(random: &mut Random) -> Scene {
     let Plain { path, from, radio, side_m, .. } = Plain::draw(random);
     let angle = random.between(0.0, TAU);
     let way_m = random.between(0.3, 1.0) * side_m;
@@ -183,7 +198,7 @@ pub(super) fn moving(random: &mut Random) -> Scene {
 }
 
 /// A transmitter that is switched off on the way: the receiver goes on with its noise.
-pub(super) fn switched_off(random: &mut Random) -> Scene {
+fn switched_off(random: &mut Random) -> Scene {
     let mut rows = Plain::draw(random).rows;
     let least = rows.iter().filter_map(|row| row.get("rss_dbm")).fold(f64::INFINITY, f64::min);
     let off = random.index(rows.len() / 2) + rows.len() / 4;
@@ -194,7 +209,7 @@ pub(super) fn switched_off(random: &mut Random) -> Scene {
 }
 
 /// A receiver that receives nothing but its noise.
-pub(super) fn silent(random: &mut Random) -> Scene {
+fn silent(random: &mut Random) -> Scene {
     let mut plain = Plain::draw(random);
     plain.radio.power_dbm = -300.0;
     let floor = Floor::Hidden(random.between(-125.0, -95.0));

@@ -2,12 +2,18 @@
 
 use core::f64::consts::TAU;
 
-use super::{
-    path::{Step, nodes},
-    radio::{Floor, Radio, Receiver},
+use crate::{
+    radio::{Floor, Radio, Receiver, Step, nodes},
     random::Random,
-    scene::{At, Row, Scene},
+    scene::{At, Class, Row, Scene},
 };
+
+/// Classes, in the order of tables.
+pub(crate) const CLASSES: [Class; 3] = [
+    Class::rows("track-network", "a tag among 4 to 8 towers, levels", network),
+    Class::rows("track-towers", "a tag among 2 to 4 towers, bearings too", towers),
+    Class::rows("track-one", "a tag and one tower", one_tower),
+];
 
 /// A walk of an animal: legs with a heading of their own, at 0.2 to 3 m/s.
 fn walk(random: &mut Random, side_m: f64, seconds: u32, every_s: u32) -> Vec<(f64, At)> {
@@ -42,7 +48,7 @@ fn within_reach(random: &mut Random) -> Radio {
 }
 
 /// A network of towers that receives the levels of a tag.
-pub(super) fn network(random: &mut Random) -> Scene {
+fn network(random: &mut Random) -> Scene {
     let side_m = random.between(800.0, 3_000.0);
     let count = random.count(4, 8);
     let stations = nodes(random, count, side_m, 1);
@@ -53,7 +59,7 @@ pub(super) fn network(random: &mut Random) -> Scene {
 }
 
 /// Towers that have bearings besides the levels.
-pub(super) fn towers(random: &mut Random) -> Scene {
+fn towers(random: &mut Random) -> Scene {
     let side_m = random.between(800.0, 3_000.0);
     let count = random.count(2, 4);
     let stations = nodes(random, count, side_m, 1);
@@ -73,7 +79,7 @@ pub(super) fn towers(random: &mut Random) -> Scene {
 }
 
 /// One tower with bearings: the range is hardly seen.
-pub(super) fn one_tower(random: &mut Random) -> Scene {
+fn one_tower(random: &mut Random) -> Scene {
     let mut scene = towers(random);
     let of = |receiver: u32| scene.rows.iter().filter(|row| row.receiver == Some(receiver)).count();
     let most = (0..4).max_by_key(|receiver| of(*receiver));

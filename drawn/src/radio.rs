@@ -1,52 +1,12 @@
-//! Propagation and reception of levels, written apart from the models of the estimators.
+//! Propagation and reception of levels along the ways of receivers, written apart from the models of
+//! the estimators.
 
-use core::f64::consts::TAU;
+use core::f64::consts::{FRAC_PI_2, TAU};
 
-use super::{
-    path::Step,
+use crate::{
     random::Random,
     scene::{At, Row},
 };
-
-/// A way from a transmitter to receivers: two slopes that meet at a distance, walls, a field of
-/// shadowing over the plane, and a reflection from the ground.
-#[derive(Clone, Debug)]
-pub(super) struct Radio {
-    /// Level at one metre in dBm.
-    pub(super) power_dbm: f64,
-    /// Exponent up to [`bend_m`](Self::bend_m).
-    pub(super) near: f64,
-    /// Exponent beyond it.
-    pub(super) far: f64,
-    /// Distance at which the slopes meet, in metres.
-    pub(super) bend_m: f64,
-    /// σ of each reading's own error in dB.
-    pub(super) noise_db: f64,
-    /// Growth of that σ per decade of distance beyond 10 m, in dB.
-    pub(super) growth_db: f64,
-    pub(super) field: Option<Field>,
-    pub(super) walls: Vec<Wall>,
-    /// Amplitude of the ground's reflection over that of the direct wave.
-    pub(super) reflection: Option<f64>,
-    /// Both antennas are upright dipoles.
-    pub(super) dipoles: bool,
-}
-
-/// Shadowing over the plane: a sum of waves in random directions (Rice 1944), whose correlation
-/// falls to about 1/e over the length. It is the same wherever one passes again.
-#[derive(Clone, Debug)]
-pub(super) struct Field {
-    waves: Vec<[f64; 3]>,
-    amplitude_db: f64,
-}
-
-/// A wall between two places, from the floor to the ceiling of all storeys.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Wall {
-    pub(super) from: [f64; 2],
-    pub(super) to: [f64; 2],
-    pub(super) loss_db: f64,
-}
 
 /// Loss through the floor of a storey in dB, and the height of a storey in metres.
 const STOREY: (f64, f64) = (12.0, 2.8);
@@ -57,8 +17,57 @@ const WAVES: u32 = 48;
 /// Wavelength of what a reflection interferes at, in metres: 433 MHz.
 const WAVELENGTH_M: f64 = 0.69;
 
+/// A place of a receiver at a time.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Step {
+    pub(crate) time_s: f64,
+    pub(crate) at: At,
+    /// Number of the receiver.
+    pub(crate) receiver: u32,
+}
+
+/// A way from a transmitter to receivers: two slopes that meet at a distance, walls, a field of
+/// shadowing over the plane, and a reflection from the ground.
+#[derive(Clone, Debug)]
+pub(crate) struct Radio {
+    /// Level at one metre in dBm.
+    pub(crate) power_dbm: f64,
+    /// Exponent up to [`bend_m`](Self::bend_m).
+    pub(crate) near: f64,
+    /// Exponent beyond it.
+    pub(crate) far: f64,
+    /// Distance at which the slopes meet, in metres.
+    pub(crate) bend_m: f64,
+    /// σ of each reading's own error in dB.
+    pub(crate) noise_db: f64,
+    /// Growth of that σ per decade of distance beyond 10 m, in dB.
+    pub(crate) growth_db: f64,
+    pub(crate) field: Option<Field>,
+    pub(crate) walls: Vec<Wall>,
+    /// Amplitude of the ground's reflection over that of the direct wave.
+    pub(crate) reflection: Option<f64>,
+    /// Both antennas are upright dipoles.
+    pub(crate) dipoles: bool,
+}
+
+/// Shadowing over the plane: a sum of waves in random directions (Rice 1944), whose correlation
+/// falls to about 1/e over the length. It is the same wherever one passes again.
+#[derive(Clone, Debug)]
+pub(crate) struct Field {
+    waves: Vec<[f64; 3]>,
+    amplitude_db: f64,
+}
+
+/// A wall between two places, from the floor to the ceiling of all storeys.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Wall {
+    pub(crate) from: [f64; 2],
+    pub(crate) to: [f64; 2],
+    pub(crate) loss_db: f64,
+}
+
 impl Field {
-    pub(super) fn draw(random: &mut Random, sigma_db: f64, length_m: f64) -> Self {
+    fn draw(random: &mut Random, sigma_db: f64, length_m: f64) -> Self {
         let wave = |_| {
             let direction = random.between(0.0, TAU);
             // A heavy tail: shadowing has sharp edges, too.
@@ -90,7 +99,7 @@ impl Wall {
 
 impl Radio {
     /// A single slope with independent errors.
-    pub(super) fn white(random: &mut Random, sigma_db: f64) -> Self {
+    pub(crate) fn white(random: &mut Random, sigma_db: f64) -> Self {
         let exponent = random.between(2.0, 3.2);
         Self {
             power_dbm: random.between(-45.0, -15.0),
@@ -107,7 +116,7 @@ impl Radio {
     }
 
     /// Open country or a suburb: two slopes, and shadowing over 10 to 60 m.
-    pub(super) fn usual(random: &mut Random) -> Self {
+    pub(crate) fn usual(random: &mut Random) -> Self {
         let noise_db = random.between(1.0, 2.5);
         let sigma_db = random.between(2.5, 6.0);
         let length_m = random.log_between(10.0, 60.0);
@@ -121,7 +130,7 @@ impl Radio {
     }
 
     /// Level without the reading's own error, in dBm.
-    pub(super) fn level(&self, from: At, at: At) -> f64 {
+    pub(crate) fn level(&self, from: At, at: At) -> f64 {
         let ground_m = (at[0] - from[0]).hypot(at[1] - from[1]);
         let distance_m = ground_m.hypot(at[2] - from[2]).max(0.3);
         let near_m = distance_m.min(self.bend_m);
@@ -147,7 +156,7 @@ impl Radio {
     }
 
     /// σ of a reading's own error at a distance.
-    pub(super) fn sigma_db(&self, from: At, at: At) -> f64 {
+    pub(crate) fn sigma_db(&self, from: At, at: At) -> f64 {
         let distance_m = (at[0] - from[0]).hypot(at[1] - from[1]).max(10.0);
         (self.noise_db + self.growth_db * (distance_m / 10.0).log10()).max(0.1)
     }
@@ -155,22 +164,22 @@ impl Radio {
 
 /// A receiver, and what it makes of levels.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Receiver {
+pub(crate) struct Receiver {
     /// Level of its own noise.
-    pub(super) floor: Floor,
+    pub(crate) floor: Floor,
     /// Largest level that it shows.
-    pub(super) ceiling_dbm: f64,
+    pub(crate) ceiling_dbm: f64,
     /// Levels are multiples of this, in dB.
-    pub(super) step_db: f64,
+    pub(crate) step_db: f64,
     /// σ of the recorded places per axis, in metres.
-    pub(super) gnss_m: f64,
+    pub(crate) gnss_m: f64,
     /// σ of the gain of one receiver beside the others, in dB.
-    pub(super) offset_db: f64,
+    pub(crate) offset_db: f64,
 }
 
 /// Fate of levels below the receiver's noise.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Floor {
+pub(crate) enum Floor {
     /// There is no noise.
     Absent,
     /// The noise stands for the level, and the recording has its level in `floor_dbm`.
@@ -196,12 +205,12 @@ impl Default for Receiver {
 
 impl Receiver {
     /// Rounds and clips a level.
-    pub(super) fn shown(&self, level: f64) -> f64 {
+    fn shown(&self, level: f64) -> f64 {
         (level.min(self.ceiling_dbm) / self.step_db).round() * self.step_db
     }
 
     /// Receives a transmitter along a path.
-    pub(super) fn receive(
+    pub(crate) fn receive(
         &self,
         random: &mut Random,
         path: &[Step],
@@ -237,6 +246,119 @@ impl Receiver {
         }
         rows
     }
+}
+
+/// Places along a way at a constant speed.
+fn timed(places: impl IntoIterator<Item = At>, speed_mps: f64) -> Vec<Step> {
+    let mut steps: Vec<Step> = Vec::new();
+    for at in places {
+        let time_s = steps.last().map_or(0.0, |last| {
+            let way_m = (at[0] - last.at[0]).hypot(at[1] - last.at[1]);
+            last.time_s + (way_m / speed_mps).max(0.5)
+        });
+        steps.push(Step { time_s, at, receiver: 0 });
+    }
+    steps
+}
+
+/// A lawnmower's lanes over a rectangle with a corner at the origin.
+pub(crate) fn lanes(length_m: f64, width_m: f64, lanes: u32, step_m: f64, up_m: f64) -> Vec<Step> {
+    let apart_m = width_m / f64::from(lanes.saturating_sub(1).max(1));
+    let along = whole(length_m / step_m);
+    let place = |lane: u32, step: u32| {
+        let forth = f64::from(step) * length_m / f64::from(along.max(1));
+        let east = if lane.is_multiple_of(2) { forth } else { length_m - forth };
+        [east, f64::from(lane) * apart_m, up_m]
+    };
+    timed((0..lanes).flat_map(|lane| (0..=along).map(move |step| place(lane, step))), 5.0)
+}
+
+/// A drive on a grid of streets.
+pub(crate) fn streets(random: &mut Random, length_m: f64, block_m: f64, step_m: f64) -> Vec<Step> {
+    let mut at = [0.0, 0.0];
+    let mut heading = f64::from(random.count(0, 3)) * FRAC_PI_2;
+    let mut places = vec![[0.0, 0.0, 1.5]];
+    let mut left_m = length_m;
+    let mut to_crossing_m = block_m;
+    while left_m > 0.0 {
+        let go_m = step_m.min(to_crossing_m);
+        at[0] += go_m * heading.cos();
+        at[1] += go_m * heading.sin();
+        places.push([at[0], at[1], 1.5]);
+        left_m -= go_m;
+        to_crossing_m -= go_m;
+        if to_crossing_m <= 1e-6 {
+            to_crossing_m = block_m;
+            if random.chance(0.35) {
+                heading += random.sign() * FRAC_PI_2;
+            }
+        }
+    }
+    timed(places, 12.0)
+}
+
+/// A walk that ends at a place, with detours that grow shorter.
+pub(crate) fn home(random: &mut Random, from: [f64; 2], to: [f64; 2], step_m: f64) -> Vec<Step> {
+    let length_m = (to[0] - from[0]).hypot(to[1] - from[1]);
+    let count = whole(length_m / step_m).max(2);
+    let swing_m = random.between(0.05, 0.25) * length_m;
+    let turns = random.between(2.0, 5.0);
+    let place = |step: u32| {
+        let done = f64::from(step) / f64::from(count);
+        let aside = swing_m * (1.0 - done) * (TAU * turns * done).sin() / length_m;
+        let way = [to[0] - from[0], to[1] - from[1]];
+        let east = from[0] + done * way[0] - aside * way[1];
+        [east, from[1] + done * way[1] + aside * way[0], 1.5]
+    };
+    timed((0..=count).map(place), 1.4)
+}
+
+/// A loop about a centre.
+pub(crate) fn round(centre: [f64; 2], radius_m: f64, count: u32, up_m: f64) -> Vec<Step> {
+    let place = |step: u32| {
+        let (sin, cos) = (TAU * f64::from(step) / f64::from(count)).sin_cos();
+        [centre[0] + radius_m * cos, centre[1] + radius_m * sin, up_m]
+    };
+    timed((0..count).map(place), 5.0)
+}
+
+/// A straight line to the East.
+pub(crate) fn straight(length_m: f64, count: u32, up_m: f64) -> Vec<Step> {
+    let place = |step: u32| [length_m * f64::from(step) / f64::from(count.max(1)), 0.0, up_m];
+    timed((0..=count).map(place), 5.0)
+}
+
+/// One place, held to within some metres.
+pub(crate) fn hover(random: &mut Random, at: At, count: u32, wander_m: f64) -> Vec<Step> {
+    let step = |number: u32| {
+        let off = [random.normal(wander_m), random.normal(wander_m)];
+        let at = [at[0] + off[0], at[1] + off[1], at[2]];
+        Step { time_s: f64::from(number), at, receiver: 0 }
+    };
+    (0..count).map(step).collect()
+}
+
+/// Receivers that stay at places over a square, each of which receives `rounds` times.
+pub(crate) fn nodes(random: &mut Random, count: u32, side_m: f64, rounds: u32) -> Vec<Step> {
+    let places: Vec<At> = (0..count)
+        .map(|_| [random.between(0.0, side_m), random.between(0.0, side_m), 3.0])
+        .collect();
+    of_places(&places, rounds, 10.0)
+}
+
+/// Receivers at given places, each of which receives `rounds` times.
+pub(crate) fn of_places(places: &[At], rounds: u32, every_s: f64) -> Vec<Step> {
+    let of_round = |round: u32| {
+        let time_s = every_s * f64::from(round);
+        (0..).zip(places).map(move |(receiver, at)| Step { time_s, at: *at, receiver })
+    };
+    (0..rounds).flat_map(of_round).collect()
+}
+
+/// Converts a positive number to a whole one.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below a million")]
+pub(crate) fn whole(value: f64) -> u32 {
+    value.round().clamp(0.0, 1e7) as u32
 }
 
 #[cfg(test)]

@@ -3,8 +3,19 @@
 use super::{
     bound::Bound,
     random::Random,
-    scene::{At, Row, Scene},
+    scene::{At, Class, Row, Scene},
 };
+
+/// Classes, in the order of tables.
+pub(crate) const CLASSES: [Class; 7] = [
+    Class::rows("ranges", "4 to 10 ranges", good),
+    Class::rows("ranges-offset", "an offset and a scale in common", offset),
+    Class::rows("ranges-corner", "a third go round a corner", cornered),
+    Class::rows("ranges-line", "stations in a line", in_line),
+    Class::rows("differences", "4 to 8 differences", good_differences),
+    Class::rows("differences-two", "two differences", two_differences),
+    Class::rows("differences-corner", "a quarter go round a corner", cornered_differences),
+];
 
 fn distance_m(one: At, other: At) -> f64 {
     (one[0] - other[0]).hypot(one[1] - other[1]).hypot(one[2] - other[2])
@@ -41,7 +52,7 @@ fn slopes(at: At, from: At) -> [f64; 2] {
 }
 
 /// Ranges with independent errors.
-pub(super) fn good(random: &mut Random) -> Scene {
+fn good(random: &mut Random) -> Scene {
     let (places, from) = stations(random, 4, 10);
     let sigma_m = random.log_between(0.5, 15.0);
     let rows: Vec<[f64; 2]> = places.iter().map(|at| slopes(*at, from)).collect();
@@ -50,7 +61,7 @@ pub(super) fn good(random: &mut Random) -> Scene {
 }
 
 /// Ranges with an offset and a scale that all have in common.
-pub(super) fn offset(random: &mut Random) -> Scene {
+fn offset(random: &mut Random) -> Scene {
     let (places, from) = stations(random, 4, 10);
     let sigma_m = random.log_between(0.5, 5.0);
     let offset_m = random.between(2.0, 40.0);
@@ -60,7 +71,7 @@ pub(super) fn offset(random: &mut Random) -> Scene {
 }
 
 /// A third of the ranges go round a corner.
-pub(super) fn cornered(random: &mut Random) -> Scene {
+fn cornered(random: &mut Random) -> Scene {
     let (places, from) = stations(random, 5, 10);
     let sigma_m = random.log_between(0.5, 5.0);
     let detour_m = 20.0 * sigma_m;
@@ -72,7 +83,7 @@ pub(super) fn cornered(random: &mut Random) -> Scene {
 }
 
 /// Stations along a line: either side of it fits alike.
-pub(super) fn in_line(random: &mut Random) -> Scene {
+fn in_line(random: &mut Random) -> Scene {
     let (mut places, from) = stations(random, 3, 6);
     places.iter_mut().for_each(|at| at[1] = 0.0);
     let sigma_m = random.log_between(0.5, 5.0);
@@ -94,7 +105,7 @@ fn differences(places: &[At], from: At, sigma_m: f64, mut error: impl FnMut() ->
 }
 
 /// Differences with independent errors.
-pub(super) fn good_differences(random: &mut Random) -> Scene {
+fn good_differences(random: &mut Random) -> Scene {
     let (places, from) = stations(random, 4, 8);
     let sigma_m = random.log_between(0.5, 10.0);
     let reference = slopes([0.0; 3], from);
@@ -108,7 +119,7 @@ pub(super) fn good_differences(random: &mut Random) -> Scene {
 }
 
 /// Two differences, whose hyperbolas meet twice as a rule.
-pub(super) fn two_differences(random: &mut Random) -> Scene {
+fn two_differences(random: &mut Random) -> Scene {
     let side_m = random.log_between(200.0, 3_000.0);
     let places = [[side_m, 0.0, 0.0], [0.0, side_m, 0.0]];
     let from = [random.between(-0.5, 0.9) * side_m, random.between(-0.5, 0.9) * side_m, 0.0];
@@ -117,7 +128,7 @@ pub(super) fn two_differences(random: &mut Random) -> Scene {
 }
 
 /// Differences of which some go round a corner.
-pub(super) fn cornered_differences(random: &mut Random) -> Scene {
+fn cornered_differences(random: &mut Random) -> Scene {
     let (places, from) = stations(random, 5, 8);
     let sigma_m = random.log_between(0.5, 5.0);
     let error = || {

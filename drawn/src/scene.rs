@@ -1,38 +1,48 @@
-use super::{bound::Bound, geodesy::Origin, recording::DrawnFile};
+//! Recordings before and after they become text, and the classes that they are drawn from.
+
+use std::{io, path::Path};
+
+use crate::{bound::Bound, geodesy::Origin, random::Random};
+
+/// Name of the class whose recordings are so large that it runs on request alone.
+pub(crate) const LARGE_NAME: &str = "large";
+
+/// Names of the classes whose recordings leave the place open.
+pub(crate) const OPEN: [&str; 4] = ["hover", "jitter", "never-there", "bearings-place"];
 
 /// East, North and Up in metres.
-pub(super) type At = [f64; 3];
+pub(crate) type At = [f64; 3];
 
 /// A row of a recording: who received what, where and when.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Row {
+pub(crate) struct Row {
     /// Number of the transmitter, where the recording names them.
-    pub(super) beacon: Option<u32>,
+    pub(crate) beacon: Option<u32>,
     /// Number of the receiver, where there are several.
-    pub(super) receiver: Option<u32>,
-    pub(super) time_s: f64,
+    pub(crate) receiver: Option<u32>,
+    pub(crate) time_s: f64,
     /// Recorded place of the receiver.
-    pub(super) at: At,
+    pub(crate) at: At,
     /// True place of the transmitter.
-    pub(super) truth: Option<[f64; 2]>,
+    pub(crate) truth: Option<[f64; 2]>,
     /// Further columns by name.
-    pub(super) values: Vec<(&'static str, f64)>,
+    pub(crate) values: Vec<(&'static str, f64)>,
 }
 
 impl Row {
     /// Creates a row without values.
-    pub(super) fn new(time_s: f64, at: At, truth: At) -> Self {
+    pub(crate) fn new(time_s: f64, at: At, truth: At) -> Self {
         Self { time_s, at, truth: Some([truth[0], truth[1]]), ..Self::default() }
     }
 
     /// Sets the value of a column.
-    pub(super) fn with(mut self, column: &'static str, value: f64) -> Self {
+    pub(crate) fn with(mut self, column: &'static str, value: f64) -> Self {
         self.set(column, value);
         self
     }
 
     /// Sets the value of a column.
-    pub(super) fn set(&mut self, column: &'static str, value: f64) {
+    pub(crate) fn set(&mut self, column: &'static str, value: f64) {
         match self.values.iter_mut().find(|(name, _)| *name == column) {
             Some(known) => known.1 = value,
             None => self.values.push((column, value)),
@@ -40,12 +50,12 @@ impl Row {
     }
 
     /// Returns the value of a column.
-    pub(super) fn get(&self, column: &str) -> Option<f64> {
+    pub(crate) fn get(&self, column: &str) -> Option<f64> {
         self.values.iter().find(|(name, _)| *name == column).map(|(_, value)| *value)
     }
 
     /// Replaces the value of a column, where there is one.
-    pub(super) fn change(&mut self, column: &'static str, change: impl FnOnce(f64) -> f64) {
+    pub(crate) fn change(&mut self, column: &'static str, change: impl FnOnce(f64) -> f64) {
         if let Some(value) = self.get(column) {
             self.set(column, change(value));
         }
@@ -54,7 +64,7 @@ impl Row {
 
 /// Separators of cells and decimals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Spelling {
+pub(crate) enum Spelling {
     /// Commas between cells, decimal points.
     #[default]
     Point,
@@ -64,45 +74,45 @@ pub(super) enum Spelling {
 
 /// All of a drawn recording before it becomes text.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Scene {
-    pub(super) rows: Vec<Row>,
+pub(crate) struct Scene {
+    pub(crate) rows: Vec<Row>,
     /// Places are written in degrees from here, and in metres without.
-    pub(super) origin: Option<Origin>,
-    pub(super) spelling: Spelling,
+    pub(crate) origin: Option<Origin>,
+    pub(crate) spelling: Spelling,
     /// Lines above the header.
-    pub(super) preamble: Vec<String>,
+    pub(crate) preamble: Vec<String>,
     /// Columns that the file calls by another name.
-    pub(super) renamed: Vec<(&'static str, &'static str)>,
+    pub(crate) renamed: Vec<(&'static str, &'static str)>,
     /// Files beside it.
-    pub(super) beside: Vec<DrawnFile>,
-    pub(super) flags: Vec<String>,
-    pub(super) bound: Option<Bound>,
+    pub(crate) beside: Vec<DrawnFile>,
+    pub(crate) flags: Vec<String>,
+    pub(crate) bound: Option<Bound>,
     /// Nothing was transmitted: any place is wrong.
-    pub(super) is_empty: bool,
+    pub(crate) is_empty: bool,
     /// Names of columns of truth are left out of the file.
-    pub(super) hides_truth: bool,
+    pub(crate) hides_truth: bool,
 }
 
 impl Scene {
     /// Creates a scene of rows in metres.
-    pub(super) fn of(rows: Vec<Row>) -> Self {
+    pub(crate) fn of(rows: Vec<Row>) -> Self {
         Self { rows, ..Self::default() }
     }
 
     /// Adds a flag with its value.
-    pub(super) fn with_flag(mut self, flag: &str, value: impl ToString) -> Self {
+    pub(crate) fn with_flag(mut self, flag: &str, value: impl ToString) -> Self {
         self.flags.push(format!("{flag}={}", value.to_string()));
         self
     }
 
     /// Writes places in degrees.
-    pub(super) fn in_degrees(mut self, lat_deg: f64, lon_deg: f64) -> Self {
+    pub(crate) fn in_degrees(mut self, lat_deg: f64, lon_deg: f64) -> Self {
         self.origin = Some(Origin { lat_deg, lon_deg });
         self
     }
 
     /// Writes the rows as a table with a header.
-    pub(super) fn text(&self) -> String {
+    fn text(&self) -> String {
         let has_beacons = self.rows.iter().any(|row| row.beacon.is_some());
         let has_receivers = self.rows.iter().any(|row| row.receiver.is_some());
         let mut columns: Vec<&'static str> = Vec::new();
@@ -169,8 +179,158 @@ impl Scene {
     }
 }
 
+/// A file of a drawn recording.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DrawnFile {
+    /// Its name in the folder that the command runs in.
+    pub name: String,
+    /// Its text.
+    pub text: String,
+}
+
+/// A recording that was drawn from a seed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DrawnRecording {
+    /// The files: first the recording, then those beside it.
+    pub files: Vec<DrawnFile>,
+    /// Flags of the command that reads them, beginning with `--track` where the transmitter is to
+    /// be tracked; names of files in them stand for files of the folder.
+    pub flags: Vec<String>,
+    /// Lines of the recording up to the end of its header.
+    pub header: usize,
+    /// The least error, where the recording follows a law that has one.
+    pub bound: Option<Bound>,
+    /// True if nothing was transmitted: any place is wrong.
+    pub is_empty: bool,
+}
+
+impl DrawnRecording {
+    /// Returns the text of the recording.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        self.files.first().map_or("", |file| &file.text)
+    }
+
+    /// Replaces the text of the recording.
+    #[must_use]
+    pub fn with_text(mut self, text: String) -> Self {
+        if let Some(file) = self.files.first_mut() {
+            file.text = text;
+        }
+        self
+    }
+
+    /// Returns true if the transmitter is to be tracked.
+    #[must_use]
+    pub fn is_track(&self) -> bool {
+        self.flags.iter().any(|flag| flag == "--track")
+    }
+}
+
+/// A kind of recordings.
+#[derive(Clone, Copy, Debug)]
+pub struct Class {
+    /// Its name, as `--class` takes it.
+    pub name: &'static str,
+    /// Summary of its draws, in a line.
+    pub about: &'static str,
+    source: Source,
+}
+
+/// Origin of the recordings of a class.
+#[derive(Clone, Copy, Debug)]
+enum Source {
+    /// Drawn rows.
+    Rows(fn(&mut Random) -> Scene),
+    /// Drawn files in a format of their own.
+    Files(fn(&mut Random) -> DrawnRecording),
+    /// Real recordings in a folder.
+    Cut(fn(&mut Random, &Path) -> io::Result<DrawnRecording>),
+}
+
+impl Class {
+    /// Creates a class of drawn rows.
+    pub(crate) const fn rows(
+        name: &'static str,
+        about: &'static str,
+        draw: fn(&mut Random) -> Scene,
+    ) -> Self {
+        Self { name, about, source: Source::Rows(draw) }
+    }
+
+    /// Creates a class of drawn files.
+    pub(crate) const fn files(
+        name: &'static str,
+        about: &'static str,
+        draw: fn(&mut Random) -> DrawnRecording,
+    ) -> Self {
+        Self { name, about, source: Source::Files(draw) }
+    }
+
+    /// Creates a class of real recordings that are cut.
+    pub(crate) const fn cut(
+        name: &'static str,
+        about: &'static str,
+        draw: fn(&mut Random, &Path) -> io::Result<DrawnRecording>,
+    ) -> Self {
+        Self { name, about, source: Source::Cut(draw) }
+    }
+
+    /// Returns true if the class cuts real recordings and needs their folder.
+    #[must_use]
+    pub fn is_cut(&self) -> bool {
+        matches!(self.source, Source::Cut(_))
+    }
+
+    /// Returns true if each recording takes many seconds.
+    #[must_use]
+    pub fn is_large(&self) -> bool {
+        self.name == LARGE_NAME
+    }
+
+    /// Returns true if the recordings leave the place open, so that a refusal is right.
+    #[must_use]
+    pub fn is_open(&self) -> bool {
+        OPEN.contains(&self.name)
+    }
+
+    /// Draws the recording of a seed. The same seed gives the same one, whatever else is drawn;
+    /// `data` is the folder of real recordings.
+    ///
+    /// # Errors
+    ///
+    /// [`io::Error`] that names the file, where a real recording cannot be read or no folder is
+    /// given.
+    pub fn draw(&self, seed: u64, data: Option<&Path>) -> io::Result<DrawnRecording> {
+        let mut random = Random::new(self.name, seed);
+        match self.source {
+            Source::Rows(draw) => Ok(recording(self.name, draw(&mut random))),
+            Source::Files(draw) => Ok(draw(&mut random)),
+            Source::Cut(draw) => match data {
+                Some(data) => draw(&mut random, data),
+                None => Err(io::Error::new(
+                    io::ErrorKind::NotFound,
+                    format!("{}: no folder of real recordings is given", self.name),
+                )),
+            },
+        }
+    }
+}
+
 /// Writes a number with at most `decimals` decimals.
 fn number(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+/// Writes a scene.
+fn recording(name: &str, scene: Scene) -> DrawnRecording {
+    let recorded = DrawnFile { name: format!("{name}.csv"), text: scene.text() };
+    DrawnRecording {
+        header: scene.preamble.len() + 1,
+        files: [recorded].into_iter().chain(scene.beside).collect(),
+        flags: scene.flags,
+        bound: scene.bound,
+        is_empty: scene.is_empty,
+    }
 }
