@@ -97,7 +97,7 @@ impl Prior {
     }
 
     /// Its mean and covariance.
-    pub(super) fn moments(&self) -> Estimate<4> {
+    fn moments(&self) -> Estimate<4> {
         match *self {
             Self::Room { low, high, speed_sigma } => {
                 // A uniform density is a twelfth of its width squared in variance.
@@ -124,7 +124,7 @@ impl Prior {
 
     /// The prior as a sum of Gaussians side by side: `parts[0]` in each direction of a room or
     /// along the range, `parts[1]` along the course.
-    pub(super) fn sum(&self, parts: [usize; 2]) -> Result<Vec<(f64, Estimate<4>)>, EstimatorError> {
+    fn sum(&self, parts: [usize; 2]) -> Result<Vec<(f64, Estimate<4>)>, EstimatorError> {
         match *self {
             Self::Room { low, high, .. } => {
                 let count = f64::from(u32::try_from(parts[0]).unwrap_or(u32::MAX));
@@ -159,10 +159,7 @@ impl Prior {
 
     /// The prior as a row of Gaussians whose ranges are in geometric progression, where there is a
     /// range; `parts` along the range and along the course.
-    pub(super) fn row(
-        &self,
-        parts: [usize; 2],
-    ) -> Result<Option<Vec<(f64, Estimate<4>)>>, EstimatorError> {
+    fn row(&self, parts: [usize; 2]) -> Result<Option<Vec<(f64, Estimate<4>)>>, EstimatorError> {
         let Self::Ranging(r) = *self else { return Ok(None) };
         let (mean, sigma) = r.range;
         let interval = ((mean - REACH * sigma).max(r.least_range), mean + REACH * sigma);

@@ -1,11 +1,23 @@
-use foxhunt_core::{BeaconId, Estimate};
-use foxhunt_hunt::{
-    hunt::{Track, TrackStep},
-    registry::{EstimatorEntry, beacon_seed},
-};
-use nalgebra::Vector2;
+//! One run of a trial with one estimator, and the track that follows the target.
 
-use super::{Trial, TrialError, draw::Draw, track::track};
+use std::sync::Arc;
+
+use foxhunt_core::{BeaconId, ConstantVelocity, Estimate, EstimatorError, Quantity, RandomWalk};
+use foxhunt_hunt::{
+    config::{
+        AnyMotion, EstimatorConfig, FilterConfig, FilterOf, GateConfig, OutlierConfig, Prior as _,
+    },
+    hunt::{Components, Search, TimeStep, Track, TrackConfig, TrackStep, WithoutBearing},
+    registry::{EstimatorEntry, Need, TrackRequest, beacon_seed},
+};
+use foxhunt_sensors::{BearingOnly, LogDistance, RangeDifference, RssBearing};
+use nalgebra::{Vector2, Vector3};
+
+use super::{
+    DifferencesConfig, TargetMotion, Trial, TrialError,
+    draw::Draw,
+    prior::{Leading, Prior},
+};
 
 /// One run of a trial with one estimator.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,4 +71,146 @@ fn follow(draw: &Draw, mut track: Track) -> TrialRun {
         run.estimates.push(track.position());
     }
     run
+}
+
+/// Builds the track of one run.
+///
+/// An estimator of the library's parts is that of its name, with what a trial brings itself:
+/// motion, prior, number of particles, the share of outliers, and a start from the prior instead of
+/// a grid. Without outliers it has no gate, which would keep out bearings that are far from what a
+/// poor linearisation expects. One of a user's own is built as for a hunt.
+///
+/// # Errors
+///
+/// [`TrialError`] when it cannot be built, or has a setting that a trial cannot honour.
+fn track(
+    trial: &Trial,
+    entry: &EstimatorEntry,
+    prior: &Prior,
+    seed: u64,
+) -> Result<Track, TrialError> {
+    let track = match entry.settings() {
+        Some(settings) => of_settings(trial, entry, settings, prior, seed)?,
+        None => {
+            entry.require_stream()?;
+            own(trial, entry, prior, seed)?
+        }
+    };
+    // The first prediction is to the first bearing that is not part of the prior.
+    Ok(track.starting_at(0.0))
+}
+
+fn own(
+    trial: &Trial,
+    entry: &EstimatorEntry,
+    prior: &Prior,
+    seed: u64,
+) -> Result<Track, TrialError> {
+    let needs = entry.needs();
+    match trial.differences {
+        None if needs.bearing == Need::Unused => {
+            return unsuited(trial, entry, "what is no bearing");
+        }
+        Some(_) if needs.others != [Quantity::RANGE_DIFFERENCE] => {
+            return unsuited(trial, entry, "what is no range difference");
+        }
+        _ => {}
+    }
+    let moments: Estimate<2> = Leading(prior).moments();
+    // Levels are missing, so that any law will do.
+    let model = RssBearing::new(LogDistance::new(-30.0, 2.0)?).into();
+    let search = Search { beacon: BeaconId(0), name: "target", prior: moments };
+    let reference = trial.differences.map(|differences| reference(&differences));
+    let request = TrackRequest { search, model: &model, reference, pulses: None, seed };
+    Ok(entry.track(&request, false)?)
+}
+
+/// Place of the second receiver: East, North and Up in metres.
+fn reference(differences: &DifferencesConfig) -> Vector3<f64> {
+    Vector2::from(differences.reference_m).push(0.0)
+}
+
+fn unsuited(
+    trial: &Trial,
+    entry: &EstimatorEntry,
+    needs: &'static str,
+) -> Result<Track, TrialError> {
+    Err(TrialError::Unsuited {
+        estimator: entry.name.clone().into_owned(),
+        trial: trial.name.clone(),
+        needs,
+    })
+}
+
+fn of_settings(
+    trial: &Trial,
+    entry: &EstimatorEntry,
+    settings: &EstimatorConfig,
+    prior: &Prior,
+    seed: u64,
+) -> Result<Track, TrialError> {
+    let unsuited = |needs| unsuited(trial, entry, needs);
+    if settings.power_sigma_db.is_some() || settings.exponent_sigma.is_some() {
+        return unsuited("levels (power_sigma_db)");
+    }
+    if settings.track.components == Components::RssOnly {
+        return unsuited("levels (track.components)");
+    }
+    if settings.track.time_step == TimeStep::PerReception {
+        return unsuited("steps that count receptions (track.time_step)");
+    }
+    if trial.differences.is_some() && settings.track.components == Components::BearingOnly {
+        return unsuited("bearings (track.components)");
+    }
+    if settings.lag_s.is_some() {
+        return unsuited("receptions that come late (lag_s)");
+    }
+    match trial.motion {
+        TargetMotion::Still if settings.moving.is_some() => unsuited("a target that moves"),
+        TargetMotion::Still => build::<2>(trial, settings, Arc::new(still()), prior, seed),
+        TargetMotion::ConstantVelocity { acceleration_density } => {
+            let motion = Arc::new(ConstantVelocity { acceleration_density });
+            build::<4>(trial, settings, motion, prior, seed)
+        }
+    }
+}
+
+fn build<const N: usize>(
+    trial: &Trial,
+    settings: &EstimatorConfig,
+    motion: AnyMotion<N>,
+    prior: &Prior,
+    seed: u64,
+) -> Result<Track, TrialError>
+where
+    FilterConfig: FilterOf<N, 1>,
+{
+    if let Some(differences) = &trial.differences {
+        let model = RangeDifference::new(reference(differences))?;
+        let filter = settings.filter.with_particles(trial.particles).with_gate(GateConfig::Open);
+        let estimator = filter.build(motion, Arc::new(model), &Leading(prior), seed)?;
+        let config = TrackConfig { without_bearing: WithoutBearing::UseLevel, ..settings.track };
+        return Ok(Track::new::<N, 1>(estimator, config));
+    }
+    let bearings = &trial.bearings;
+    let share = bearings.outlier_share;
+    let mut model = BearingOnly::new().with_bias(bearings.bias_rad)?;
+    let mut filter = settings.filter.with_particles(trial.particles);
+    if share > 0.0 {
+        model = model.with_outliers(share)?;
+        let support = std::f64::consts::TAU;
+        filter = filter
+            .with_gate(GateConfig::Probability(0.999))
+            .with_outliers_of_sum(OutlierConfig { share, support });
+    } else {
+        filter = filter.with_gate(GateConfig::Open);
+    }
+    let estimator: Result<_, EstimatorError> =
+        filter.build(motion, Arc::new(model), &Leading(prior), seed);
+    Ok(Track::new::<N, 1>(estimator?, settings.track))
+}
+
+/// The motion of a still target's two components: not at all.
+fn still() -> RandomWalk<2> {
+    RandomWalk::uniform(0.0)
 }
