@@ -1,7 +1,10 @@
-use foxhunt_filters::consistency::Verdict;
+//! The reports of campaigns, and the running figures that they are made of.
+
+use foxhunt_core::Outcome;
+use foxhunt_filters::consistency::{ChiSquaredAverage, ChiSquaredSums, Coverage, Verdict};
 use serde::Serialize;
 
-use crate::{FirstPassage, Spread, StepSpread};
+use crate::{FirstPassage, Spread, StepSpread, simulation::Found, statistics::Running};
 
 /// Name in reports of a planner or an estimator that is the scenario's own.
 pub const OWN: &str = "scenario's own";
@@ -95,4 +98,196 @@ pub struct Checkpoint {
     /// The root mean square of a bound on the error of any estimator, where there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bound_m: Option<f64>,
+}
+
+/// The figures of one run for one beacon: all that summaries are made of. A search that
+/// did not end has none.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BeaconRun {
+    /// The end of the search.
+    pub outcome: Option<Outcome>,
+    /// Distance from the estimate to the truth, in metres.
+    pub error_m: Option<f64>,
+    /// The normalised estimation error squared; absent where the covariance is not positive
+    /// definite.
+    pub nees: Option<f64>,
+    /// The number of receptions that went through the estimator.
+    pub steps: u32,
+    /// The number of receptions after which the semi-major axis of the 95 % ellipse was below 3 m.
+    pub steps_to_3m: Option<u32>,
+    /// Time until then in simulated seconds, from when the search began.
+    pub time_to_3m_s: Option<f64>,
+    /// The distance that all drones together flew meanwhile, in metres.
+    pub path_m: Option<f64>,
+    /// The normalised innovations squared, summed up.
+    pub nis: ChiSquaredSums,
+}
+
+impl BeaconRun {
+    pub(super) fn of(found: &Found) -> Self {
+        let mut nis = ChiSquaredAverage::default();
+        nis.extend(found.nis.iter().copied());
+        Self {
+            outcome: Some(found.fix.outcome),
+            error_m: Some(found.error_m()),
+            nees: found.nees(),
+            steps: found.fix.steps,
+            steps_to_3m: found.progress.steps_to_3m,
+            time_to_3m_s: found.progress.time_to_3m_s,
+            path_m: Some(found.progress.path_m),
+            nis: nis.sums(),
+        }
+    }
+
+    /// The figures, if they are good for a statistic.
+    pub(crate) fn sample(&self) -> Option<Sample> {
+        let Self { steps, nis, .. } = *self;
+        let sample = Sample { error_m: self.error_m?, nees: self.nees?, steps, nis };
+        // However the search ended: without a reception the estimate is the prior.
+        let received = steps > 0;
+        (received && sample.nees.is_finite() && sample.error_m.is_finite()).then_some(sample)
+    }
+}
+
+/// The figures of one beacon in one run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Sample {
+    pub(crate) error_m: f64,
+    pub(crate) nees: f64,
+    pub(crate) steps: u32,
+    /// The normalised innovations squared, summed up.
+    pub(crate) nis: ChiSquaredSums,
+}
+
+/// The running statistics of one beacon, over good runs as they come.
+#[derive(Clone, Debug)]
+pub(crate) struct BeaconSummary {
+    errors: Running,
+    steps: Running,
+    anees: ChiSquaredAverage,
+    anis: ChiSquaredAverage,
+    coverage: Coverage,
+}
+
+impl Default for BeaconSummary {
+    fn default() -> Self {
+        Self {
+            errors: Running::default(),
+            steps: Running::default(),
+            anees: ChiSquaredAverage::default(),
+            anis: ChiSquaredAverage::default(),
+            coverage: Coverage::new(0.95, 0.95).expect("both are in (0, 1)"),
+        }
+    }
+}
+
+impl BeaconSummary {
+    /// Adds a good run.
+    pub(crate) fn add(&mut self, sample: &Sample) {
+        self.errors.add(sample.error_m);
+        self.steps.add(f64::from(sample.steps));
+        self.anees.add(sample.nees, 2);
+        self.coverage.add_nees(sample.nees);
+        self.anis.add_sums(&sample.nis);
+    }
+
+    /// The statistics of the good ones of `total` runs, without checkpoints and bounds, and without
+    /// the figures of flights alone.
+    pub(crate) fn report(&self, name: &str, total: u32) -> BeaconCampaign {
+        let Self { errors, steps, anees, anis, coverage } = self;
+        let good = u32::try_from(coverage.count()).unwrap_or(u32::MAX);
+        BeaconCampaign {
+            name: name.to_owned(),
+            error_m: errors.spread(),
+            steps: steps.step_spread(),
+            steps_to_3m: None,
+            time_to_3m_s: None,
+            path_m: None,
+            anees: anees.average(),
+            anees_interval: anees.interval(),
+            verdict: anees.verdict(),
+            coverage_95: coverage.share(),
+            coverage_95_interval: coverage.interval(),
+            anis: anis.average(),
+            anis_interval: anis.interval(),
+            failed: total.saturating_sub(good),
+            bound_m: None,
+            track_rms_m: None,
+            checkpoints: Vec::new(),
+        }
+    }
+}
+
+impl Checkpoint {
+    /// The statistics of the good runs after a number of measurements, without a bound.
+    pub(crate) fn of(measurements: u32, good: &[Sample]) -> Self {
+        let errors: Vec<f64> = good.iter().map(|sample| sample.error_m).collect();
+        let error_m = Spread::of(&errors);
+        let anees = anees(good).average();
+        Self { measurements, error_m, anees, bound_m: None }
+    }
+}
+
+/// The running statistics of hunts for some beacons.
+#[derive(Clone, Debug)]
+pub(crate) struct FlightsSummary<'a> {
+    runs: u32,
+    beacons: Vec<FlownBeacon<'a>>,
+}
+
+/// The running statistics of hunts for one beacon.
+#[derive(Clone, Debug)]
+struct FlownBeacon<'a> {
+    name: &'a str,
+    good: BeaconSummary,
+    steps_to_3m: Running,
+    time_to_3m_s: Running,
+    path_m: Running,
+}
+
+impl<'a> FlightsSummary<'a> {
+    pub(crate) fn new(beacons: &'a [String]) -> Self {
+        let beacon = |name: &'a String| FlownBeacon {
+            name,
+            good: BeaconSummary::default(),
+            steps_to_3m: Running::default(),
+            time_to_3m_s: Running::default(),
+            path_m: Running::default(),
+        };
+        Self { runs: 0, beacons: beacons.iter().map(beacon).collect() }
+    }
+
+    /// Adds a run: `of` gives its figures for the beacon of an index.
+    pub(crate) fn add(&mut self, mut of: impl FnMut(usize) -> BeaconRun) {
+        self.runs += 1;
+        for (index, beacon) in self.beacons.iter_mut().enumerate() {
+            let run = of(index);
+            if let Some(sample) = run.sample() {
+                beacon.good.add(&sample);
+            }
+            let or_never = |value: Option<f64>| value.unwrap_or(f64::INFINITY);
+            beacon.steps_to_3m.add(or_never(run.steps_to_3m.map(f64::from)));
+            beacon.time_to_3m_s.add(or_never(run.time_to_3m_s));
+            if let Some(path_m) = run.path_m {
+                beacon.path_m.add(path_m);
+            }
+        }
+    }
+
+    pub(crate) fn report(&self, name: &str) -> EstimatorCampaign {
+        let beacon = |beacon: &FlownBeacon<'_>| BeaconCampaign {
+            steps_to_3m: beacon.steps_to_3m.first_passage(),
+            time_to_3m_s: beacon.time_to_3m_s.first_passage(),
+            path_m: beacon.path_m.spread(),
+            ..beacon.good.report(beacon.name, self.runs)
+        };
+        let beacons = self.beacons.iter().map(beacon).collect();
+        EstimatorCampaign { estimator: name.to_owned(), beacons }
+    }
+}
+
+fn anees(good: &[Sample]) -> ChiSquaredAverage {
+    let mut anees = ChiSquaredAverage::default();
+    anees.extend(good.iter().map(|sample| (sample.nees, 2)));
+    anees
 }

@@ -10,11 +10,11 @@ use foxhunt_hunt::{
 use foxhunt_sensors::{BearingError, Correlation, LogDistance, Propagation, fit_sigma};
 use serde::Serialize;
 
-use super::{
-    CampaignError, EstimatorCampaign, Repetition,
-    run::{Flown, beacon_names, summarise},
+use super::{CampaignError, EstimatorCampaign, Flown, Repetition, beacon_names, summarise};
+use crate::{
+    Experiment, Paired, Runner, Spread,
+    simulation::{Setup, SimulationError},
 };
-use crate::{Experiment, Paired, Runner, Spread, simulation::Setup, simulation::SimulationError};
 
 /// The σ that bearings are fused with, in the question of the reference: is an uncertainty that is
 /// read from the pattern worth more than a constant one (Pritzl 2018, §4.1)?

@@ -1,12 +1,19 @@
-use foxhunt_formation::{Airspace, AirspaceError, EnduranceConfig};
-use foxhunt_sim::{DroneConfig, World};
-use nalgebra::{Vector2, Vector3};
-use serde::Serialize;
+//! Campaigns of random fleets. Here the watch over a fleet's rules.
 
+mod campaign;
+
+pub use campaign::{FailedRun, FleetsReport, fleets_campaign};
+
+pub(crate) use campaign::FleetRun;
+
+use foxhunt_formation::{Airspace, AirspaceError, EnduranceConfig};
 use foxhunt_hunt::{
     hunt::{Event, HuntConfig},
     scenario::Scenario,
 };
+use foxhunt_sim::{DroneConfig, World};
+use nalgebra::{Vector2, Vector3};
+use serde::Serialize;
 
 /// A breach of a fleet's rules.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
@@ -70,7 +77,7 @@ const ROOM_S: f64 = 30.0;
 
 /// Looks at where the drones of a hunt truly are.
 #[derive(Debug)]
-pub(super) struct FleetWatch<'a> {
+struct FleetWatch<'a> {
     seed: u64,
     config: &'a HuntConfig,
     drones: &'a [DroneConfig],
@@ -92,17 +99,17 @@ pub(super) struct FleetWatch<'a> {
 
 /// The findings of a watch.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct FleetFindings {
+struct FleetFindings {
     /// The least distance over ground beyond the separation.
-    pub(super) spare_separation_m: f64,
+    spare_separation_m: f64,
     /// The least distance inside the fence and outside the zones.
-    pub(super) spare_airspace_m: f64,
+    spare_airspace_m: f64,
     /// The least time in the air that was left, of drones that could fly home.
-    pub(super) spare_endurance_s: f64,
+    spare_endurance_s: f64,
     /// Drones whose batteries ran out in the air because they could not be moved.
-    pub(super) stranded: u32,
+    stranded: u32,
     /// The first one of each kind.
-    pub(super) violations: Vec<Violation>,
+    violations: Vec<Violation>,
 }
 
 impl Default for FleetFindings {
@@ -118,7 +125,7 @@ impl Default for FleetFindings {
 }
 
 impl<'a> FleetWatch<'a> {
-    pub(super) fn new(scenario: &'a Scenario, seed: u64) -> Result<Self, AirspaceError> {
+    fn new(scenario: &'a Scenario, seed: u64) -> Result<Self, AirspaceError> {
         Ok(Self {
             seed,
             config: &scenario.hunt,
@@ -135,16 +142,16 @@ impl<'a> FleetWatch<'a> {
     }
 
     /// The time when the drones were last looked at, in simulated seconds.
-    pub(super) fn looked_at_s(&self) -> f64 {
+    fn looked_at_s(&self) -> f64 {
         self.time_s
     }
 
     /// The time when the last search was over.
-    pub(super) fn found_last_s(&self) -> f64 {
+    fn found_last_s(&self) -> f64 {
         self.found_last_s
     }
 
-    pub(super) fn note(&mut self, event: &Event) {
+    fn note(&mut self, event: &Event) {
         match event {
             Event::Recalled { time, .. } => {
                 self.recalled.get_or_insert(*time);
@@ -156,7 +163,7 @@ impl<'a> FleetWatch<'a> {
     }
 
     /// Looks at every drone.
-    pub(super) fn look(&mut self, world: &World) {
+    fn look(&mut self, world: &World) {
         let time = world.time();
         self.time_s = time;
         let places = (0..world.drone_count()).filter_map(|drone| world.pose(drone).ok());
@@ -220,7 +227,7 @@ impl<'a> FleetWatch<'a> {
     }
 
     /// The hunt is over at `time`; `silent` where it left a beacon without a word.
-    pub(super) fn end(mut self, time: f64, silent: bool) -> FleetFindings {
+    fn end(mut self, time: f64, silent: bool) -> FleetFindings {
         if silent {
             self.breach(Breach::NoEnd, time, &[], time, 0.0);
         }

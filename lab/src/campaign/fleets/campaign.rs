@@ -1,18 +1,17 @@
+//! Flights of random fleets, and what is found of them.
+
 use std::{cell::RefCell, convert::Infallible};
 
 use foxhunt_core::Outcome;
-use serde::Serialize;
-
 use foxhunt_hunt::{
     hunt::Event,
     registry::{EstimatorEntry, PlannerEntry, Registry},
     scenario::{Scenario, random_fleet},
 };
+use serde::Serialize;
 
-use super::{
-    CampaignError, OWN, OutcomeCount, Repetition, Violation,
-    fleet_watch::{FleetFindings, FleetWatch},
-};
+use super::super::{CampaignError, OWN, OutcomeCount, Repetition};
+use super::{FleetFindings, FleetWatch, Violation};
 use crate::{
     Experiment, Runner, Spread,
     simulation::{Setup, SimulationError},
