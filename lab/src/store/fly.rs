@@ -1,4 +1,6 @@
-use std::{convert::Infallible, io::Write, ops::Range};
+//! Campaigns that are flown into a store, whole or in shards.
+
+use std::{convert::Infallible, fmt, io::Write, ops::Range, str::FromStr};
 
 use flate2::{Compression, write::GzEncoder};
 use foxhunt_hunt::{
@@ -9,12 +11,81 @@ use foxhunt_hunt::{
 };
 use rusqlite::params;
 
-use super::{Contender, Shard, Store, StoreError, StoredCampaign, file::first};
+use super::{Contender, Store, StoreError, StoredCampaign, first};
 use crate::{
     Experiment, Runner,
     campaign::{BeaconRun, CampaignReport, Flown, Repetition, beacon_names},
     simulation::{Setup, SimulationError},
 };
+
+/// One of several parts of a campaign, each of which another process flies.
+///
+/// Runs are divided into parts that lie one after the other and differ by one run at most.
+///
+/// ```
+/// use foxhunt_lab::store::Shard;
+///
+/// let second: Shard = "2/3".parse()?;
+/// assert_eq!(second.of(10), 3..6);
+/// # Ok::<(), foxhunt_lab::store::ShardError>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shard {
+    number: u32,
+    count: u32,
+}
+
+impl Shard {
+    /// All of it: the first part of one.
+    pub const WHOLE: Self = Self { number: 1, count: 1 };
+
+    /// Part `number`, counted from 1, of `count`.
+    ///
+    /// # Errors
+    ///
+    /// [`ShardError`] when there is no such part.
+    pub fn new(number: u32, count: u32) -> Result<Self, ShardError> {
+        if (1..=count).contains(&number) {
+            Ok(Self { number, count })
+        } else {
+            Err(ShardError { given: format!("{number}/{count}") })
+        }
+    }
+
+    /// Its part of `runs` runs.
+    #[must_use]
+    pub fn of(self, runs: u32) -> Range<u32> {
+        let before = |parts: u32| {
+            let runs = u64::from(runs) * u64::from(parts) / u64::from(self.count);
+            u32::try_from(runs).unwrap_or(u32::MAX)
+        };
+        before(self.number - 1)..before(self.number)
+    }
+}
+
+impl fmt::Display for Shard {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.number, self.count)
+    }
+}
+
+impl FromStr for Shard {
+    type Err = ShardError;
+
+    fn from_str(text: &str) -> Result<Self, ShardError> {
+        let error = || ShardError { given: text.to_owned() };
+        let (number, count) = text.split_once('/').ok_or_else(error)?;
+        let whole = |digits: &str| digits.parse().map_err(|_| error());
+        Self::new(whole(number)?, whole(count)?)
+    }
+}
+
+/// There is no such part of a campaign.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("shard {given:?} must be K/N, with whole numbers and 1 ≤ K ≤ N")]
+pub struct ShardError {
+    given: String,
+}
 
 /// A campaign that is flown into a store.
 #[derive(Clone, Copy, Debug)]
@@ -105,16 +176,6 @@ impl CampaignToStore<'_> {
     }
 }
 
-/// The seeds of a shard.
-fn seeds(seed: u64, runs: u32, shard: Shard) -> Result<Range<u64>, StoreError> {
-    let most = i64::MAX.unsigned_abs();
-    if seed.checked_add(u64::from(runs)).is_none_or(|end| end > most) {
-        return Err(StoreError::Seeds { seed, runs });
-    }
-    let part = shard.of(runs);
-    Ok(seed + u64::from(part.start)..seed + u64::from(part.end))
-}
-
 /// Hunts of which only figures and the log are kept.
 struct StoredFlights<'a> {
     setup: Setup<'a>,
@@ -123,7 +184,7 @@ struct StoredFlights<'a> {
 }
 
 /// The results of one hunt that a store keeps.
-pub(super) struct StoredRun {
+struct StoredRun {
     failure: Option<String>,
     duration_s: Option<f64>,
     beacons: Vec<BeaconRun>,
@@ -153,12 +214,6 @@ impl Experiment for StoredFlights<'_> {
             log,
         })
     }
-}
-
-fn compressed(text: &[u8]) -> std::io::Result<Vec<u8>> {
-    let mut encoder = GzEncoder::new(Vec::new(), Compression::default());
-    encoder.write_all(text)?;
-    encoder.finish()
 }
 
 impl Store {
@@ -230,5 +285,49 @@ impl Store {
             Ok(missing)
         };
         self.doing("looking for what is missing", read())
+    }
+}
+
+/// The seeds of a shard.
+fn seeds(seed: u64, runs: u32, shard: Shard) -> Result<Range<u64>, StoreError> {
+    let most = i64::MAX.unsigned_abs();
+    if seed.checked_add(u64::from(runs)).is_none_or(|end| end > most) {
+        return Err(StoreError::Seeds { seed, runs });
+    }
+    let part = shard.of(runs);
+    Ok(seed + u64::from(part.start)..seed + u64::from(part.end))
+}
+
+fn compressed(text: &[u8]) -> std::io::Result<Vec<u8>> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::default());
+    encoder.write_all(text)?;
+    encoder.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shards_cover_all_runs_once() {
+        for (runs, count) in [(10, 3), (2, 5), (1, 1), (0, 2), (u32::MAX, 7)] {
+            let mut next = 0;
+            for number in 1..=count {
+                let part = Shard::new(number, count).expect("it is one of them").of(runs);
+                assert_eq!(part.start, next);
+                assert!(part.len() <= (runs as usize).div_ceil(count as usize));
+                next = part.end;
+            }
+            assert_eq!(next, runs);
+        }
+    }
+
+    #[test]
+    fn what_is_no_shard_is_refused() {
+        for text in ["0/3", "4/3", "1", "1/0", "a/2", "-1/2", "1/2/3", ""] {
+            let error = text.parse::<Shard>().expect_err("it is none").to_string();
+            assert!(error.contains(&format!("{text:?}")), "{error}");
+        }
+        assert_eq!("2/3".parse::<Shard>().expect("one").to_string(), "2/3");
     }
 }

@@ -6,7 +6,7 @@ use std::{
 
 use rusqlite::{OptionalExtension, params};
 
-use super::{Contender, Store, StoreError, StoredCampaign, export::COLUMNS, file::first};
+use super::{Contender, Store, StoreError, StoredCampaign, export::COLUMNS, first};
 
 /// The columns of a run that are its result; those before them are what it is of.
 const RESULTS: &[&str] = COLUMNS.split_at(7).1;
