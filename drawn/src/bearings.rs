@@ -1,5 +1,5 @@
-//! Bearings that are ready-made, turns of a directional antenna, and logs of a KrakenSDR, which has no
-//! header, with what such logs suffer from.
+//! Ready-made bearings, turns of a directional antenna, and logs of a KrakenSDR, which have no
+//! header.
 
 use core::{
     f64::consts::{PI, TAU},

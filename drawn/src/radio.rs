@@ -1,5 +1,5 @@
-//! Propagation and reception of levels along the ways of receivers, written apart from the models of
-//! the estimators.
+//! Propagation and reception of levels along the ways of receivers, written apart from the
+//! estimators' models.
 
 use core::f64::consts::{FRAC_PI_2, TAU};
 

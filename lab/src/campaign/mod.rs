@@ -190,7 +190,7 @@ pub(crate) fn beacon_names(scenario: &Scenario) -> Vec<String> {
 /// # Errors
 ///
 /// [`CampaignError`] when the scenario or an estimator cannot be built. A single run that goes
-/// wrong is counted in [`BeaconCampaign::failed`](super::BeaconCampaign::failed).
+/// wrong is counted in [`BeaconCampaign::failed`].
 pub fn campaign(
     registry: &Registry,
     scenario: &Scenario,
@@ -243,7 +243,7 @@ pub fn campaign_watched<O: std::error::Error + Send + Sync + 'static>(
 /// # Errors
 ///
 /// [`CampaignError`] when a run cannot be built. A single run that goes wrong is counted in
-/// [`BeaconCampaign::failed`](super::BeaconCampaign::failed).
+/// [`BeaconCampaign::failed`].
 pub fn campaign_with(
     name: &str,
     beacons: &[String],

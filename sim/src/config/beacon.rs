@@ -189,7 +189,7 @@ impl PulseTrain {
 
 impl BeaconConfig {
     /// The beacon's place after `time` seconds: East, North and Up in metres; the middle of its
-    /// scatter where it has one ([`WorldConfig::drawn_beacons`]).
+    /// scatter where it has one ([`drawn_beacons`](crate::WorldConfig::drawn_beacons)).
     #[must_use]
     pub fn place_at(&self, time: f64) -> Vector3<f64> {
         let start = Vector2::new(self.east_m, self.north_m);

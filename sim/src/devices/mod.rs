@@ -1,4 +1,4 @@
-//! The handles through which a simulated world is met. Here its devices, with the traits of the
+//! The handles through which a simulated world is met: its devices, with the traits of the
 //! hardware.
 
 mod world;

@@ -363,8 +363,8 @@ mod tests {
         let dt = 0.01;
         let mut wind = Wind::new(&config, dt, Xoshiro256PlusPlus::seed_from_u64(4));
         let east: Vec<f64> = (0..400_000).map(|_| wind.next().x - 3.0).collect();
-        // 4000 s are 4000 independent gusts of 2 · 0.5 s: σ² to 2.2 % with one standard deviation,
-        // and a band of 4.
+        // 4000 s are 4000 independent gusts of 2 · 0.5 s: σ² to 2.2 % with one standard
+        // deviation, and a band of 4.
         let n = 400_000.0;
         let variance = east.iter().map(|v| v * v).sum::<f64>() / n;
         assert!((variance / 2.25 - 1.0).abs() < 0.09, "{variance}");

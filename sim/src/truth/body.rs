@@ -302,6 +302,7 @@ impl Kinematics {
 }
 
 /// A body that something outside of the world flies.
+#[cfg(feature = "emulators")]
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Carried {
     pose: Pose,
@@ -310,6 +311,7 @@ pub(crate) struct Carried {
     path_length: f64,
 }
 
+#[cfg(feature = "emulators")]
 impl Carried {
     /// A body at `pose`, whose nose has turned to `heading` and which has flown `path_length` m.
     fn new(pose: Pose, heading: f64, path_length: f64) -> Self {

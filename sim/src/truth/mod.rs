@@ -1,5 +1,5 @@
-//! The truth: what the devices of a world share. Here its time, its random streams, the antennas that
-//! turn, and the channel between beacons and receivers.
+//! The truth of a world, which its devices share: time, random streams, the antennas that turn, and
+//! the channel between beacons and receivers.
 
 mod body;
 mod drone;
@@ -22,8 +22,8 @@ use crate::{
     ShadowingConfig, SimError, TwoRayConfig,
 };
 
-/// The number of waves that make a field. The correlation of one field about e^(−d/D) errs by about
-/// the inverse root of this number.
+/// The number of waves that make a field. The correlation of one field about e^(−d/D) errs by
+/// about the inverse root of this number.
 const WAVES: usize = 256;
 
 /// A time in which drones that rest are left alone.

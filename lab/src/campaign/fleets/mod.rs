@@ -1,4 +1,4 @@
-//! Campaigns of random fleets. Here the watch over a fleet's rules.
+//! Campaigns of random fleets, and the watch over a fleet's rules.
 
 mod campaign;
 

@@ -1,5 +1,5 @@
-//! An autopilot that flies a drone of the world, as ArduCopter or PX4 would. Here the state of its
-//! flight, the control of its nose, and what ground stations set up: parameters and streams.
+//! An autopilot that flies a drone of the world, as ArduCopter or PX4 would: the state of its
+//! flight, the control of its nose, its parameters, and its streams of messages.
 
 mod brain;
 mod config;

@@ -1,5 +1,5 @@
-//! A drone's GNSS receiver. Here its state at one moment, in the formats that receivers speak: NMEA,
-//! UBX and gpsd's.
+//! A drone's GNSS receiver: its state at one moment, in the formats that receivers speak, NMEA, UBX
+//! and gpsd's.
 
 mod receiver;
 

@@ -1,5 +1,5 @@
-//! Receivers of a world whose transmitters send by themselves: rtl_tcp, and `KrakenSDR`'s page. Here
-//! the receiver under rtl_tcp, an RTL-SDR.
+//! Receivers of a world whose transmitters send by themselves: an RTL-SDR, and servers as rtl_tcp
+//! and a `KrakenSDR` have them.
 
 mod servers;
 

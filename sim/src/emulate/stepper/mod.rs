@@ -1,5 +1,5 @@
-//! A Firmata Arduino with the stepper of a drone's antenna. Here the motor: its
-//! settings, the library that drives it, its wires, and the gear that it turns.
+//! A Firmata Arduino with the stepper of a drone's antenna: the motor's settings, the library that
+//! drives it, its wires, and the gear that it turns.
 
 mod board;
 

@@ -1,5 +1,5 @@
-//! An XBee on a stream, whose RSSI comes from a world. Here what it consists of: registers, the air
-//! between radios, and the text mode.
+//! An XBee on a stream, whose RSSI comes from a world: its registers, the air between radios, and
+//! the text mode.
 
 mod device;
 
