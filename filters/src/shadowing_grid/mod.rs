@@ -6,6 +6,7 @@
 //! what remains is the posterior of the target's place, an average over all these explanations
 //! by their evidence.
 
+mod cells;
 mod censored;
 mod config;
 mod error;
