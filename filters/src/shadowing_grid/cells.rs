@@ -201,7 +201,7 @@ mod tests {
     fn cells_are_short_where_short_ones_are_wanted() {
         let cells = Cells::new(lanes().into_iter());
         let near = Vector2::new(70.0, 30.0);
-        let (leaves, stretch) = cells.leaves(|place| 0.2 * (place - near).norm() + 1.0, 400);
+        let (leaves, stretch) = cells.leaves(|place| 0.3 * (place - near).norm() + 1.0, 400);
         assert!(stretch <= 1.0 + 1e-9 && leaves.len() > 100, "{stretch} {}", leaves.len());
         let sizes: Vec<usize> = leaves.iter().map(Range::len).collect();
         assert!(sizes.contains(&1) && sizes.iter().any(|size| *size > 36), "{sizes:?}");

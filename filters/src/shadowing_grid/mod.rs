@@ -33,4 +33,8 @@ pub use path::{Censoring, ShadowedReading};
 #[cfg(feature = "field-map")]
 pub(crate) use path::{Path, Segments, Summary};
 #[cfg(feature = "batch")]
-pub(crate) use {grid::Grid, marginal::Mixture, search::Search};
+pub(crate) use {
+    grid::Grid,
+    marginal::Mixture,
+    search::{Search, climb},
+};
