@@ -2,6 +2,7 @@
 
 mod calibrated;
 mod correlation;
+mod deviation;
 mod error;
 mod fit;
 mod harmonic_pattern;
@@ -14,6 +15,7 @@ mod student;
 
 pub use calibrated::{Calibrated, heading_towards};
 pub use correlation::Correlation;
+pub use deviation::{Deviation, DeviationFit, MOST_HARMONICS, fit_deviation};
 pub use error::CalibrationError;
 pub use fit::{PathLossFit, fit_log_distance};
 pub use harmonic_pattern::{HARMONIC_PATTERN_UNKNOWNS, unexplained_by_harmonics};
