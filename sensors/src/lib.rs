@@ -57,8 +57,9 @@ pub use antenna::{
 };
 pub use calibration::{
     AtSite, BearingError, BearingOffset, BearingOffsetFit, Calibrated, CalibrationError,
-    Correlation, HARMONIC_PATTERN_UNKNOWNS, KnownBearing, OffsetTerms, PathLossFit, SigmaFit, Site,
-    fit_bearing_offset, fit_log_distance, fit_sigma, heading_towards, unexplained_by_harmonics,
+    Correlation, Deviation, DeviationFit, HARMONIC_PATTERN_UNKNOWNS, KnownBearing, MOST_HARMONICS,
+    OffsetTerms, PathLossFit, SigmaFit, Site, fit_bearing_offset, fit_deviation, fit_log_distance,
+    fit_sigma, heading_towards, unexplained_by_harmonics,
 };
 #[cfg(feature = "alloc")]
 pub use calibration::{

@@ -218,7 +218,7 @@ fn add_points<'a>(
         };
         let range = record.known_range.or_else(|| truth.and_then(to));
         let range = range.ok_or_else(|| no_truth(record.line))?;
-        let receiver = record.drone.as_str();
+        let receiver = &*record.drone;
         let up_m = record.receiver.map(|receiver| receiver.position.z);
         points.push(Point { range, up_m, rss_dbm, file, line: record.line, receiver });
     }
@@ -226,7 +226,7 @@ fn add_points<'a>(
         let truths: BTreeMap<u64, Vector2<f64>> =
             chosen().filter_map(|record| Some((record.line, record.truth?))).collect();
         let names: BTreeMap<u64, &str> =
-            chosen().map(|record| (record.line, record.drone.as_str())).collect();
+            chosen().map(|record| (record.line, &*record.drone)).collect();
         for turn in bearings(recording, extractor, config.positions)? {
             if turn.sweep.beacon_name.as_deref() != beacon {
                 continue;

@@ -13,7 +13,7 @@ pub fn listeners(recordings: &[Recording], receptions: &[Reception]) -> Vec<List
     let mut listeners = Vec::new();
     for recording in recordings {
         for drone in recording.drones() {
-            let records = || recording.records().iter().filter(|record| record.drone == drone);
+            let records = || recording.records().iter().filter(|record| &*record.drone == drone);
             let Some(receiver) = records().find_map(|record| record.receiver) else { continue };
             let here = |pose: Pose| (pose.position - receiver.position).norm() < STILL_M;
             let stays = |record: &Record| record.receiver.is_some_and(here);

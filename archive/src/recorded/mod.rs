@@ -1,6 +1,7 @@
 //! Bearings of turns, receptions, path loss and antenna patterns out of recorded flights.
 
 mod antenna;
+mod arrays;
 mod bearing;
 mod bearing_errors;
 mod calibrate;
@@ -13,6 +14,9 @@ mod station;
 mod truth;
 
 pub use antenna::{KnownDirection, learn_antenna};
+pub use arrays::{
+    ArrayCalibration, calibrate_array, correct_arrays, has_several_beacons, is_fixed_array,
+};
 pub use bearing::{BearingReading, LOW_CONFIDENCE, bearings};
 pub use bearing_errors::{BearingsFit, bearing_errors, calibrate_bearings, true_bearing};
 pub use calibrate::{CalibrateConfig, Calibration, KnownRange, calibrate, known_ranges};

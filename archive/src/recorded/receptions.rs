@@ -1,4 +1,4 @@
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 
 use foxhunt_core::{
     BeaconId, Bearing, BearingExtractor, ByQuantity, Intake, Level, Pose, Quantity, Reception,
@@ -55,7 +55,7 @@ pub struct RecordedReception {
     /// The line of the row, or of the first one of the turn, from 1.
     pub line: u64,
     /// The receiver's name.
-    pub drone: String,
+    pub drone: Arc<str>,
     /// The reception.
     pub reception: Reception,
 }
@@ -104,7 +104,7 @@ pub fn recorded_receptions(
         ..*config
     };
     let no_place = |line| RecordedError::NoPlace { file: file.to_owned(), line };
-    let mut of_drone: BTreeMap<&str, Vec<(u64, Reception)>> = BTreeMap::new();
+    let mut of_drone: BTreeMap<Arc<str>, Vec<RecordedReception>> = BTreeMap::new();
     let mut order = 0.0;
     for record in recording.records() {
         order += 1.0;
@@ -119,28 +119,32 @@ pub fn recorded_receptions(
         let time = record.time.unwrap_or(order);
         if let Some(reception) = from_record(record, time, receiver, config) {
             check(&reception, file, record.line)?;
-            of_drone.entry(&record.drone).or_default().push((record.line, reception));
+            let drone = &record.drone;
+            let row = RecordedReception { line: record.line, drone: Arc::clone(drone), reception };
+            match of_drone.get_mut(drone) {
+                Some(path) => path.push(row),
+                None => drop(of_drone.insert(Arc::clone(drone), vec![row])),
+            }
         }
     }
-    let (turns, sweeps);
     if config.by_sample {
-        sweeps = recording.sweeps(config.positions)?;
-        for sweep in &sweeps {
+        for sweep in &recording.sweeps(config.positions)? {
             if sweep.beacon_name.as_deref() != beacon {
                 continue;
             }
             if !sweep.located {
                 return Err(no_place(sweep.line));
             }
-            let path = of_drone.entry(&sweep.drone).or_default();
+            let drone: Arc<str> = sweep.drone.as_str().into();
+            let path = of_drone.entry(Arc::clone(&drone)).or_default();
             for reception in Reception::of_samples(&sweep.as_sweep(BeaconId(0)), SAMPLE_SIGMA_DB) {
                 check(&reception, file, sweep.line)?;
-                path.push((sweep.line, reception));
+                let drone = Arc::clone(&drone);
+                path.push(RecordedReception { line: sweep.line, drone, reception });
             }
         }
     } else if recording.records().iter().any(|record| record.boresight.is_some()) {
-        turns = bearings(recording, extractor, config.positions)?;
-        for turn in &turns {
+        for turn in &bearings(recording, extractor, config.positions)? {
             if turn.sweep.beacon_name.as_deref() != beacon {
                 continue;
             }
@@ -152,16 +156,21 @@ pub fn recorded_receptions(
             let sweep = turn.sweep.as_sweep(BeaconId(0));
             let reception = Reception { receiver_sigma_m, ..Reception::new(&sweep, &turn.reading) };
             check(&reception, file, line)?;
-            of_drone.entry(&turn.sweep.drone).or_default().push((line, reception));
+            let drone: Arc<str> = turn.sweep.drone.as_str().into();
+            let path = of_drone.entry(Arc::clone(&drone)).or_default();
+            path.push(RecordedReception { line, drone, reception });
         }
     }
-    let paths = of_drone.into_iter().flat_map(|(drone, mut path)| {
-        path.sort_by(|(_, a), (_, b)| a.time.total_cmp(&b.time));
-        let row =
-            move |(line, reception)| RecordedReception { line, drone: drone.to_owned(), reception };
-        path.into_iter().map(row)
-    });
-    Ok(paths.collect())
+    let mut paths: Vec<RecordedReception> = Vec::new();
+    for mut path in of_drone.into_values() {
+        path.sort_by(|a, b| a.reception.time.total_cmp(&b.reception.time));
+        if paths.is_empty() {
+            paths = path;
+        } else {
+            paths.append(&mut path);
+        }
+    }
+    Ok(paths)
 }
 
 /// The reception of one row, if it holds a measurement; without what belongs to a turn.
@@ -185,12 +194,15 @@ fn from_record(
     let with_sigma = |rss_dbm| Level { rss_dbm, sigma_db: config.rss_sigma_db };
     let bearing = record.bearing.filter(|_| !directional).map(|bearing| {
         let calibration = &config.bearings;
-        let sigma = bearing.sigma.map(|sigma| calibration.sigma(sigma));
-        Bearing {
-            angle: calibration.offset().correct(bearing.angle, receiver.heading),
-            sigma: sigma.unwrap_or(config.bearing_sigma),
-            confidence: 1.0,
-        }
+        let sigma = bearing.sigma.map(|sigma| match bearing.is_calibrated {
+            true => sigma,
+            false => calibration.sigma(sigma),
+        });
+        let angle = match bearing.is_calibrated {
+            true => bearing.angle,
+            false => calibration.offset().correct(bearing.angle, receiver.heading),
+        };
+        Bearing { angle, sigma: sigma.unwrap_or(config.bearing_sigma), confidence: 1.0 }
     });
     if level.or(silence).or(saturation).is_none() && bearing.is_none() && record.measured.is_empty()
     {

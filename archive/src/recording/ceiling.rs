@@ -1,4 +1,7 @@
-use std::collections::{BTreeMap, BTreeSet};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+};
 
 use foxhunt_core::Remark;
 use nalgebra::Vector2;
@@ -27,7 +30,7 @@ const LEAST_EXTENT: f64 = 0.03;
 /// receiver's own. Returns a remark for each.
 pub(super) fn find_ceilings(file: &str, records: &mut [Record]) -> Vec<Remark> {
     let steady = steady_beacons(records);
-    let mut of_receiver: BTreeMap<String, Vec<(f64, Vector2<f64>)>> = BTreeMap::new();
+    let mut of_receiver: BTreeMap<Arc<str>, Vec<(f64, Vector2<f64>)>> = BTreeMap::new();
     for record in records.iter().filter(|record| record.ceiling_dbm.is_none()) {
         let Some((level, receiver)) = level(record) else { continue };
         if steady.contains(&record.beacon) {
@@ -42,7 +45,7 @@ pub(super) fn find_ceilings(file: &str, records: &mut [Record]) -> Vec<Remark> {
     }
     let found =
         of_receiver.into_iter().filter_map(|(drone, levels)| Some((drone, ceiling(levels)?)));
-    let found: BTreeMap<String, f64> = found.collect();
+    let found: BTreeMap<Arc<str>, f64> = found.collect();
     if found.is_empty() {
         return Vec::new();
     }
@@ -50,7 +53,7 @@ pub(super) fn find_ceilings(file: &str, records: &mut [Record]) -> Vec<Remark> {
     for record in records.iter_mut() {
         let Some((drone, ceiling)) = found.get_key_value(&record.drone) else { continue };
         if record.ceiling_dbm.is_none() {
-            record.ceiling_dbm = Some(*ceiling);
+            record.details.get_or_insert_default().ceiling_dbm = Some(*ceiling);
             let is_at_it = record.rss_dbm.is_some_and(|level| level >= *ceiling);
             *rows.entry(drone).or_default() += usize::from(is_at_it);
         }
@@ -68,8 +71,8 @@ pub(super) fn find_ceilings(file: &str, records: &mut [Record]) -> Vec<Remark> {
 }
 
 /// The beacons with one level alone: a number that stands for all of them is no limit.
-fn steady_beacons(records: &[Record]) -> BTreeSet<Option<String>> {
-    let mut extremes: BTreeMap<&Option<String>, (f64, f64)> = BTreeMap::new();
+fn steady_beacons(records: &[Record]) -> BTreeSet<Option<Arc<str>>> {
+    let mut extremes: BTreeMap<&Option<Arc<str>>, (f64, f64)> = BTreeMap::new();
     for record in records {
         let Some((level, _)) = level(record) else { continue };
         let (low, high) = extremes.entry(&record.beacon).or_insert((level, level));

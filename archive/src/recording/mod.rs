@@ -54,7 +54,7 @@ pub use mapping::{Beside, Keep, Mapping, Melt, Spectrum, Turns};
 pub use north::North;
 pub use options::{Band, ReadOptions};
 pub use poses::{PoseLog, TimedLevel};
-pub use record::{Backwards, Dropped, Record, RecordedBearing, Recording};
+pub use record::{Backwards, Details, Dropped, Record, RecordedBearing, Recording};
 pub use recorded_source::{RecordedSource, RecordingEnded};
 pub use rover::Rover;
 pub use source::Source;

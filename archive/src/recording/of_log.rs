@@ -1,6 +1,6 @@
 use foxhunt_hunt::{hunt::Event, log::Log};
 
-use super::{North, Record, RecordedBearing, Recording, Turns};
+use super::{Details, North, Record, RecordedBearing, Recording, Turns};
 
 impl Recording {
     /// The receptions of a hunt's log as a recording with its truth: levels and ready-made bearings
@@ -16,26 +16,26 @@ impl Recording {
                 let Event::Received { drone, reception, .. } = event else { return None };
                 let beacon = log.header.beacons.get(usize::from(reception.beacon.0));
                 let bearing = reception.bearing;
-                Some(Record {
-                    line,
-                    beacon: beacon.map(|beacon| beacon.name.clone()),
-                    drone: drone.to_string(),
-                    time: Some(reception.time),
-                    receiver: Some(reception.receiver),
-                    receiver_sigma_m: None,
-                    boresight: None,
-                    position: None,
-                    turn: None,
-                    rss_dbm: reception.level.map(|level| level.rss_dbm),
+                let details = Details {
                     floor_dbm: reception.silence.map(|floor| floor.rss_dbm),
                     ceiling_dbm: reception.saturation.map(|ceiling| ceiling.rss_dbm),
                     bearing: bearing.map(|bearing| RecordedBearing {
                         angle: bearing.angle,
                         sigma: Some(bearing.sigma),
+                        is_calibrated: false,
                     }),
                     measured: reception.measured,
-                    known_range: None,
                     truth: beacon.and_then(|beacon| beacon.place_at(reception.time)),
+                    ..Details::default()
+                };
+                Some(Record {
+                    line,
+                    beacon: beacon.map(|beacon| beacon.name.as_str().into()),
+                    drone: drone.to_string().into(),
+                    time: Some(reception.time),
+                    receiver: Some(reception.receiver),
+                    rss_dbm: reception.level.map(|level| level.rss_dbm),
+                    details: details.kept(),
                 })
             })
             .collect();

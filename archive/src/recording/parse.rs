@@ -6,7 +6,7 @@ use foxhunt_wire::{
 use nalgebra::{Vector2, Vector3};
 
 use super::{
-    Column, FieldProblem, North, Record, RecordedBearing, RecordingError, Rover,
+    Column, Details, FieldProblem, North, Record, RecordedBearing, RecordingError, Rover,
     row::{Reader, whole},
 };
 
@@ -75,8 +75,10 @@ impl Reader<'_> {
             Some((column, _)) => self.north_deg(column, *frame, position)?,
             None => 0.0,
         };
-        let in_metres = self.plan.has(Column::EastM);
-        let on_earth = (*frame).zip(position).filter(|_| !in_metres);
+        // The Earth's curvature matters to angles alone.
+        let is_turned =
+            !self.plan.has(Column::EastM) && angles.into_iter().any(|(_, angle)| angle.is_some());
+        let on_earth = (*frame).zip(position).filter(|_| is_turned);
         let on_earth = on_earth.map(|(frame, position)| (frame, frame.to_geodetic(&position)));
         let radians = |deg: f64| match &on_earth {
             Some((frame, place)) => frame.direction(place, north_deg + deg),
@@ -87,6 +89,7 @@ impl Reader<'_> {
             Some(deg) => Some(RecordedBearing {
                 angle: radians(deg),
                 sigma: self.number(Column::BearingSigmaDeg)?.map(f64::to_radians),
+                is_calibrated: false,
             }),
         };
         let heading = heading_deg.map_or(0.0, radians);
@@ -97,17 +100,11 @@ impl Reader<'_> {
                 Some(heading_deg.ok_or_else(missing)? + antenna)
             }
         };
-        Ok(Ok(Record {
-            line: self.row.line(),
-            beacon: self.text(Column::Beacon)?.map(Into::into),
-            drone: self.text(Column::Drone)?.map_or_else(|| self.stem.to_owned(), Into::into),
-            time,
-            receiver: position.map(|position| Pose::level(position, heading)),
+        let details = Details {
             receiver_sigma_m: self.number(Column::ReceiverSigmaM)?.filter(|sigma| *sigma > 0.0),
             boresight: boresight_deg.map(radians),
             position: self.number(Column::Position)?.map(whole).and_then(|i| i.try_into().ok()),
             turn: self.number(Column::Turn)?.map(whole),
-            rss_dbm,
             floor_dbm,
             ceiling_dbm,
             bearing,
@@ -118,6 +115,16 @@ impl Reader<'_> {
                 self.number(Column::RangeM)?
             },
             truth: self.truth(frame)?,
+        };
+        let drone = self.text(Column::Drone)?;
+        Ok(Ok(Record {
+            line: self.row.line(),
+            beacon: self.text(Column::Beacon)?.map(|name| self.names.of(&name)),
+            drone: self.names.of(drone.as_deref().unwrap_or(self.stem)),
+            time,
+            receiver: position.map(|position| Pose::level(position, heading)),
+            rss_dbm,
+            details: details.kept(),
         }))
     }
 
@@ -172,7 +179,8 @@ impl Reader<'_> {
                 .map_err(|_| self.wrong(Column::LatDeg, FieldProblem::NotFinite))?,
         };
         let local = here.to_local(place);
-        self.near_origin(&local, rover.file(), &format!("{}, {}", place.lat_deg, place.lon_deg))?;
+        let both = || format!("{}, {}", place.lat_deg, place.lon_deg);
+        self.near_origin(&local, || rover.file().to_owned(), both)?;
         *frame = Some(here);
         Ok(local)
     }
@@ -181,13 +189,13 @@ impl Reader<'_> {
     fn near_origin(
         &self,
         local: &Vector3<f64>,
-        column: &str,
-        value: &str,
+        column: impl Fn() -> String,
+        value: impl Fn() -> String,
     ) -> Result<(), RecordingError> {
         let distance_km = local.norm() / 1e3;
         if distance_km.is_nan() || distance_km > LIMIT_KM {
             let problem = FieldProblem::TooFar { distance_km, limit_km: LIMIT_KM };
-            return Err(self.row.wrong(column, value, problem));
+            return Err(self.row.wrong(&column(), &value(), problem));
         }
         Ok(())
     }
@@ -251,10 +259,10 @@ impl Reader<'_> {
             return Err(swapped);
         }
         let Some((lat_deg, lon_deg)) = self.pair(lat, lon)? else { return Ok(None) };
-        let columns = format!("{}, {}", self.plan.label(lat), self.plan.label(lon));
-        let both = format!("{lat_deg}, {lon_deg}");
+        let columns = || format!("{}, {}", self.plan.label(lat), self.plan.label(lon));
+        let both = || format!("{lat_deg}, {lon_deg}");
         if lat_deg.abs() < NO_FIX_DEG && lon_deg.abs() < NO_FIX_DEG {
-            return Err(self.row.wrong(&columns, &both, FieldProblem::NoFix));
+            return Err(self.row.wrong(&columns(), &both(), FieldProblem::NoFix));
         }
         let at_origin = frame.map_or(0.0, |frame| frame.origin().alt_m);
         let place = Geodetic { lat_deg, lon_deg, alt_m: altitude.unwrap_or(at_origin) };
@@ -270,9 +278,9 @@ impl Reader<'_> {
         }
         if !is_near(local) && is_near(here.to_local(&turned)) {
             let problem = FieldProblem::SwappedPlace { distance_km: local.norm() / 1e3 };
-            return Err(self.row.wrong(&columns, &both, problem));
+            return Err(self.row.wrong(&columns(), &both(), problem));
         }
-        self.near_origin(&local, &columns, &both)?;
+        self.near_origin(&local, columns, both)?;
         *frame = Some(here);
         Ok(Some(local))
     }

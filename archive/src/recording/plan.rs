@@ -8,6 +8,8 @@ use super::{
 /// A mapping fitted to one file's header.
 pub(super) struct Plan {
     pub(super) origins: BTreeMap<Column, Origin>,
+    /// The columns of `origins`, a bit each: most are looked for in every row, and missing.
+    present: u64,
     pub(super) rules: Vec<Rule>,
     /// The tables beside the file.
     pub(super) joined: Vec<Joined>,
@@ -230,7 +232,9 @@ impl Plan {
         let names = table.header().to_vec();
         let negate_levels = options.negate_levels;
         let times = Times { format: options.time_format, zone: options.time_zone };
-        let plan = Self { origins, rules, joined, melted, negate_levels, times, ignored, names };
+        let present = origins.keys().fold(0, |bits, column| bits | 1 << *column as u32);
+        let plan =
+            Self { origins, present, rules, joined, melted, negate_levels, times, ignored, names };
         plan.check(table.file(), table.header_line())?;
         // Seconds of any origin are UTC once an offset is stated.
         let is_in_utc = plan.has(Column::TimeUtc)
@@ -253,7 +257,7 @@ impl Plan {
 
     /// Returns true if the recording has such a column, or a constant for it.
     pub(super) fn has(&self, column: Column) -> bool {
-        self.origins.contains_key(&column)
+        self.present & 1 << column as u32 != 0
     }
 
     /// Returns a column's name in messages: the file's own name for it.

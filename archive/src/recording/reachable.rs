@@ -64,7 +64,7 @@ pub(super) fn jumps(records: &[Record]) -> (Vec<Jump>, usize) {
     for (index, record) in records.iter().enumerate() {
         let (Some(time), Some(receiver)) = (record.time, record.receiver) else { continue };
         let fix = Fix { record: index, time, place: receiver.position.xy() };
-        fixes.entry(record.drone.as_str()).or_default().push(fix);
+        fixes.entry(&*record.drone).or_default().push(fix);
     }
     let mut jumps = Vec::new();
     let mut pathless = 0;
@@ -177,7 +177,7 @@ pub(super) fn out_of_time(records: &[Record]) -> Vec<(usize, f64)> {
     let mut times: BTreeMap<Series<'_>, Vec<(usize, f64)>> = BTreeMap::new();
     for (index, record) in records.iter().enumerate() {
         let Some(time) = record.time else { continue };
-        let of = (record.drone.as_str(), record.beacon.as_deref());
+        let of = (&*record.drone, record.beacon.as_deref());
         times.entry(of).or_default().push((index, time));
     }
     let mut out = Vec::new();

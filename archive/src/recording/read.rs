@@ -6,6 +6,7 @@ use std::{
     hash::{DefaultHasher, Hash, Hasher},
     io,
     path::Path,
+    sync::Arc,
 };
 
 use foxhunt_core::Remark;
@@ -27,7 +28,7 @@ use super::{
     plain,
     plan::{Melted, Origin, Plan},
     reachable::{Jump, jumps, out_of_time},
-    row::Reader,
+    row::{Names, Reader},
     table::{Row, Table, shown, spaces_as_tabs},
     utc::utc,
 };
@@ -286,12 +287,13 @@ impl File<'_> {
         let mut frame = options.frame;
         let mut origin_line = None;
         let rover = rover.map(|rover| (rover, options.clock_offset_s));
-        let mut last_times = BTreeMap::new();
+        let mut last_times = LastTimes::default();
         let mut backwards: Option<Backwards> = None;
         let mut rows = 0;
         let mut records = Vec::new();
         let mut exclusions = Exclusions::default();
         let mut copies = Copies::default();
+        let names = Names::default();
         // Times that are not on the track.
         let mut off_track: Option<[f64; 2]> = None;
         for (line, problem) in self.json.iter().flat_map(|json| &json.broken) {
@@ -314,17 +316,15 @@ impl File<'_> {
                 }
             };
             rows += 1;
-            let columns = if plan.melted.is_empty() {
-                vec![None]
-            } else {
-                plan.melted.iter().map(Some).collect()
-            };
-            for melted in columns {
+            let whole = plan.melted.is_empty().then_some(None);
+            for melted in whole.into_iter().chain(plan.melted.iter().map(Some)) {
                 let date_s = options.date_s;
                 let plan = &plan;
                 let row = &row;
                 let stem = stem.as_str();
-                let reader = Reader { plan, row, melted, stem, north, date_s, rover, astray };
+                let names = &names;
+                let reader =
+                    Reader { plan, row, melted, stem, north, date_s, rover, astray, names };
                 // A row that is refused does not set the frame.
                 let mut here = frame;
                 let record = match reader.record(&mut here) {
@@ -356,7 +356,7 @@ impl File<'_> {
                     records.push(record);
                     continue;
                 };
-                if let Some(line) = copies.first(row, melted) {
+                if let Some(line) = copies.first(row, melted, time) {
                     let error = reader.of_time(FieldProblem::Copy { line });
                     if options.strict {
                         return Err(error);
@@ -364,8 +364,7 @@ impl File<'_> {
                     exclusions.add(Cause::Copy, record.line, error);
                     continue;
                 }
-                let of = (record.drone.clone(), record.beacon.clone());
-                let by_s = last_times.insert(of, time).unwrap_or(time) - time;
+                let by_s = last_times.back_s(&record, time);
                 if by_s > 0.0 && options.strict {
                     return Err(reader.of_time(FieldProblem::Backwards { by_s }));
                 }
@@ -375,6 +374,7 @@ impl File<'_> {
                 }
                 records.push(record);
             }
+            table.recycle(row);
         }
         if mapping.rising {
             backwards = None;
@@ -472,20 +472,63 @@ impl File<'_> {
     }
 }
 
+/// The time of the last row of each receiver and beacon.
+#[derive(Default)]
+struct LastTimes {
+    of: Vec<(Arc<str>, Option<Arc<str>>, f64)>,
+    place: BTreeMap<(Arc<str>, Option<Arc<str>>), usize>,
+    last: usize,
+}
+
+impl LastTimes {
+    /// Takes a row's time, and returns the time by which it is earlier than the row before of the
+    /// same receiver and beacon, in seconds.
+    fn back_s(&mut self, record: &Record, time: f64) -> f64 {
+        let is_same = |(drone, beacon, _): &&(Arc<str>, Option<Arc<str>>, f64)| {
+            *drone == record.drone && *beacon == record.beacon
+        };
+        if self.of.get(self.last).filter(is_same).is_none() {
+            let next = self.of.len();
+            let key = (Arc::clone(&record.drone), record.beacon.clone());
+            self.last = *self.place.entry(key).or_insert(next);
+            if self.last == next {
+                self.of.push((Arc::clone(&record.drone), record.beacon.clone(), time));
+            }
+        }
+        let Some((_, _, last)) = self.of.get_mut(self.last) else { return 0.0 };
+        std::mem::replace(last, time) - time
+    }
+}
+
 /// The rows that were read, each with the line where it came first.
 #[derive(Default)]
-struct Copies(HashMap<u64, u64>);
+struct Copies {
+    /// Hashes and lines while each row is later than all before it, so that none is a copy.
+    rising: Vec<(u64, u64)>,
+    latest_s: Option<f64>,
+    lines: HashMap<u64, u64>,
+}
 
 impl Copies {
     /// Returns the line of an earlier row with the same cells, of which the same column is read.
-    fn first(&mut self, row: &Row, melted: Option<&Melted>) -> Option<u64> {
+    fn first(&mut self, row: &Row, melted: Option<&Melted>, time: f64) -> Option<u64> {
         // A hash in place of the row: a file may be as large as memory. Among a million rows two
         // that differ share one with a probability of 1 in 40 million.
         let mut hasher = DefaultHasher::new();
         row.cells().as_slice().hash(&mut hasher);
         row.cells().iter().for_each(|cell| cell.len().hash(&mut hasher));
         melted.map(|melted| melted.index).hash(&mut hasher);
-        match self.0.entry(hasher.finish()) {
+        let hash = hasher.finish();
+        // Equal cells are of equal times.
+        if self.lines.is_empty() && self.latest_s.is_none_or(|latest_s| time > latest_s) {
+            self.latest_s = Some(time);
+            self.rising.push((hash, row.line()));
+            return None;
+        }
+        for (hash, line) in std::mem::take(&mut self.rising) {
+            self.lines.entry(hash).or_insert(line);
+        }
+        match self.lines.entry(hash) {
             Entry::Occupied(first) => Some(*first.get()),
             Entry::Vacant(place) => {
                 place.insert(row.line());

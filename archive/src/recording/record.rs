@@ -1,24 +1,40 @@
+use std::{
+    ops::Deref,
+    sync::{Arc, LazyLock},
+};
+
 use foxhunt_core::{MeasuredList, Pose, Remark};
 use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
 use nalgebra::Vector2;
 
 use super::{North, Turns};
 
-/// One row of a recording, in our units and frame.
+/// One row of a recording, in our units and frame. Files may have millions of rows: the values that
+/// most rows lack are [`Details`], which a record has by dereference.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {
     /// The row's line in its file, from 1.
     pub line: u64,
     /// The beacon's name, if the recording names them.
-    pub beacon: Option<String>,
+    pub beacon: Option<Arc<str>>,
     /// The receiver's name; the file's where the recording does not name it.
-    pub drone: String,
+    pub drone: Arc<str>,
     /// Time in seconds since the recording's own origin. All rows of a file have it, or no row.
     pub time: Option<f64>,
     /// The receiver's pose. All rows of a file have it, or no row. Up is above the ground (or the
     /// frame's origin for `alt_m`), 0 where the height is not known; the heading is 0 where it is
     /// not known.
     pub receiver: Option<Pose>,
+    /// The received power, in dBm, or in dB about an unknown reference: see
+    /// [`Recording::is_calibrated`].
+    pub rss_dbm: Option<f64>,
+    /// `None` where the row has none of them.
+    pub(super) details: Option<Box<Details>>,
+}
+
+/// Values of a row that few recordings have.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Details {
     /// σ of the receiver's place on each axis in metres, if the recording has it.
     pub receiver_sigma_m: Option<f64>,
     /// Direction of the antenna, in radians counter-clockwise from East; `None` for an
@@ -28,9 +44,6 @@ pub struct Record {
     pub position: Option<u16>,
     /// Number of the antenna's turn.
     pub turn: Option<u32>,
-    /// The received power, in dBm, or in dB about an unknown reference: see
-    /// [`Recording::is_calibrated`].
-    pub rss_dbm: Option<f64>,
     /// The receiver's floor, as the level is given: a level at or below it is noise, and no level
     /// a silence.
     pub floor_dbm: Option<f64>,
@@ -47,6 +60,24 @@ pub struct Record {
     pub truth: Option<Vector2<f64>>,
 }
 
+/// Details of a record without any.
+static WITHOUT: LazyLock<Details> = LazyLock::new(Details::default);
+
+impl Details {
+    /// Keeps details with a value.
+    pub(super) fn kept(self) -> Option<Box<Self>> {
+        (self != *WITHOUT).then(|| Box::new(self))
+    }
+}
+
+impl Deref for Record {
+    type Target = Details;
+
+    fn deref(&self) -> &Details {
+        self.details.as_deref().unwrap_or(&WITHOUT)
+    }
+}
+
 /// A bearing that a recording brings with it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RecordedBearing {
@@ -54,6 +85,8 @@ pub struct RecordedBearing {
     pub angle: f64,
     /// Its standard deviation in radians, if the recording has it.
     pub sigma: Option<f64>,
+    /// True if angle and σ are calibrated by the array that made it.
+    pub is_calibrated: bool,
 }
 
 /// The records of one file, at least one.
@@ -201,7 +234,7 @@ impl Recording {
     /// The drones in the order of their first record.
     #[must_use]
     pub fn drones(&self) -> Vec<&str> {
-        distinct(self.records.iter().map(|record| record.drone.as_str()))
+        distinct(self.records.iter().map(|record| &*record.drone))
     }
 
     /// Returns true if the recording names its drones; otherwise a drone is called as the file.
@@ -215,11 +248,35 @@ impl Recording {
     pub fn by_drone(&self) -> Vec<Self> {
         let mut drones = self.drones();
         drones.sort_unstable();
+        let without = Self {
+            file: self.file.clone(),
+            format: self.format.clone(),
+            dropped: self.dropped.clone(),
+            ignored: self.ignored.clone(),
+            remarks: self.remarks.clone(),
+            records: Vec::new(),
+            ..*self
+        };
         let of = |drone: &str| {
-            let own = self.records.iter().filter(|record| record.drone == drone);
-            Self { records: own.cloned().collect(), ..self.clone() }
+            let own = self.records.iter().filter(|record| &*record.drone == drone);
+            Self { records: own.cloned().collect(), ..without.clone() }
         };
         drones.into_iter().map(of).collect()
+    }
+
+    /// Replaces ready-made bearings by what `correct` makes of them; `None` leaves one as it is.
+    pub(crate) fn correct_bearings(
+        &mut self,
+        mut correct: impl FnMut(&Record, RecordedBearing) -> Option<RecordedBearing>,
+    ) {
+        for record in &mut self.records {
+            let Some(bearing) = record.bearing else { continue };
+            if let Some(corrected) = correct(record, bearing)
+                && let Some(details) = &mut record.details
+            {
+                details.bearing = Some(corrected);
+            }
+        }
     }
 
     /// Returns the receiver's first place on Earth; `None` where the recording has no such places.

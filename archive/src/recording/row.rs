@@ -1,4 +1,9 @@
-use std::{borrow::Cow, cell::Cell};
+use std::{
+    borrow::Cow,
+    cell::{Cell, RefCell},
+    collections::BTreeSet,
+    sync::Arc,
+};
 
 use foxhunt_wire::geodesy::Geodetic;
 
@@ -27,6 +32,31 @@ pub(super) struct Reader<'r> {
     pub(super) rover: Option<(&'r Rover, f64)>,
     /// The first place of the file that was too far from the frame's origin.
     pub(super) astray: &'r Cell<Option<Geodetic>>,
+    /// Names of the file's receivers and beacons.
+    pub(super) names: &'r Names,
+}
+
+/// Names that rows share: a file has many rows and few names.
+#[derive(Debug, Default)]
+pub(super) struct Names {
+    known: RefCell<BTreeSet<Arc<str>>>,
+    last: RefCell<Option<Arc<str>>>,
+}
+
+impl Names {
+    /// Returns the one copy of a name.
+    pub(super) fn of(&self, name: &str) -> Arc<str> {
+        if let Some(last) = self.last.borrow().as_ref()
+            && **last == *name
+        {
+            return Arc::clone(last);
+        }
+        let mut known = self.known.borrow_mut();
+        let shared = known.get(name).cloned().unwrap_or_else(|| name.into());
+        known.insert(Arc::clone(&shared));
+        self.last.replace(Some(Arc::clone(&shared)));
+        shared
+    }
 }
 
 impl Reader<'_> {
@@ -117,6 +147,9 @@ impl Reader<'_> {
 
     /// A text; `None` where the file or the row has none.
     pub(super) fn text(&self, column: Column) -> Result<Option<Cow<'_, str>>, RecordingError> {
+        if !self.plan.has(column) {
+            return Ok(None);
+        }
         match self.plan.origins.get(&column) {
             None => Ok(None),
             Some(Origin::Bins { low, high, step, from, first, band }) => {

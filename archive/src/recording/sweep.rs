@@ -81,7 +81,7 @@ impl Recording {
             };
             let time = record.time.unwrap_or(order);
             let level = LevelRow { record, boresight, rss_dbm, time };
-            let key = (record.turn, record.beacon.as_deref(), record.drone.as_str());
+            let key = (record.turn, record.beacon.as_deref(), &*record.drone);
             let place = *places.entry(key).or_insert(groups.len());
             match groups.get_mut(place) {
                 Some(group) => group.push(level),
@@ -125,8 +125,8 @@ impl Recording {
         // Below this length the headings cancel: the body itself turned.
         let heading = heading.direction(1e-9).unwrap_or(0.0);
         Ok(RecordedSweep {
-            beacon_name: first.and_then(|record| record.beacon.clone()),
-            drone: first.map(|record| record.drone.clone()).unwrap_or_default(),
+            beacon_name: first.and_then(|record| record.beacon.as_deref()).map(str::to_owned),
+            drone: first.map(|record| record.drone.to_string()).unwrap_or_default(),
             turn: first.and_then(|record| record.turn),
             line: first.map_or(0, |record| record.line),
             located: first.is_some_and(|record| record.receiver.is_some()),

@@ -1,6 +1,6 @@
 use std::{borrow::Cow, sync::Arc};
 
-use csv::{ByteRecord, StringRecord, Trim};
+use csv::{ByteRecord, StringRecord};
 
 use super::{FieldProblem, RecordingError, Source, json::Json, near_miss::near_miss};
 
@@ -268,6 +268,11 @@ impl<'b> Table<'b> {
         Ok(Some(Row { file: Arc::clone(&self.file), line, separator: self.separator, cells }))
     }
 
+    /// Takes back the memory of a row for the next one.
+    pub(super) fn recycle(&mut self, row: Row) {
+        self.record = row.cells.into_byte_record();
+    }
+
     /// The cell that holds a whole row of the table: its quote is not closed.
     fn unclosed(&self, cells: &StringRecord) -> Option<usize> {
         let between = self.header.len().checked_sub(1).filter(|between| *between > 0)?;
@@ -300,11 +305,21 @@ impl<'b> Table<'b> {
         let line = self.line_at(self.begin.saturating_add(start));
         let number = usize::try_from(line).unwrap_or(usize::MAX);
         let line = number.checked_sub(1).and_then(|at| self.lines.get(at)).copied().unwrap_or(line);
-        match StringRecord::from_byte_record(self.record.clone()) {
+        let has_spaces = |cell: &[u8]| match cell {
+            [first, .., last] => first.is_ascii_whitespace() || last.is_ascii_whitespace(),
+            [only] => only.is_ascii_whitespace(),
+            [] => false,
+        };
+        // Trimming copies the row.
+        if self.record.iter().any(has_spaces) {
+            self.record.trim();
+        }
+        match StringRecord::from_byte_record(std::mem::take(&mut self.record)) {
             Ok(cells) => Ok(Some((line, cells))),
             Err(error) => {
                 let index = error.utf8_error().field();
-                let cell = self.record.get(index).unwrap_or_default();
+                let record = error.into_byte_record();
+                let cell = record.get(index).unwrap_or_default();
                 Err(RecordingError::NotUtf8 {
                     file: self.file.to_string(),
                     line,
@@ -330,11 +345,11 @@ impl<'b> Table<'b> {
             }
         }
         let passed = self.bytes.get(self.counted.0..at).unwrap_or_default();
-        let mut lines = self.counted.1;
-        for (offset, byte) in passed.iter().enumerate() {
-            let pair = *byte == b'\r' && rest(self.counted.0 + offset + 1).first() == Some(&b'\n');
-            lines += u64::from(matches!(byte, b'\n' | b'\r') && !pair);
-        }
+        let count = |wanted: u8| passed.iter().filter(|byte| **byte == wanted).count() as u64;
+        let returns = passed.iter().enumerate().filter(|(_, byte)| **byte == b'\r');
+        let pairs =
+            |(offset, _): &(usize, &u8)| rest(self.counted.0 + offset + 1).first() != Some(&b'\n');
+        let lines = self.counted.1 + count(b'\n') + returns.filter(pairs).count() as u64;
         self.counted = (at.max(self.counted.0), lines);
         lines + 1
     }
@@ -436,7 +451,6 @@ fn reader(bytes: &[u8], separator: u8) -> csv::Reader<&[u8]> {
         .delimiter(separator)
         .has_headers(false)
         .flexible(true)
-        .trim(Trim::All)
         .comment(Some(b'#'))
         .from_reader(bytes)
 }

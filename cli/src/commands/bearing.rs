@@ -7,14 +7,15 @@ use foxhunt::{
     geodesy::radians_to_compass_deg,
     overview::Overview,
     page::NotStrikable,
-    recorded::{BearingReading, LOW_CONFIDENCE, bearings},
+    recorded::{BearingReading, LOW_CONFIDENCE, bearings, correct_arrays},
+    recording::Record,
     registry::Registry,
     struck::file_names,
 };
 use serde::Serialize;
 
 use super::{
-    calibration::{Calibration, Part, Surroundings, calibrated, parts},
+    calibration::{Calibration, Part, Surroundings, calibrated, narrate_corrected, parts},
     extraction::Extraction,
     recorded::Reading,
     views::{Antennas, Views},
@@ -77,8 +78,8 @@ struct Turn {
     turn: Option<u32>,
     time_s: f64,
     samples: usize,
-    rss_dbm: f64,
-    rss_sigma_db: f64,
+    rss_dbm: Option<f64>,
+    rss_sigma_db: Option<f64>,
     bearing_deg_compass: Option<f64>,
     bearing_sigma_deg: Option<f64>,
     confidence: Option<f64>,
@@ -110,8 +111,8 @@ impl Turn {
             turn: sweep.turn,
             time_s: sweep.sweep.time,
             samples: sweep.sweep.samples.len(),
-            rss_dbm: reading.rss_dbm,
-            rss_sigma_db: reading.rss_sigma_db,
+            rss_dbm: Some(reading.rss_dbm),
+            rss_sigma_db: Some(reading.rss_sigma_db),
             bearing_deg_compass: bearing.map(|b| radians_to_compass_deg(b.angle)),
             bearing_sigma_deg: bearing.map(|b| b.sigma.to_degrees()),
             confidence: bearing.map(|b| b.confidence),
@@ -119,6 +120,30 @@ impl Turn {
             no_bearing: reading.bearing.as_ref().err().map(ToString::to_string),
             modes: reading.modes.as_slice().iter().map(Mode::from).collect(),
         }
+    }
+}
+
+impl Turn {
+    /// Returns a ready-made bearing of an array that the calibration corrected; else `None`.
+    fn of_array(record: &Record) -> Option<Self> {
+        let bearing = record.bearing.filter(|bearing| bearing.is_calibrated)?;
+        Some(Self {
+            extractor: "recorded".to_owned(),
+            line: record.line,
+            drone: record.drone.to_string(),
+            beacon: record.beacon.as_deref().map(str::to_owned),
+            turn: record.turn,
+            time_s: record.time.unwrap_or_default(),
+            samples: 1,
+            rss_dbm: record.rss_dbm,
+            rss_sigma_db: None,
+            bearing_deg_compass: Some(radians_to_compass_deg(bearing.angle)),
+            bearing_sigma_deg: bearing.sigma.map(f64::to_degrees),
+            confidence: None,
+            low_confidence: None,
+            no_bearing: None,
+            modes: Vec::new(),
+        })
     }
 }
 
@@ -138,7 +163,8 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let own = args.calibration.read()?;
     let antenna = Antennas::of(&args.extraction.config(registry, &ExtractorConfig::default())?);
     let files = std::slice::from_ref(&args.file);
-    let recordings = args.reading.read(files)?;
+    let mut recordings = args.reading.read(files)?;
+    narrate_corrected(correct_arrays(&mut recordings, &own.arrays));
     for recording in &recordings {
         let file = args.calibration.or_shipped(&own, recording);
         let mut read = Vec::new();
@@ -146,7 +172,10 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         // A station without a directional antenna has no turns beside those that have.
         let has_turns =
             |part: &Part<'_, '_>| part.recording.records().iter().any(|r| r.boresight.is_some());
-        if parts.iter().any(has_turns) {
+        // Nor has an array whose bearings are corrected.
+        let is_array =
+            recording.records().iter().any(|r| r.bearing.is_some_and(|b| b.is_calibrated));
+        if is_array || parts.iter().any(has_turns) {
             parts.retain(has_turns);
         }
         for (number, part) in parts.into_iter().enumerate() {
@@ -178,6 +207,11 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
                 .iter()
                 .filter(of_beacon)
                 .map(|(_, name, read)| Turn::new(name, read))
+                .chain(
+                    (recording.records().iter())
+                        .filter(|record| wanted.is_none() || record.beacon.as_deref() == wanted)
+                        .filter_map(Turn::of_array),
+                )
                 .collect(),
         };
         output.result(&report, turns)?;

@@ -7,13 +7,15 @@ use std::{
 };
 
 use foxhunt::{
-    calibration::{CalibrationFile, PathLossSection, StationModelSection, StationSection},
+    calibration::{
+        ArraySection, CalibrationFile, PathLossSection, StationModelSection, StationSection,
+    },
     config::BoxedExtractor,
     core::BearingExtractor,
     log::Log,
     recorded::{
-        CalibrateConfig, StationConfig, calibrate, calibrate_bearings, fit_boresights,
-        station_boresights,
+        CalibrateConfig, StationConfig, calibrate, calibrate_array, calibrate_bearings,
+        fit_boresights, has_several_beacons, is_fixed_array, station_boresights,
     },
     recording::{Record, Recording},
     registry::Registry,
@@ -22,7 +24,7 @@ use foxhunt::{
 
 use super::{
     calibration::{Part, parts, station_place},
-    calibration_report::{Report, Skipped, text},
+    calibration_report::{Array, Report, Skipped, text},
     extraction::Extraction,
     recorded::{LatLon, Reading, no_degrees},
 };
@@ -33,8 +35,10 @@ use crate::{context::Context, error::CliError, writable};
 /// Fits to recordings of a transmitter at a known place (from --truth, or from the recording's own
 /// columns) all that they allow: the path loss P = P₀ − 10 γ log₁₀ d with the joint
 /// confidence region of P₀ and γ; the offset of bearings, and whether it depends on the heading,
-/// as a disturbed compass has it; the scale of their σ; and the boresights of stations with fixed
-/// antennas, all stations together. Prints what cannot be fitted, and why.
+/// as a disturbed compass has it; the deviation of arrays that do not turn over the direction of
+/// arrival, from one beacon or from all whose place is known; the scale of their σ; and the
+/// boresights of stations with fixed antennas, all stations together. Prints what cannot be fitted,
+/// and why.
 ///
 /// Logs of hunts (.jsonl) with a truth are recordings, too; their bearings and σ are those of the
 /// hunt's extractor.
@@ -89,7 +93,12 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     }
     args.out.iter().try_for_each(|path| writable::file(path))?;
     let recordings = read(args)?;
-    let beacon = args.reading.beacon(&recordings)?;
+    // An array's error is that of any beacon's bearings.
+    let all_beacons = args.reading.wanted().is_none()
+        && args.truth.is_none()
+        && has_several_beacons(&recordings)
+        && by_station(&recordings).values().any(|own| is_fixed_array(own));
+    let beacon = if all_beacons { None } else { args.reading.beacon(&recordings)? };
     let truth = match args.truth {
         Some(truth) => {
             let frame = recordings.iter().find_map(Recording::frame);
@@ -103,7 +112,11 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         max_exponent: args.max_exponent,
         positions: args.reading.positions,
     };
-    let report = fit(args, &recordings, beacon, registry, &config)?;
+    let report = if all_beacons {
+        fit_all_beacons(&recordings, &config)?
+    } else {
+        fit(args, &recordings, beacon, registry, &config)?
+    };
     output.result(&report, text)?;
     if let Some(out) = &args.out {
         fs::write(out, report.file.to_toml()).map_err(|error| CliError::writing(out, error))?;
@@ -146,6 +159,57 @@ fn is_hunt(path: &Path) -> bool {
     read.is_ok() && begin.starts_with(b"{\"foxhunt_log\"")
 }
 
+/// Fits the deviations of arrays to the bearings of all beacons; an error if there is none.
+fn fit_all_beacons(recordings: &[Recording], config: &CalibrateConfig) -> Result<Report, CliError> {
+    let mut report = Report::new(recordings, None);
+    let taken = fit_arrays(recordings, None, &mut report, config);
+    let why = "there are several beacons; choose one with --beacon";
+    report.skip("path loss", why.to_owned());
+    let others = by_station(recordings).into_iter().filter(|(name, _)| !taken.contains(name));
+    for (name, _) in others {
+        let name = name.map_or_else(String::new, |name| format!("{name}: "));
+        report.skip("bearings", format!("{name}{why}"));
+    }
+    if report.file.arrays.is_empty() {
+        let skipped = report.skipped.iter().map(|own| format!("{}: {}", own.what, own.why));
+        return Err(CliError::input(skipped.collect::<Vec<_>>().join("; ")));
+    }
+    Ok(report)
+}
+
+/// Fits the deviation of each array that does not turn, and returns the names of those whose
+/// bearings have one that depends on the direction.
+fn fit_arrays(
+    recordings: &[Recording],
+    beacon: Option<Option<&str>>,
+    report: &mut Report,
+    config: &CalibrateConfig,
+) -> Vec<Option<String>> {
+    let mut taken = Vec::new();
+    for (name, own) in by_station(recordings).into_iter().filter(|(_, own)| is_fixed_array(own)) {
+        let called = name.as_ref().map_or_else(String::new, |name| format!("{name}: "));
+        let fitted = match calibrate_array(&own, beacon, config) {
+            Ok(Ok(fitted)) => fitted,
+            Ok(Err(error)) => {
+                report.skip("array", format!("{called}{error}"));
+                continue;
+            }
+            Err(error) => {
+                report.skip("array", error.to_string());
+                continue;
+            }
+        };
+        // With one beacon a constant is fitted as for any other receiver.
+        if fitted.fit.deviation.harmonics().len() > 0 || beacon.is_none() {
+            let sigma = fitted.sigma.as_ref();
+            report.file.arrays.push(ArraySection::new(name.as_deref(), &fitted.fit, sigma));
+            report.arrays.push(Array::from(&fitted));
+            taken.push(name);
+        }
+    }
+    taken
+}
+
 /// Fits what the recordings allow; an error if that is nothing.
 fn fit(
     args: &Args,
@@ -156,12 +220,18 @@ fn fit(
 ) -> Result<Report, CliError> {
     let mut report = Report::new(recordings, beacon.clone());
     let fixed = fit_fixed(args, recordings, &mut report, config);
+    let arrays = fit_arrays(recordings, Some(beacon.as_deref()), &mut report, config);
+    let is_array = |own: &Recording| {
+        let name = own.drones().first().filter(|_| own.names_drones()).map(|n| (*n).to_owned());
+        arrays.contains(&name)
+    };
     // Stations' antennas do not turn.
     let turns: Vec<Recording> = recordings
         .iter()
         .flat_map(Recording::by_drone)
-        .filter(|own| !fixed || station_boresights([own]).is_none())
+        .filter(|own| !(fixed && station_boresights([own]).is_some() || is_array(own)))
         .collect();
+    let fixed = fixed || !arrays.is_empty();
     let has = |wanted: fn(&Record) -> bool| turns.iter().flat_map(Recording::records).any(wanted);
     if has(|record| record.boresight.is_some() || record.bearing.is_some()) {
         let extractor = args.extraction.build(registry)?;
@@ -175,6 +245,8 @@ fn fit(
             }
             Err(error) => report.skip("bearings", error.to_string()),
         }
+    } else if !arrays.is_empty() {
+        // The table of arrays has their bearings.
     } else if fixed {
         let why = "the antennas do not turn: their boresights are the station's";
         report.skip("bearings", why.to_owned());
@@ -205,8 +277,8 @@ fn fit(
         Ok(calibration) => CliError::input(format!("{NO_FALL} (γ {})", calibration.fit.exponent)),
         Err(error) => CliError::input(error),
     };
-    let CalibrationFile { bearings, stations, .. } = &report.file;
-    if bearings.is_none() && stations.is_empty() {
+    let CalibrationFile { bearings, stations, arrays, .. } = &report.file;
+    if bearings.is_none() && stations.is_empty() && arrays.is_empty() {
         return Err(why);
     }
     report.skipped.insert(0, Skipped { what: "path loss", why: why.to_string() });

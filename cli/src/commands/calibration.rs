@@ -97,6 +97,13 @@ impl Calibration {
     }
 }
 
+/// Prints the number of bearings that the calibration of their array corrected, if there are any.
+pub(super) fn narrate_corrected(bearings: usize) {
+    if bearings > 0 {
+        warn_once(&format!("  bearings corrected by the calibration of their array: {bearings}"));
+    }
+}
+
 /// A recording, or one drone's part of it, and the station whose turns it holds.
 pub(super) struct Part<'r, 'f> {
     pub(super) recording: Cow<'r, Recording>,

@@ -4,7 +4,7 @@ use foxhunt::{
     calibration::{BearingSection, CalibrationFile, StationAntennaSection},
     core::nalgebra::Vector3,
     geodesy::radians_to_compass_deg,
-    recorded::{BearingsFit, Calibration, StationCalibration},
+    recorded::{ArrayCalibration, BearingsFit, Calibration, StationCalibration},
     recording::Recording,
     sensors::{BearingOffsetFit, SigmaFit, StationAntenna, StationDoubt},
 };
@@ -26,6 +26,8 @@ pub(super) struct Report {
     #[serde(flatten)]
     path_loss: Option<PathLoss>,
     bearings: Option<Bearings>,
+    /// Arrays that do not turn, in the order of the file.
+    pub(super) arrays: Vec<Array>,
     /// Stations in the order of the file.
     pub(super) stations: Vec<Station>,
     /// Fits that were not possible.
@@ -109,6 +111,64 @@ pub(super) struct Sigma {
     correlation_p_value: Option<f64>,
 }
 
+/// Deviation of an array that does not turn.
+#[derive(Debug, Serialize)]
+pub(super) struct Array {
+    bearings: usize,
+    /// Number of bearings left out of the fit, as of reflections.
+    outliers: usize,
+    /// Number of bearings to transmitters without a known place.
+    unknown: usize,
+    harmonics: usize,
+    /// Gain in the log-evidence over a constant.
+    log_gain: f64,
+    rms_before_deg: f64,
+    rms_deg: f64,
+    sigma_deg: f64,
+    /// Deviation every 30° from the array's nose, counter-clockwise, with half the 95 % interval.
+    deviations: Vec<DeviationAt>,
+    /// The bearings' own σ, if they have any.
+    sigma: Option<Sigma>,
+}
+
+/// Deviation at a measured direction, in degrees counter-clockwise.
+#[derive(Debug, Serialize)]
+struct DeviationAt {
+    direction_deg: f64,
+    deviation_deg: f64,
+    half_interval_95_deg: f64,
+}
+
+/// Directions at which the deviation is shown, in degrees.
+const SHOWN_EVERY_DEG: u16 = 30;
+
+impl From<&ArrayCalibration> for Array {
+    fn from(calibration: &ArrayCalibration) -> Self {
+        let fit = &calibration.fit;
+        let at = |number: u16| {
+            let direction_deg = f64::from(number * SHOWN_EVERY_DEG);
+            let direction = direction_deg.to_radians();
+            DeviationAt {
+                direction_deg,
+                deviation_deg: fit.deviation.at(direction).to_degrees(),
+                half_interval_95_deg: 1.96 * fit.deviation.sigma_at(direction).to_degrees(),
+            }
+        };
+        Self {
+            bearings: fit.points,
+            outliers: fit.outliers,
+            unknown: calibration.unknown,
+            harmonics: fit.deviation.harmonics().len(),
+            log_gain: fit.log_gain,
+            rms_before_deg: calibration.rms_before.to_degrees(),
+            rms_deg: fit.rms.to_degrees(),
+            sigma_deg: fit.sigma.to_degrees(),
+            deviations: (0..360 / SHOWN_EVERY_DEG).map(at).collect(),
+            sigma: calibration.sigma.as_ref().map(Sigma::from),
+        }
+    }
+}
+
 /// A station's antennas, and how well they do on days that were left out.
 #[derive(Debug, Serialize)]
 pub(super) struct Station {
@@ -147,6 +207,7 @@ impl Report {
             calibrated: recordings.iter().all(Recording::is_calibrated),
             path_loss: None,
             bearings: None,
+            arrays: Vec::new(),
             stations: Vec::new(),
             skipped: Vec::new(),
         }
@@ -280,6 +341,9 @@ pub(super) fn text(report: &Report) -> String {
     let mut lines = Vec::new();
     lines.extend(report.path_loss.as_ref().map(|fit| path_loss(fit, report.calibrated)));
     lines.extend(report.bearings.as_ref().map(bearings));
+    for (array, section) in report.arrays.iter().zip(&report.file.arrays) {
+        lines.push(deviation(array, section.name.as_deref()));
+    }
     for (station, section) in report.stations.iter().zip(&report.file.stations) {
         lines.extend(section.name.as_ref().map(|name| format!("station {name}:")));
         lines.push(antennas(&section.antennas));
@@ -400,6 +464,33 @@ fn bearings(fit: &Bearings) -> String {
         }
     }
     lines.join("\n")
+}
+
+/// Returns the table of an array's deviation, and how well it fits.
+fn deviation(array: &Array, name: Option<&str>) -> String {
+    let mut rows = table(&["direction ° from the nose", "measured minus true °", "± 95 %"]);
+    for at in &array.deviations {
+        rows.add_row([
+            number(at.direction_deg, 0),
+            number(at.deviation_deg, 2),
+            number(at.half_interval_95_deg, 2),
+        ]);
+    }
+    let whose = name.map_or_else(String::new, |name| format!(" {name}"));
+    let harmonics = match array.harmonics {
+        1 => "1 harmonic".to_owned(),
+        count => format!("{count} harmonics"),
+    };
+    let unknown = match array.unknown {
+        0 => String::new(),
+        count => format!(", {count} of transmitters at unknown places"),
+    };
+    format!(
+        "array{whose}, which does not turn:\n{rows}\n{harmonics} over the measured direction, \
+         counter-clockwise; {} bearings, {} left out as outliers{unknown}; rms {:.2}° before, \
+         {:.2}° after; σ {:.2}°",
+        array.bearings, array.outliers, array.rms_before_deg, array.rms_deg, array.sigma_deg
+    )
 }
 
 fn antennas(antennas: &[StationAntennaSection]) -> String {

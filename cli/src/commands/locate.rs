@@ -8,7 +8,7 @@ use foxhunt::{
     calibration::{ConformalFile, ConformalRegions},
     core::{Ellipse, Remark, nalgebra::Vector2},
     geodesy::Geodetic,
-    locate::{CommonErrors, Explanation, Located, Measurand, Region, Rival},
+    locate::{CommonErrors, Explanation, Located, Measurand, Region, Residual, Rival},
     movebank::{MovebankFix, write_movebank},
     overview::{Overview, SearchOverview},
     recorded::RowResidual,
@@ -119,6 +119,9 @@ struct Report {
     remarks: Vec<Remark>,
     /// Residual of each measurement that took part, by file and line.
     rows: Vec<RowResidual>,
+    /// Number of measurements that took part, whose residuals need not all be in `rows`.
+    #[serde(skip)]
+    measured: usize,
     /// Number of rows that the table lists; those that do not fit unless given.
     #[serde(skip)]
     listed: Option<usize>,
@@ -177,7 +180,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         output.result(&report, tracked::text)?;
         return show(args, registry, &prepared, vec![found], output);
     }
-    let (report, found) = one(args, registry, &prepared, conformal.as_ref(), beacon)?;
+    let (report, found) = one(args, registry, &prepared, conformal.as_ref(), beacon, output)?;
     to_movebank(args, &prepared, std::slice::from_ref(&report))?;
     output.result(&report, |report| places(std::slice::from_ref(report)))?;
     show(args, registry, &prepared, vec![found], output)
@@ -260,6 +263,7 @@ fn one(
     prepared: &Prepared,
     conformal: Option<&ConformalFile>,
     beacon: Option<String>,
+    output: Output,
 ) -> Result<(Report, Found), CliError> {
     let received = prepared.received(beacon.as_deref())?;
     let estimator = args.locating.estimator(registry, &received.receptions)?;
@@ -268,7 +272,10 @@ fn one(
     let factors = conformal.map(|file| file.of(&estimator.name)).transpose();
     let factors = factors.map_err(CliError::input)?;
     let own = factors.and_then(|factors| factors.regions(&located));
-    let rows = prepared.residuals(estimator, &located, &received);
+    // Millions of rows are kept for those who look at all of them.
+    let all = output.is_json() || args.views.any() || args.rows.is_some();
+    let keep = |of: &Residual, count: usize| all || is_odd(of.p, of.left_out, count);
+    let (rows, measured) = prepared.residuals(estimator, &located, &received, keep);
     let name = estimator.name.to_string();
     let up = located.up_m(prepared.config());
     let called = beacon.clone().unwrap_or_else(|| "transmitter".to_owned());
@@ -282,6 +289,7 @@ fn one(
     let mut report = Report::new(name, beacon, prepared.recordings(), up, truth, &located);
     report.ignored = prepared.ignored(report.beacon.as_deref());
     report.rows = rows;
+    report.measured = measured;
     report.conformal_95 = own;
     report.listed = args.rows;
     Ok((report, found))
@@ -306,7 +314,7 @@ fn every(
     let mut reports = Vec::new();
     let mut failed = None;
     for beacon in beacons {
-        match one(args, registry, prepared, conformal, beacon.map(str::to_owned)) {
+        match one(args, registry, prepared, conformal, beacon.map(str::to_owned), output) {
             Ok(report) => reports.push(report),
             Err(error) => {
                 let name = beacon.unwrap_or(NAMELESS);
@@ -366,6 +374,7 @@ impl Report {
             regions_95: located.regions_95.clone(),
             rivals,
             rows: Vec::new(),
+            measured: 0,
             listed: None,
             warned: of_recordings.len(),
             remarks: of_recordings.into_iter().chain(&located.remarks).cloned().collect(),
@@ -439,7 +448,7 @@ fn details(report: &Report) -> String {
     let rivals = Some(&report.rivals).filter(|rivals| !rivals.is_empty());
     let rivals = rivals.map(|rivals| rivals_of(rivals, &whose));
     let remarks = remarks_of(report.remarks.get(report.warned..).unwrap_or_default(), &whose);
-    let rows = rows_of(&report.rows, report.listed, &whose);
+    let rows = rows_of(&report.rows, report.measured, report.listed, &whose);
     let conformal = report.conformal_95.as_ref().map(|own| conformal(own, &whose));
     [conformal, Some(remarks), Some(rows), explanation, common, regions, rivals]
         .into_iter()
@@ -471,16 +480,19 @@ const DOES_NOT_FIT_P: f64 = 0.01;
 /// Number of rows that are listed unasked.
 const LISTED: usize = 5;
 
+/// Returns true if a row does not fit, by the probability of its residual, or was left out.
+fn is_odd(p: Option<f64>, left_out: bool, total: usize) -> bool {
+    let all = f64::from(u32::try_from(total).unwrap_or(u32::MAX));
+    left_out || p.is_some_and(|p| p * all < DOES_NOT_FIT_P)
+}
+
 /// Lists the `listed` rows that fit worst, or else the few that do not fit or were left out.
-fn rows_of(rows: &[RowResidual], listed: Option<usize>, whose: &str) -> String {
+fn rows_of(rows: &[RowResidual], total: usize, listed: Option<usize>, whose: &str) -> String {
     let mut worst: Vec<&RowResidual> = rows.iter().collect();
-    worst.sort_by(|a, b| a.worst_first(b));
-    let total = worst.len();
     if listed.is_none() {
-        let all = f64::from(u32::try_from(total).unwrap_or(u32::MAX));
-        let is_odd = |row: &&RowResidual| row.p.is_some_and(|p| p * all < DOES_NOT_FIT_P);
-        worst.retain(|row| row.left_out || is_odd(row));
+        worst.retain(|row| is_odd(row.p, row.left_out, total));
     }
+    worst.sort_by(|a, b| a.worst_first(b));
     let odd = worst.len();
     worst.truncate(listed.unwrap_or(LISTED));
     if worst.is_empty() {

@@ -3,6 +3,7 @@
 use std::{
     borrow::Cow,
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
 use foxhunt::{
@@ -13,8 +14,8 @@ use foxhunt::{
     overview::{Overview, SearchOverview},
     page::{NotStrikable, PageLog},
     recorded::{
-        ReceptionConfig, RecordedReception, RowResidual, bearings, recorded_receptions,
-        recorded_truth, row_name,
+        ReceptionConfig, RecordedReception, RowResidual, bearings, correct_arrays,
+        recorded_receptions, recorded_truth, row_name,
     },
     recording::Recording,
     registry::{EstimatorEntry, Registry, antenna_named},
@@ -29,7 +30,7 @@ use foxhunt::{
 };
 
 use super::{
-    calibration::{Calibration, Part, Surroundings, calibrated, parts},
+    calibration::{Calibration, Part, Surroundings, calibrated, narrate_corrected, parts},
     choice,
     extraction::Extraction,
     over_terrain::{OverTerrain, Relief},
@@ -38,6 +39,9 @@ use super::{
     views::Antennas,
 };
 use crate::{error::CliError, output::warn_once};
+
+/// Number of receptions whose memory is given back at once.
+const GIVEN_BACK: usize = 1 << 16;
 
 /// Name shown for a beacon without one.
 pub(super) const NAMELESS: &str = "(no name)";
@@ -124,7 +128,7 @@ pub(super) struct Prepared {
 pub(super) struct Received {
     pub(super) receptions: Vec<Reception>,
     /// Number of the recording, line and receiver of each.
-    rows: Vec<(usize, u64, String)>,
+    rows: Vec<(usize, u64, Arc<str>)>,
 }
 
 /// Part of a recording, or all of it, that is read with one extractor.
@@ -145,7 +149,7 @@ impl Locating {
         let own = self.calibration.read()?;
         // Mistakes of the command line are reported before those of files.
         self.power(&own)?;
-        let (recordings, clock_offset_s) = self.reading.read_with_clock(files)?;
+        let (mut recordings, clock_offset_s) = self.reading.read_with_clock(files)?;
         let is_timed = recordings.iter().all(Recording::is_timed);
         if clock_offset_s.abs() > 0.0 && !is_timed {
             return Err(CliError::input("--clock-offset-s needs the time of each row"));
@@ -154,6 +158,7 @@ impl Locating {
             Some(first) => self.calibration.or_shipped(&own, first),
             None => Cow::Borrowed(&own),
         };
+        narrate_corrected(correct_arrays(&mut recordings, &calibration.arrays));
         let turns =
             |recording: &Recording| recording.records().iter().any(|r| r.boresight.is_some());
         if calibration.bearings.is_none()
@@ -472,6 +477,10 @@ impl Prepared {
         let mut all = Received::default();
         for number in 0..self.recordings.len() {
             let mut received = self.received_of(number, beacon)?;
+            if all.rows.is_empty() {
+                all = received;
+                continue;
+            }
             all.receptions.append(&mut received.receptions);
             all.rows.append(&mut received.rows);
         }
@@ -585,13 +594,26 @@ impl Prepared {
         number: usize,
         beacon: Option<&str>,
     ) -> Result<Received, CliError> {
-        let mut received = Received::default();
-        for RecordedReception { line, drone, reception } in self.rows_of(number, beacon)? {
-            if !self.struck.contains(&self.id(number, line, beacon)) {
+        let mut rows = self.rows_of(number, beacon)?;
+        if self.struck.of_beacon(beacon) > 0 {
+            rows.retain(|row| !self.struck.contains(&self.id(number, row.line, beacon)));
+        }
+        let mut received = Received {
+            receptions: Vec::with_capacity(rows.len()),
+            rows: Vec::with_capacity(rows.len()),
+        };
+        // From the end, whose memory is given back as it goes: there may be millions.
+        while !rows.is_empty() {
+            for RecordedReception { line, drone, reception } in
+                rows.drain(rows.len().saturating_sub(GIVEN_BACK)..).rev()
+            {
                 received.receptions.push(reception);
                 received.rows.push((number, line, drone));
             }
+            rows.shrink_to_fit();
         }
+        received.receptions.reverse();
+        received.rows.reverse();
         Ok(received)
     }
 
@@ -608,19 +630,22 @@ impl Prepared {
         estimator.locate_named(&received.receptions, &self.config, &name)
     }
 
-    /// Returns the residual of each row from the place that an estimator found.
+    /// Returns the residuals of rows from the place that an estimator found: those to keep, and the
+    /// number of all.
     pub(super) fn residuals(
         &self,
         estimator: &EstimatorEntry,
         located: &Located,
         received: &Received,
-    ) -> Vec<RowResidual> {
+        keep: impl Fn(&Residual, usize) -> bool,
+    ) -> (Vec<RowResidual>, usize) {
         let residual = |of: &Residual| {
             let (number, line, drone) = received.rows.get(of.reception)?;
-            Some(RowResidual::new(&self.id(*number, *line, None), Some(drone.as_str()), of))
+            Some(RowResidual::new(&self.id(*number, *line, None), Some(&**drone), of))
         };
         let all = estimator.residuals(located, &received.receptions, &self.config);
-        all.iter().filter_map(residual).collect()
+        let count = all.len();
+        (all.iter().filter(|of| keep(of, count)).filter_map(residual).collect(), count)
     }
 
     /// The receptions of a beacon in one recording with their rows, also those struck out.
@@ -634,7 +659,12 @@ impl Prepared {
         for Extracted { part, extractor } in self.parts.get(number).into_iter().flatten() {
             let Some(part) = part.as_ref().or(whole) else { continue };
             let more = recorded_receptions(part, beacon, extractor.as_ref(), &self.reading);
-            received.append(&mut more.map_err(CliError::input)?);
+            let mut more = more.map_err(CliError::input)?;
+            if received.is_empty() {
+                received = more;
+            } else {
+                received.append(&mut more);
+            }
         }
         if let Some(relief) = &self.relief {
             received.iter_mut().try_for_each(|row| relief.place(number, row))?;

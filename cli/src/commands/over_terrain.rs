@@ -90,8 +90,8 @@ impl OverTerrain {
             for record in recording.records() {
                 let Some(receiver) = record.receiver else { continue };
                 let from = if by_ellipsoid { Vector3::zeros() } else { receiver.position };
-                if !launches.contains_key(&record.drone) {
-                    launches.insert(record.drone.clone(), relief.ground(&from.xy())?);
+                if !launches.contains_key(&*record.drone) {
+                    launches.insert(record.drone.to_string(), relief.ground(&from.xy())?);
                 }
             }
             relief.launches.push(launches);
@@ -108,7 +108,7 @@ impl Relief {
         number: usize,
         received: &mut RecordedReception,
     ) -> Result<(), CliError> {
-        let launch = self.launches.get(number).and_then(|of| of.get(&received.drone));
+        let launch = self.launches.get(number).and_then(|of| of.get(&*received.drone));
         if let (UpFrom::TakeOff, Some(launch)) = (self.up_from, launch) {
             let place = &mut received.reception.receiver.position;
             place.z += launch - self.ground(&place.xy())?;

@@ -11,7 +11,7 @@ use super::{BearingLine, checked};
 use crate::{
     Marginal, PlacePrior, PosteriorMap,
     batch::BatchError,
-    shadowing_grid::{Grid, Mixture, Search, bounds},
+    shadowing_grid::{Grid, Mixture, Search, bounds, climb},
 };
 
 /// The posterior of a target's place from bearings whose σ is known up to a factor.
@@ -59,6 +59,8 @@ impl Default for BearingGrid {
 pub struct BearingGridFix {
     /// The posterior on the finest cells.
     pub map: PosteriorMap,
+    /// The place of the highest density, finer than any cell.
+    pub mode: Vector2<f64>,
     /// The probability of the outermost ring of all cells that were searched.
     pub border_mass: f64,
     /// The least sum of squares of all cells, over the bearings' σ, which is near n − 2 where the σ
@@ -119,13 +121,10 @@ impl BearingGrid {
             max_cells: self.max_cells,
         };
         let log_prior = search.place.log_density(&low, &high);
+        let log_density = |place: &Vector2<f64>| log_prior(place) + model.at(place).log_likelihood;
         let posterior = |grid: Grid| {
-            let log_mass: Vec<f64> = (0..grid.len())
-                .map(|cell| {
-                    let place = grid.centre(cell);
-                    log_prior(&place) + model.at(&place).log_likelihood
-                })
-                .collect();
+            let log_mass: Vec<f64> =
+                (0..grid.len()).map(|cell| log_density(&grid.centre(cell))).collect();
             let peak = log_mass.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             let mut mass: Vec<f64> = log_mass.iter().map(|&log| libm::exp(log - peak)).collect();
             let total: f64 = mass.iter().sum();
@@ -138,10 +137,11 @@ impl BearingGrid {
         let (searched, refined) = search.run(posterior, |map| map)?;
         let border_mass = searched.border_mass();
         let map = refined.unwrap_or(searched);
+        let mode = climb(map.highest(), map.cell_m(), log_density);
         let misfits = map.cells().map(|(place, _)| model.at(&place).misfit);
         let misfit = misfits.fold(f64::INFINITY, f64::min);
         let common = (model.sigmas.len() > 1).then(|| model.common_errors(&map));
-        Ok(BearingGridFix { map, border_mass, misfit, common })
+        Ok(BearingGridFix { map, mode, border_mass, misfit, common })
     }
 
     /// The log-likelihood of places under these bearings, up to a constant: for an estimator that

@@ -187,6 +187,28 @@ impl PosteriorMap {
         median
     }
 
+    /// The place of a posterior with its maximum at `mode`: the mode where mode and median are
+    /// nearly one, as of a posterior that is smooth and almost symmetric, and else the
+    /// [`median`](Self::median), by degrees in between.
+    ///
+    /// Both are then as good for measurements with errors, while of exact ones the mode is exact: a
+    /// posterior that is a little skewed moves the median by some hundredths of its σ.
+    #[must_use]
+    pub fn centre(&self, mode: Vector2<f64>) -> Vector2<f64> {
+        let median = self.median();
+        let away = mode - median;
+        let factor = self.about(median).covariance.cholesky();
+        let apart = factor.map_or(f64::INFINITY, |own| libm::sqrt(away.dot(&own.solve(&away))));
+        median + away * ((FAR_APART - apart) / (FAR_APART - NEARLY_ONE)).clamp(0.0, 1.0)
+    }
+
+    /// The cell of the highest density.
+    #[cfg(feature = "batch")]
+    pub(crate) fn highest(&self) -> Vector2<f64> {
+        let best = self.cells().max_by(|a, b| a.1.total_cmp(&b.1));
+        best.map_or(Vector2::zeros(), |(place, _)| place)
+    }
+
     /// The map of a place that is shifted by an unknown amount, N(0, `sigma_m`²) on each axis, on
     /// `max_cells` at most.
     #[must_use]
@@ -328,6 +350,13 @@ impl PosteriorMap {
     }
 }
 
+/// Distance of the mode from the median, in σ of the place, below which the mode is the place: the
+/// expected distance from the true place grows by 0.3 % at most.
+const NEARLY_ONE: f64 = 0.1;
+
+/// Distance of the mode from the median, in σ, above which the median is the place.
+const FAR_APART: f64 = 0.25;
+
 /// From three cells per standard deviation on, the cell's own variance is below 1 %.
 const FINE_ENOUGH: f64 = 3.0;
 
@@ -404,6 +433,17 @@ mod tests {
         // 0.1 · 94² away from the median along East, and a cell's own share.
         let about = map.about(Vector2::new(5.5, 5.5)).covariance;
         assert!((about[(0, 0)] - 883.6 - 1.0 / 12.0).abs() < 1e-9, "{about}");
+    }
+
+    #[test]
+    fn a_mode_near_the_median_is_the_place() {
+        let grid = Grid::over(Vector2::zeros(), Vector2::new(9.0, 9.0), 1.0, 100);
+        let map = PosteriorMap::new(grid, alloc::vec![1.0 / 81.0; 81]);
+        // 9 / √12 = 2.6 m is the σ on each axis.
+        let middle = Vector2::repeat(4.5);
+        let at = |east: f64| map.centre(middle + Vector2::new(east, 0.0)).x - middle.x;
+        assert!((at(0.2) - 0.2).abs() < 1e-6 && at(2.0).abs() < 1e-6, "{} {}", at(0.2), at(2.0));
+        assert!(at(0.4) > 0.05 && at(0.4) < 0.4, "{}", at(0.4));
     }
 
     #[test]

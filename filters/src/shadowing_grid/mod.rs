@@ -6,6 +6,7 @@
 //! what remains is the posterior of the target's place, an average over all these explanations
 //! by their evidence.
 
+mod cells;
 mod censored;
 mod config;
 mod error;
@@ -32,4 +33,8 @@ pub use path::{Censoring, ShadowedReading};
 #[cfg(feature = "field-map")]
 pub(crate) use path::{Path, Segments, Summary};
 #[cfg(feature = "batch")]
-pub(crate) use {grid::Grid, marginal::Mixture, search::Search};
+pub(crate) use {
+    grid::Grid,
+    marginal::Mixture,
+    search::{Search, climb},
+};

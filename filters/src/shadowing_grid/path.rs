@@ -1,4 +1,5 @@
 use alloc::vec::Vec;
+use core::cell::OnceCell;
 
 use foxhunt_core::{
     Pose,
@@ -6,7 +7,7 @@ use foxhunt_core::{
     nalgebra::{Vector2, Vector3},
 };
 
-use super::ShadowingGridError;
+use super::{ShadowingGridError, cells::Cells};
 
 /// The side on which a value is censored: a receiver at its floor, or at its ceiling, shows a limit
 /// instead of the level.
@@ -50,6 +51,8 @@ impl From<(Pose, f64)> for ShadowedReading {
 #[derive(Clone, Debug)]
 pub(crate) struct Path {
     readings: Vec<ShadowedReading>,
+    /// The readings by their places, once a path is too long for its segments.
+    cells: OnceCell<Cells>,
 }
 
 /// A path's readings, made one per segment.
@@ -67,6 +70,36 @@ pub(crate) struct Segments {
     pub(crate) stretch: f64,
 }
 
+impl Segments {
+    fn with_capacity(count: usize, stretch: f64) -> Self {
+        Self {
+            receivers: Vec::with_capacity(count),
+            values: Vec::with_capacity(count),
+            counts: Vec::with_capacity(count),
+            censored: Vec::new(),
+            stretch,
+        }
+    }
+
+    /// Adds a segment; `sorted` is scratch space.
+    fn add(
+        &mut self,
+        readings: &[ShadowedReading],
+        summary: Summary,
+        sorted: &mut Vec<(Censoring, f64)>,
+    ) {
+        let (value, censoring) = summary.of(readings, sorted);
+        let receiver = mean_pose(readings);
+        if censoring == Censoring::None {
+            self.receivers.push(receiver);
+            self.values.push(value);
+            self.counts.push(summary.independent(readings));
+        } else {
+            self.censored.push(ShadowedReading { receiver, value, censoring });
+        }
+    }
+}
+
 impl Path {
     /// Takes readings whose values and places are finite.
     pub(crate) fn new<R>(readings: &[R]) -> Result<Self, ShadowingGridError>
@@ -82,7 +115,7 @@ impl Path {
                 return Err(ShadowingGridError::Receiver { index });
             }
         }
-        Ok(Self { readings })
+        Ok(Self { readings, cells: OnceCell::new() })
     }
 
     /// The East and North that all readings share; `None` where there are several places.
@@ -102,7 +135,8 @@ impl Path {
     ///
     /// A receiver that hovers, and the jitter of its position, stay in one segment; a place that
     /// is visited again begins another. Where there would be more than `max_segments`, all are
-    /// stretched by one factor.
+    /// stretched by one factor; where cells of the area are clearly shorter than that, as of lanes
+    /// closer together than a segment is long, the segments are such cells instead.
     pub(crate) fn segments(
         &self,
         length_m: impl Fn(&Vector2<f64>) -> f64,
@@ -110,6 +144,7 @@ impl Path {
         summary: Summary,
     ) -> Segments {
         let mut stretch = 1.0;
+        let mut sorted = Vec::new();
         let mut groups = self.cut(&length_m);
         let is_zero = || self.receivers().all(|receiver| length_m(&receiver.position.xy()) <= 0.0);
         if groups.len() > max_segments && is_zero() {
@@ -121,29 +156,28 @@ impl Path {
                 share *= 1.25;
             }
         }
-        while groups.len() > max_segments && stretch < 1e9 {
-            stretch *= 1.25;
-            groups = self.cut(|place| stretch * length_m(place));
-        }
-        let mut segments = Segments {
-            receivers: Vec::with_capacity(groups.len()),
-            values: Vec::with_capacity(groups.len()),
-            counts: Vec::with_capacity(groups.len()),
-            censored: Vec::new(),
-            stretch,
-        };
-        let mut sorted = Vec::new();
-        for group in groups {
-            let readings = self.readings.get(group).unwrap_or_default();
-            let (value, censoring) = summary.of(readings, &mut sorted);
-            let receiver = mean_pose(readings);
-            if censoring == Censoring::None {
-                segments.receivers.push(receiver);
-                segments.values.push(value);
-                segments.counts.push(summary.independent(readings));
-            } else {
-                segments.censored.push(ShadowedReading { receiver, value, censoring });
+        if groups.len() > max_segments {
+            let cells = self.cells.get_or_init(|| Cells::new(self.places()));
+            let (leaves, of_cells) = cells.leaves(&length_m, max_segments);
+            while groups.len() > max_segments && stretch < (SHORTER * of_cells).min(1e9) {
+                stretch *= 1.25;
+                groups = self.cut(|place| stretch * length_m(place));
             }
+            if groups.len() > max_segments {
+                let mut segments = Segments::with_capacity(leaves.len(), of_cells);
+                let mut held = Vec::new();
+                for leaf in leaves {
+                    held.clear();
+                    let indices = cells.indices(leaf);
+                    held.extend(indices.iter().filter_map(|index| self.readings.get(*index)));
+                    segments.add(&held, summary, &mut sorted);
+                }
+                return segments;
+            }
+        }
+        let mut segments = Segments::with_capacity(groups.len(), stretch);
+        for group in groups {
+            segments.add(self.readings.get(group).unwrap_or_default(), summary, &mut sorted);
         }
         segments
     }
@@ -165,10 +199,14 @@ impl Path {
                 }
             }
         }
-        sizes.sort_unstable_by(f64::total_cmp);
         // Segments of too few readings are hardly summarised, and tell nothing.
-        let Some(median) = sizes.get(sizes.len() / 2) else { return true };
-        let tame = sizes.partition_point(|size| *size <= WILD * median);
+        let half = sizes.len() / 2;
+        if half >= sizes.len() {
+            return true;
+        }
+        let (_, median, _) = sizes.select_nth_unstable_by(half, f64::total_cmp);
+        let limit = WILD * *median;
+        let tame = sizes.iter().filter(|size| **size <= limit).count();
         #[expect(clippy::cast_precision_loss, reason = "fewer readings than 2⁵³")]
         let [tame, count] = [tame, sizes.len()].map(|count| count as f64);
         let wild = 1.0 - tame / count;
@@ -195,15 +233,23 @@ impl Path {
         groups
     }
 
+    /// The receivers' places.
+    fn places(&self) -> impl Iterator<Item = Vector3<f64>> + Clone {
+        self.readings.iter().map(|reading| reading.receiver.position)
+    }
+
     /// The diagonal of the box that holds all receivers, in metres.
     fn extent_m(&self) -> f64 {
         let nowhere = Vector3::repeat(f64::INFINITY);
-        let corners = self.readings.iter().map(|reading| reading.receiver.position);
-        let (low, high) = corners
+        let (low, high) = (self.places())
             .fold((nowhere, -nowhere), |(low, high), place| (low.inf(&place), high.sup(&place)));
         (high - low).norm()
     }
 }
+
+/// Stretch of the path's segments over that of cells from which on segments are cells: a cell's
+/// diagonal is 1.4 of its side.
+const SHORTER: f64 = 1.5;
 
 /// Size of a wild reading's deviation over the median size: 2.7 standard deviations.
 const WILD: f64 = 4.0;

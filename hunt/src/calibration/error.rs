@@ -1,4 +1,4 @@
-use foxhunt_sensors::ParameterError;
+use foxhunt_sensors::{MOST_HARMONICS, ParameterError};
 
 /// Reason why a file is no calibration.
 #[derive(Debug, thiserror::Error)]
@@ -29,6 +29,20 @@ pub enum CalibrationFileError {
         version: u32,
         /// The one that is read.
         known: u32,
+    },
+    /// The section of an array is out of its range.
+    #[error(
+        "{file}: array {number} ({name}): harmonics_deg holds at most {MOST_HARMONICS} pairs, \
+         covariance_deg2 the symmetric covariance of the offset and both numbers of each pair, \
+         and sigma_deg is positive"
+    )]
+    Array {
+        /// The file.
+        file: String,
+        /// Number of the array, from 1.
+        number: usize,
+        /// Name of the array; empty without one.
+        name: String,
     },
     /// A number is out of its range.
     #[error("{file}: {section}: {source}")]

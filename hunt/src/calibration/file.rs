@@ -9,8 +9,8 @@ use serde::{
 };
 
 use super::{
-    BearingSection, CalibrationFileError, PathLossSection, StationModelSection, StationPlace,
-    StationSection,
+    ArraySection, BearingSection, CalibrationFileError, PathLossSection, StationModelSection,
+    StationPlace, StationSection,
 };
 use crate::document;
 
@@ -39,6 +39,10 @@ pub struct CalibrationFile {
     /// Errors of bearings; no correction where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bearings: Option<BearingSection>,
+    /// Errors of arrays that do not turn, over the direction; no correction where absent. The first
+    /// one that is of a receiver counts.
+    #[serde(default, rename = "array", skip_serializing_if = "Vec::is_empty")]
+    pub arrays: Vec<ArraySection>,
     /// The model of stations of fixed antennas that have no section of their own; they are read as
     /// antennas that turn where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -87,6 +91,7 @@ impl Default for CalibrationFile {
             beacon: None,
             path_loss: None,
             bearings: None,
+            arrays: Vec::new(),
             station_model: None,
             stations: Vec::new(),
         }
@@ -152,6 +157,15 @@ impl CalibrationFile {
         if let Some(model) = &read.station_model {
             model.station(&[0.0]).map_err(wrong("station_model"))?;
         }
+        for (index, array) in read.arrays.iter().enumerate() {
+            if array.deviation().is_none() {
+                return Err(CalibrationFileError::Array {
+                    file: file.to_owned(),
+                    number: index + 1,
+                    name: array.name.clone().unwrap_or_default(),
+                });
+            }
+        }
         for station in &read.stations {
             station.build().map_err(wrong("station"))?;
         }
@@ -199,6 +213,20 @@ mod tests {
                 sigma_scale_interval: Some([0.1, 0.3]),
                 sigma_floor_interval_deg: Some([0.0, 1.0]),
             }),
+            arrays: vec![ArraySection {
+                name: Some("mast".to_owned()),
+                bearings: Some(24),
+                offset_deg_ccw: 0.1 + 0.2,
+                harmonics_deg: vec![[1.0 / 3.0, -2.5]],
+                covariance_deg2: vec![
+                    vec![0.3, 0.1, 0.0],
+                    vec![0.1, 0.2, 0.0],
+                    vec![0.0, 0.0, 0.25],
+                ],
+                sigma_deg: 1.1,
+                sigma_scale: 0.9,
+                sigma_floor_deg: 0.4,
+            }],
             station_model: Some(StationModelSection {
                 stations: Some(1),
                 beamwidth_deg: 37.0,
@@ -275,6 +303,9 @@ mod tests {
             ("[0.1, 0.03]", "[0.2, 0.03]", "the lower covariance of P₀ and γ is 0.2"),
             ("sigma_db = 2.5", "sigma_db = -2.5", "path_loss: sigma_db is -2.5"),
             ("sigma_scale = 1.0", "sigma_scale = -1.0", "bearings.correction: scale is -1"),
+            ("sigma_deg = 1.1", "sigma_deg = -1.1", "array 1 (mast)"),
+            ("[0.1, 0.2, 0.0]", "[0.1, -0.2, 0.0]", "array 1 (mast)"),
+            ("[0.1, 0.2, 0.0]", "[0.1, 0.2]", "array 1 (mast)"),
             ("beamwidth_deg = 36.0", "beamwidth_deg = 190.0", "station: beamwidth"),
             ("boresight_sigma_deg = 9.5", "boresight_sigma_deg = -1.0", "station_model: boresight"),
             ("gain_sigma_db = 2.9", "gain_sigma_deg = 2.9", "gain_sigma_deg"),

@@ -50,6 +50,7 @@ impl Locator for Posterior {
         config: &LocateConfig,
     ) -> Result<Located, LocateError> {
         let (fix, count) = posterior(receptions, config)?;
+        let mode = fix.mode;
         let map = match receiver_sigma_m(receptions) {
             sigma_m if sigma_m > 0.0 => fix.map.blurred(sigma_m, bearing_grid(config).max_cells),
             _ => fix.map,
@@ -59,7 +60,7 @@ impl Locator for Posterior {
             border_mass: Some(fix.border_mass),
             regions_95: regions(&map, 0.95),
             common_errors: fix.common.map(in_degrees),
-            ..Located::at(map.about(map.median()))
+            ..Located::at(map.about(map.centre(mode)))
         })
     }
 

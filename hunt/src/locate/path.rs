@@ -46,19 +46,19 @@ impl<'a> Paths<'a> {
     /// Returns one reception in `stride`, with its receiver where it was `offset_s` later; before
     /// and behind its path it is at the end of it.
     pub(crate) fn shifted(&self, offset_s: f64, stride: usize) -> Vec<Reception> {
-        let mut shifted = Vec::with_capacity(self.receptions.len() / stride.max(1) + 1);
-        let mut number = 0_usize;
+        let stride = stride.max(1);
+        let mut shifted = Vec::with_capacity(self.receptions.len() / stride + 1);
+        let mut begin = 0_usize;
         for path in self.each() {
-            for reception in path {
-                if number.is_multiple_of(stride.max(1)) {
-                    let mut own = *reception;
-                    if let Some(position) = at(path, reception.time + offset_s) {
-                        own.receiver.position = position;
-                    }
-                    shifted.push(own);
+            let skipped = begin.next_multiple_of(stride) - begin;
+            for reception in path.iter().skip(skipped).step_by(stride) {
+                let mut own = *reception;
+                if let Some(position) = at(path, reception.time + offset_s) {
+                    own.receiver.position = position;
                 }
-                number += 1;
+                shifted.push(own);
             }
+            begin += path.len();
         }
         shifted
     }

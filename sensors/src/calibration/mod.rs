@@ -1,6 +1,7 @@
 //! Calibration of models and bearings by readings of a known transmitter.
 
 mod calibrated;
+mod deviation;
 mod offset;
 mod path_loss;
 mod sigma;
@@ -9,6 +10,7 @@ mod station;
 mod statistics;
 
 pub use calibrated::{AtSite, Calibrated, Site, heading_towards};
+pub use deviation::{Deviation, DeviationFit, MOST_HARMONICS, fit_deviation};
 pub use offset::{BearingOffset, BearingOffsetFit, KnownBearing, OffsetTerms, fit_bearing_offset};
 pub use path_loss::{CalibrationError, PathLossFit, fit_log_distance};
 pub use sigma::{BearingError, SigmaFit, fit_sigma};

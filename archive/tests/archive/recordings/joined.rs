@@ -172,8 +172,7 @@ fn columns_side_by_side_become_rows() {
             .map_err(|e| e.to_string())
     };
     let wide = read("t,d,at_a,note,at_b\n0,9,-50,x,-60\n1,9,,x,-61\n").expect("two receivers");
-    let rows: Vec<_> =
-        wide.records().iter().map(|r| (r.line, r.drone.as_str(), r.rss_dbm)).collect();
+    let rows: Vec<_> = wide.records().iter().map(|r| (r.line, &*r.drone, r.rss_dbm)).collect();
     assert_eq!(rows, [(2, "a", Some(-50.0)), (2, "b", Some(-60.0)), (3, "b", Some(-61.0))]);
     assert_eq!(wide.ignored_columns(), ["note"]);
     let half = read("t,d,at_a,at_b\n0,9,-50,loud\n").expect("one of two");

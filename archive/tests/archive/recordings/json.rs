@@ -63,7 +63,7 @@ fn nodes_that_move_and_rooms_with_nodes_are_places() {
     assert!(recording.records().iter().all(|r| r.rss_dbm.is_some_and(|level| level < -50.0)));
     let recording = file("espresense.txt");
     assert_eq!((recording.records().len(), recording.drones().len()), (50, 5));
-    let kitchen = recording.records().iter().find(|record| record.drone == "kitchen");
+    let kitchen = recording.records().iter().find(|record| &*record.drone == "kitchen");
     let place = kitchen.expect("a room").receiver.expect("a place").position;
     assert!((place - nalgebra::Vector3::new(8.0, 0.0, 2.0)).norm() < 1e-12, "{place}");
 }

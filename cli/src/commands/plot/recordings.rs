@@ -197,7 +197,7 @@ pub(super) fn levels(args: &Received, output: Output) -> Result<(), CliError> {
     for record in recordings.iter().flat_map(Recording::records) {
         let (Some(time), Some(level)) = (record.time, record.rss_dbm) else { continue };
         if wanted.is_none_or(|name| record.beacon.as_deref() == Some(name)) {
-            of_receivers.entry(record.drone.as_str()).or_default().push([time, level]);
+            of_receivers.entry(&*record.drone).or_default().push([time, level]);
         }
     }
     let times = of_receivers.values().flatten().map(|[time, _]| *time);

@@ -6,19 +6,24 @@ use super::{
     shared::UNSTATED_SIGMA_M,
 };
 
-/// Returns one level in `stride`, as it is for a transmitter at a place.
-pub(super) fn rows(
-    receptions: &[Reception],
-    place: &Vector2<f64>,
-    config: &LocateConfig,
-    stride: usize,
-) -> Vec<Row> {
-    let row = |(reception, received): (usize, &Reception)| {
-        let level = received.level?.rss_dbm;
-        Some(Row::new(reception, received, level, place, config))
-    };
-    let levels = receptions.iter().enumerate().filter(|(_, received)| received.level.is_some());
-    levels.step_by(stride).filter_map(row).collect()
+/// Levels by which places are compared, each with the index of its reception.
+pub(super) struct Levels<'a>(Vec<(usize, &'a Reception)>);
+
+impl<'a> Levels<'a> {
+    /// Takes one level in `stride`.
+    pub(super) fn new(receptions: &'a [Reception], stride: usize) -> Self {
+        let levels = receptions.iter().enumerate().filter(|(_, received)| received.level.is_some());
+        Self(levels.step_by(stride).collect())
+    }
+
+    /// Returns the levels as they are for a transmitter at a place.
+    pub(super) fn rows(&self, place: &Vector2<f64>, config: &LocateConfig) -> Vec<Row> {
+        let row = |(reception, received): &(usize, &Reception)| {
+            let level = received.level?.rss_dbm;
+            Some(Row::new(*reception, received, level, place, config))
+        };
+        self.0.iter().filter_map(row).collect()
+    }
 }
 
 /// Fewer levels than this do not show that another place fits better.

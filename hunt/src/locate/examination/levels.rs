@@ -1,4 +1,4 @@
-use std::collections::BTreeSet;
+use std::{borrow::Cow, collections::BTreeSet};
 
 use foxhunt_core::{Reception, Remark};
 use nalgebra::Vector2;
@@ -7,7 +7,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 use super::{
     super::{Area, LocateConfig, Located, Power, config::Centroid},
     clocks,
-    law::{LEAST_TO_COMPARE, Law, MOST_TO_COMPARE, Row, best_place, gain, residuals, rows},
+    law::{LEAST_TO_COMPARE, Law, Levels, MOST_TO_COMPARE, Row, best_place, gain, residuals},
     motion,
     paths::Hypotheses,
     residuals::{Measurand, Residual, one_sided, two_sided},
@@ -38,7 +38,7 @@ pub(super) fn examine(
     name: Name<'_>,
 ) -> Vec<Remark> {
     let place = located.estimate.mean;
-    let rows = rows(receptions, &place, config, 1);
+    let rows = Levels::new(receptions, 1).rows(&place, config);
     if rows.len() < LEAST {
         return Vec::new();
     }
@@ -61,7 +61,11 @@ pub(super) fn examine(
     let of_row = elsewhere.or_else(|| outlier(&rows, &law, located, name));
     let is_placed_by_levels = receptions.iter().all(|r| !r.has_bearing() && r.measured.is_empty());
     let open = range_open(located, receptions, config, rows.len()).filter(|_| is_placed_by_levels);
-    let levels: Vec<Reception> = receptions.iter().filter(|r| r.level.is_some()).copied().collect();
+    let levels: Cow<'_, [Reception]> = if rows.len() == receptions.len() {
+        Cow::Borrowed(receptions)
+    } else {
+        receptions.iter().filter(|r| r.level.is_some()).copied().collect()
+    };
     let of_path = Hypotheses::new(located, &levels, config).and_then(|hypotheses| {
         clocks::differ(located, &hypotheses).or_else(|| motion::moves(&hypotheses))
     });
@@ -78,7 +82,7 @@ pub(super) fn residuals_of_rows(
     left_out: &BTreeSet<usize>,
 ) -> Vec<Residual> {
     let place = located.estimate.mean;
-    let kept = rows(receptions, &place, config, 1);
+    let kept = Levels::new(receptions, 1).rows(&place, config);
     if kept.len() < LEAST {
         return Vec::new();
     }
@@ -114,9 +118,9 @@ fn does_not_fit(
     if count < LEAST_TO_COMPARE {
         return None;
     }
-    let stride = count.div_ceil(MOST_TO_COMPARE);
+    let compared = Levels::new(receptions, count.div_ceil(MOST_TO_COMPARE));
     let spread_at = |place: &Vector2<f64>| {
-        let rows = rows(receptions, place, config, stride);
+        let rows = compared.rows(place, config);
         let law = Law::of(&rows, config)?;
         (law.exponent > 0.0).then_some(law.sigma_db)
     };
@@ -125,7 +129,7 @@ fn does_not_fit(
     let away = best.0 - located.estimate.mean;
     let factor = located.estimate.covariance.cholesky();
     let apart = factor.map_or(f64::INFINITY, |factor| away.dot(&factor.solve(&away)));
-    let rows_at = |place: &Vector2<f64>| rows(receptions, place, config, stride);
+    let rows_at = |place: &Vector2<f64>| compared.rows(place, config);
     let there = residuals(&rows_at(&best.0), config)?;
     let here = residuals(&rows_at(&located.estimate.mean), config)?;
     let (ratio, gain) = gain(&there, &here, best.1);
@@ -164,8 +168,8 @@ fn range_open(
     if has_law(config) && config.power.centroid().is_none_or(is_known) {
         return None;
     }
-    let stride = count.div_ceil(MOST_TO_COMPARE);
-    let rows_at = |place: &Vector2<f64>| rows(receptions, place, config, stride);
+    let compared = Levels::new(receptions, count.div_ceil(MOST_TO_COMPARE));
+    let rows_at = |place: &Vector2<f64>| compared.rows(place, config);
     let near = rows_at(&located.estimate.mean);
     let sigma_db = Law::of(&near, config)?.sigma_db;
     let here = residuals(&near, config)?;

@@ -3,7 +3,7 @@ use nalgebra::Vector2;
 
 use super::{
     super::{Area, LocateConfig, Located, Paths},
-    law::{LEAST_TO_COMPARE, Law, Row, best_place, residuals, rows},
+    law::{LEAST_TO_COMPARE, Law, Levels, Row, best_place, residuals},
 };
 
 /// Largest number of levels at which hypotheses are compared.
@@ -21,6 +21,7 @@ const REACH: i32 = 5;
 /// Levels along paths of receivers, for hypotheses on where the receivers or the transmitter were.
 pub(super) struct Hypotheses<'a> {
     levels: &'a [Reception],
+    paths: Paths<'a>,
     config: &'a LocateConfig,
     start: Vector2<f64>,
     area: Area,
@@ -53,12 +54,14 @@ impl<'a> Hypotheses<'a> {
         if levels.len() < LEAST_TO_COMPARE || !config.is_timed {
             return None;
         }
-        let length_m = Paths::new(levels).length_m();
+        let paths = Paths::new(levels);
+        let length_m = paths.length_m();
         let times = levels.iter().map(|reception| reception.time);
         let first = times.clone().fold(f64::INFINITY, f64::min);
         let duration_s = times.fold(f64::NEG_INFINITY, f64::max) - first;
         (length_m > 0.0 && duration_s > 0.0).then(|| Self {
             levels,
+            paths,
             config,
             start: located.estimate.mean,
             area: Area::about(levels, config.margin_m),
@@ -70,7 +73,7 @@ impl<'a> Hypotheses<'a> {
     /// Returns the fit with the receivers where they were `offset_s` later.
     pub(super) fn delayed(&self, offset_s: f64, most: usize) -> Option<Fit<f64>> {
         let stride = self.levels.len().div_ceil(most);
-        self.fit(offset_s, &Paths::new(self.levels).shifted(offset_s, stride))
+        self.fit(offset_s, &self.paths.shifted(offset_s, stride))
     }
 
     /// Returns the fit of a transmitter with a velocity in m/s: in its frame the receivers drift
@@ -93,7 +96,8 @@ impl<'a> Hypotheses<'a> {
 
     fn fit<T>(&self, hypothesis: T, receptions: &[Reception]) -> Option<Fit<T>> {
         let config = self.config;
-        let rows_at = |place: &Vector2<f64>| rows(receptions, place, config, 1);
+        let compared = Levels::new(receptions, 1);
+        let rows_at = |place: &Vector2<f64>| compared.rows(place, config);
         let cost = |place: &Vector2<f64>| cost(&rows_at(place), config);
         let (place, cost) = best_place(&self.area, &self.start, REACH, cost);
         let rows = rows_at(&place);
