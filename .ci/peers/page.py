@@ -126,11 +126,44 @@ def check_answers(page, foxhunt, paths):
     return same, others
 
 
-def many(path, rows):
+def check_works(page, foxhunt, folder):
+    """Other commands than that of the kind of file."""
+    known = os.path.join(folder, "known.csv")
+    many(known, 400, "truth_east_m,truth_north_m", "300,200")
+    for work, path, table in (("judge", known, "Each estimator"), ("bearing", "archive/tests/data/uavrt-rotation.csv", "Bearings of the turns")):
+        page.locator("#work").select_option(work)
+        [run] = drop(page, [path])
+        text, errors, code = answer(foxhunt, run["args"], os.path.dirname(os.path.abspath(path)))
+        assert (run["errors"], run["code"]) == (errors, code) == ([], 0), run["errors"]
+        by = difference(json.loads(run["text"]), json.loads(text))
+        print(f"{work} {os.path.basename(path)} differs by {by:.1e} of its size")
+        assert by <= TOLERANCE
+        assert page.get_by_role("region", name=table).locator("tbody tr").count() >= 1
+    page.locator("#work").select_option("")
+    # A located recording with a truth offers to be judged.
+    drop(page, [known])
+    before = page.evaluate("foxhunt.done")
+    page.get_by_role("button", name="Judge against the recorded truth").click()
+    wait_for(page, f"foxhunt.done > {before}")
+    assert page.evaluate("foxhunt.runs[0].work") == "judge" and page.evaluate("foxhunt.runs[0].code") == 0
+
+
+def check_replay(page, foxhunt, folder):
+    """A hunt's log replays to the bit, whichever processor flew it."""
+    subprocess.run([foxhunt, "hunt", "--out", os.path.join(folder, "hunt")], check=True, capture_output=True)
+    [run] = drop(page, [os.path.join(folder, "hunt", "hunt.jsonl")])
+    result = json.loads(run["text"])
+    assert (run["work"], run["errors"]) == ("replay", []), run["errors"]
+    assert result["identical"] == result["compared"] > 0, result
+    assert page.locator("#fixes tbody tr").count() == len(result["beacons"])
+
+
+def many(path, rows, more_names="", more_cells=""):
     """Levels along a path over a field, of a transmitter at (300, 200)."""
     state = 1
     with open(path, "w", encoding="utf-8") as file:
-        file.write("time_s,east_m,north_m,rss_dbm\n")
+        names, cells = f",{more_names}".rstrip(","), f",{more_cells}".rstrip(",")
+        file.write(f"time_s,east_m,north_m,rss_dbm{names}\n")
         for row in range(rows):
             # To and fro along lanes that are 20 m apart, at 1.2 m/s.
             lane, along = divmod(row, rows // 20)
@@ -139,7 +172,7 @@ def many(path, rows):
             state = (1103515245 * state + 12345) % 2**31
             noise = 8.0 * (state / 2**31 - 0.5)
             level = -30 - 25 * math.log10(math.hypot(east - 300.0, north - 200.0) + 1.0) + noise
-            file.write(f"{row / 10 + 10 * lane:.1f},{east:.2f},{north:.2f},{level:.2f}\n")
+            file.write(f"{row / 10 + 10 * lane:.1f},{east:.2f},{north:.2f},{level:.2f}{cells}\n")
 
 
 def check_mapping(page, folder):
@@ -201,7 +234,9 @@ def check_look(browser, folder):
             drop(page, ["docs/walk.csv"])
             # It runs under the page's own policy.
             report_frame(page)
-            page.wait_for_timeout(300)
+            # What is far below is not painted.
+            page.locator("iframe").scroll_into_view_if_needed()
+            page.wait_for_timeout(1000)
             page.screenshot(path=os.path.join(folder, f"{size}-{scheme}.png"), full_page=True)
             page.evaluate("document.getElementById('map-columns').click()")
             page.screenshot(path=os.path.join(folder, f"{size}-{scheme}-mapping.png"), full_page=True)
@@ -275,6 +310,8 @@ def main():
         there, _, _ = answer(foxhunt, arguments, folder)
         assert difference(json.loads(text), json.loads(there)) <= TOLERANCE, "the mapping by hand"
         check_strike(page)
+        check_works(page, foxhunt, folder)
+        check_replay(page, foxhunt, folder)
 
         path = os.path.join(folder, "many.csv")
         many(path, 100_000)

@@ -1,12 +1,9 @@
 //! Progress of long work.
 
 #[cfg(not(target_family = "wasm"))]
-#[path = "progress/bar.rs"]
 mod bar;
-/// The bar of builds without a terminal, which is never shown.
 #[cfg(target_family = "wasm")]
-#[path = "progress/no_bar.rs"]
-mod bar;
+mod no_bar;
 
 use std::{
     io::{IsTerminal, stderr},
@@ -15,7 +12,10 @@ use std::{
 
 use serde::Serialize;
 
+#[cfg(not(target_family = "wasm"))]
 use self::bar::Bar;
+#[cfg(target_family = "wasm")]
+use self::no_bar::Bar;
 
 use crate::output::{Output, event, warn};
 

@@ -45,7 +45,8 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
 
 /// Returns the text of the page.
 fn page() -> Result<String, serde_json::Error> {
-    let columns = document::to_json(&Column::ALL.map(Column::name))?;
+    let columns: Vec<&str> = Column::ALL.into_iter().map(Column::name).collect();
+    let columns = document::to_json(&columns)?;
     let mut page = HTML.to_owned();
     for (mark, text) in [
         ("/* page.css */", STYLE),

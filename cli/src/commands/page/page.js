@@ -160,6 +160,11 @@ function jobs(asked = byId("work").value) {
   }
 }
 
+// A phone has no room for the answer beside the settings.
+function toResults() {
+  if (matchMedia("(max-width: 820px)").matches) byId("results").scrollIntoView();
+}
+
 async function runAll(list = jobs()) {
   if (busy || !list.length) return;
   busy = true;
@@ -169,6 +174,7 @@ async function runAll(list = jobs()) {
   errors([]);
   runs.length = 0;
   showRuns();
+  toResults();
   const begun = performance.now();
   for (const [index, job] of list.entries()) {
     if (stopped) break;
@@ -203,6 +209,7 @@ async function runOne(job, begun) {
       one.result = JSON.parse(one.text);
       one.firstMs = performance.now() - begun;
       showRuns(current ?? one);
+      if (runs.length === 1) toResults();
     }
   };
   const all = [...new Set([...job.names, ...ofKind("mapping", "calibration", "conformal", "struck", "recording", "samples")])];
@@ -265,9 +272,9 @@ function showRuns(one = current) {
   if (one && !runs.includes(one)) one = null;
   const rows = rowsOf(runs), several = runs.length > 1;
   byId("fixes-box").hidden = !rows.length;
-  const choose = several ? [["Details", (row) => button("Show", () => { showRuns(row.run); byId("shown-head").focus(); }, { "aria-label": `Show ${row.recording}` })]] : [];
+  const choose = several ? [["Details", (row) => (rows.find((first) => first.run === row.run) !== row ? "" : button("Show", () => { showRuns(row.run); byId("shown-head").focus(); }, { "aria-label": `Show ${row.recording}` }))]] : [];
   if (rows.length) fill(byId("fixes"), [...choose, ...COLUMNS], rows, (row) => (several && row.run === one ? { class: "current", "aria-current": "true" } : {}));
-  errors(runs.flatMap((run) => run.errors.map((text) => text)));
+  errors(runs.flatMap((run) => run.errors.map((text) => (several ? `${run.names.join(", ")}: ${text}` : text))));
   if (one !== current || !one || one.shown !== stateOf(one)) showRun(one);
 }
 
