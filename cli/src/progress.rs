@@ -1,10 +1,21 @@
+//! Progress of long work.
+
+#[cfg(not(target_family = "wasm"))]
+mod bar;
+#[cfg(target_family = "wasm")]
+mod no_bar;
+
 use std::{
     io::{IsTerminal, stderr},
     sync::atomic::{AtomicU64, Ordering},
 };
 
-use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
+
+#[cfg(not(target_family = "wasm"))]
+use self::bar::Bar;
+#[cfg(target_family = "wasm")]
+use self::no_bar::Bar;
 
 use crate::output::{Output, event, warn};
 
@@ -15,7 +26,7 @@ pub(crate) struct Progress {
     what: &'static str,
     total: u64,
     done: AtomicU64,
-    bar: Option<ProgressBar>,
+    bar: Option<Bar>,
     streams: bool,
 }
 
@@ -30,14 +41,7 @@ struct Done {
 impl Progress {
     /// Begins a work of `total` parts; `what` names the parts. Without `shows` there is no bar.
     pub(crate) fn new(output: Output<'_>, what: &'static str, total: u64, shows: bool) -> Self {
-        let bar = (shows && stderr().is_terminal()).then(|| {
-            let bar = ProgressBar::new(total);
-            // The template is checked by a test; a bar without style is a bar all the same.
-            if let Ok(style) = ProgressStyle::with_template(TEMPLATE) {
-                bar.set_style(style);
-            }
-            bar.with_message(what)
-        });
+        let bar = (shows && stderr().is_terminal()).then(|| Bar::new(total, what));
         Self { what, total, done: AtomicU64::new(0), bar, streams: output.streams() }
     }
 
@@ -54,7 +58,7 @@ impl Progress {
 
     fn show(&self, before: u64, done: u64) {
         if let Some(bar) = &self.bar {
-            bar.set_position(self.done.load(Ordering::Relaxed));
+            bar.reach(self.done.load(Ordering::Relaxed));
         }
         if self.streams && hundredth(before, done, self.total) {
             // Where standard output is closed the result cannot be printed either.
@@ -65,14 +69,14 @@ impl Progress {
     /// Replaces the note beside the bar.
     pub(crate) fn note(&self, note: String) {
         if let Some(bar) = &self.bar {
-            bar.set_message(note);
+            bar.note(note);
         }
     }
 
     /// Prints a line on standard error, above the bar.
     pub(crate) fn warn(&self, line: &str) {
         match &self.bar {
-            Some(bar) => bar.suspend(|| warn(line)),
+            Some(bar) => bar.above(|| warn(line)),
             None => warn(line),
         }
     }
@@ -80,12 +84,10 @@ impl Progress {
     /// Removes the bar.
     pub(crate) fn finish(&self) {
         if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
+            bar.remove();
         }
     }
 }
-
-const TEMPLATE: &str = "{wide_bar} {pos} of {len} {msg}, {eta} left";
 
 /// Returns true if a hundredth of the work was completed on the way from `before` to `done`.
 fn hundredth(before: u64, done: u64, total: u64) -> bool {
@@ -105,10 +107,5 @@ mod tests {
         }
         assert_eq!((1..=3).filter(|done| hundredth(done - 1, *done, 3)).count(), 3);
         assert!(hundredth(2, 3, 3));
-    }
-
-    #[test]
-    fn the_template_is_one() {
-        assert!(ProgressStyle::with_template(TEMPLATE).is_ok());
     }
 }

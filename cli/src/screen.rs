@@ -1,8 +1,7 @@
 //! Width of the screen for what is printed.
 
-use std::{env, io};
+use std::env;
 
-use terminal_size::{Height, Width, terminal_size_of};
 use textwrap::{Options, WordSeparator, WordSplitter};
 
 /// Width in columns if it is unknown: in a file or a pipe.
@@ -14,8 +13,19 @@ const LEAST: u16 = 40;
 /// Maximum width of a result in columns: `COLUMNS` if that is set, else the terminal's width.
 pub(crate) fn width() -> usize {
     let given = env::var("COLUMNS").ok();
-    let terminal = || terminal_size_of(io::stdout()).map(|(Width(width), Height(_))| width);
     usize::from(given.as_deref().and_then(columns).or_else(terminal).unwrap_or(UNKNOWN).max(LEAST))
+}
+
+/// Returns the columns of the terminal on standard output, if it is one.
+#[cfg(not(target_family = "wasm"))]
+fn terminal() -> Option<u16> {
+    terminal_size::terminal_size_of(std::io::stdout()).map(|(width, _)| width.0)
+}
+
+/// Returns [`None`]: WebAssembly has no terminal.
+#[cfg(target_family = "wasm")]
+fn terminal() -> Option<u16> {
+    None
 }
 
 /// The number of columns in a text.

@@ -11,7 +11,7 @@ pub(super) const GROUPS: [(&str, &[&str]); 5] = [
     ),
     ("Fly", &["fly", "devices", "listen", "emulate", "node"]),
     ("Study", &["judge", "compare", "results", "plot"]),
-    ("Tools", &["list", "completions", "man"]),
+    ("Tools", &["list", "page", "completions", "man"]),
 ];
 
 /// Has `--help` show the subcommands in their groups; lists elsewhere keep that order.

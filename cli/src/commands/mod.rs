@@ -22,6 +22,8 @@ pub(crate) mod locate;
 pub(crate) mod man;
 #[cfg(feature = "hardware")]
 pub(crate) mod node;
+#[cfg(not(target_family = "wasm"))]
+pub(crate) mod page;
 pub(crate) mod plot;
 pub(crate) mod pulses;
 pub(crate) mod replay;
@@ -89,6 +91,9 @@ pub(crate) enum Command {
     Plot(plot::Args),
     Completions(completions::Args),
     Man(man::Args),
+    // The program in the page cannot hold itself.
+    #[cfg(not(target_family = "wasm"))]
+    Page(page::Args),
     #[cfg(feature = "hardware")]
     Fly(fly::Args),
     #[cfg(feature = "hardware")]
@@ -141,6 +146,8 @@ fn dispatch(command: Command, context: Context<'_>) -> Result<(), CliError> {
         Command::Plot(args) => plot::run(&args, context),
         Command::Completions(args) => completions::run(&args, context),
         Command::Man(args) => man::run(&args, context),
+        #[cfg(not(target_family = "wasm"))]
+        Command::Page(args) => page::run(&args, context),
         #[cfg(feature = "hardware")]
         Command::Fly(args) => fly::run(&args, context),
         #[cfg(feature = "hardware")]

@@ -16,6 +16,7 @@ mod listen;
 mod lists;
 mod live;
 mod network;
+mod page;
 mod pipes;
 mod plot;
 mod pulses;

@@ -171,6 +171,10 @@ fn stop_on_interrupt(output: Output<'_>) -> Result<Arc<AtomicBool>, CliError> {
             std::process::exit(130);
         }
     };
+    // In a page the worker is ended from outside.
+    #[cfg(target_family = "wasm")]
+    drop(quit);
+    #[cfg(not(target_family = "wasm"))]
     ctrlc::set_handler(quit).map_err(CliError::failure)?;
     Ok(stop)
 }

@@ -1,0 +1,102 @@
+//! The page in which the program runs without an installation.
+
+use std::{fs, path::PathBuf};
+
+use foxhunt::{document, recording::Column};
+use serde::Serialize;
+
+use crate::{context::Context, error::CliError};
+
+const HTML: &str = include_str!("page.html");
+const STYLE: &str = include_str!("page.css");
+const SCRIPT: &str = include_str!("page.js");
+const WASI: &str = include_str!("wasi.js");
+const WORKER: &str = include_str!("worker.js");
+
+/// This program as WebAssembly, compressed by gzip, in base64; `.ci/replayer` makes it.
+const PROGRAM: &str = include_str!("program.wasm.gz.base64");
+
+/// Write a page that locates without an installation
+///
+/// The page is one file that works from a disk, without a network. It holds this program as
+/// WebAssembly: recordings that are dropped on it get the answers and the report page of `locate`,
+/// `judge`, `bearing`, `pulses` and `replay`. Nothing leaves the computer.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  foxhunt page --out foxhunt.html")]
+pub(crate) struct Args {
+    /// The page to write
+    #[arg(long, value_name = "HTML", default_value = "foxhunt.html")]
+    out: PathBuf,
+}
+
+/// Result in JSON.
+#[derive(Debug, Serialize)]
+struct Written {
+    page: PathBuf,
+    bytes: usize,
+}
+
+pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+    let text = page().map_err(CliError::failure)?;
+    fs::write(&args.out, &text).map_err(|error| CliError::writing(&args.out, error))?;
+    let written = Written { page: args.out.clone(), bytes: text.len() };
+    context.output.result(&written, |written| format!("page: {}", written.page.display()))
+}
+
+/// Returns the text of the page.
+fn page() -> Result<String, serde_json::Error> {
+    let columns: Vec<&str> = Column::ALL.into_iter().map(Column::name).collect();
+    let columns = document::to_json(&columns)?;
+    let mut page = HTML.to_owned();
+    for (mark, text) in [
+        ("/* page.css */", STYLE),
+        ("/* columns */", &columns),
+        ("/* wasi.js */", WASI),
+        ("/* worker.js */", WORKER),
+        ("/* version */", env!("CARGO_PKG_VERSION")),
+        ("/* page.js */", SCRIPT),
+        ("/* program */", PROGRAM.trim_end()),
+    ] {
+        page = page.replacen(mark, text, 1);
+    }
+    Ok(page)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Size in bytes that nobody minds to download once.
+    const MOST: usize = 6_000_000;
+
+    #[test]
+    fn it_is_whole() {
+        let page = page().expect("its columns are texts");
+        assert!(page.len() <= MOST, "{} bytes", page.len());
+        for part in [STYLE, WASI, WORKER, SCRIPT, PROGRAM.trim_end()] {
+            assert_eq!(page.matches(part).count(), 1, "{}", part.get(..40).unwrap_or(part));
+        }
+        assert!(page.contains("\"bearing_deg_compass\""), "the names of columns");
+        assert!(page.contains(env!("CARGO_PKG_VERSION")));
+        assert!(!page.contains("/* "), "a mark is left");
+    }
+
+    /// A page that loads anything is no page for a field without a network.
+    #[test]
+    fn it_loads_nothing() {
+        let page = page().expect("its columns are texts");
+        let own = page.replace(PROGRAM.trim_end(), "");
+        for outside in ["http:", "https:", "src=\"", "@import", "url(", "fetch(", "XMLHttp"] {
+            assert!(!own.contains(outside), "{outside}");
+        }
+        assert!(own.contains("content=\"default-src 'none';"));
+    }
+
+    /// Scripts in a page end at the first closing tag, wherever it stands.
+    #[test]
+    fn its_scripts_do_not_end_early() {
+        for script in [SCRIPT, WASI, WORKER] {
+            assert!(!script.to_lowercase().contains("</script"));
+        }
+    }
+}
