@@ -309,7 +309,7 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
         let mut left = Vec::new();
         let mut comes_home = false;
         for (index, drone) in self.drones.iter_mut().enumerate() {
-            let waits = self.ending == Ending::Return && drone.can_wait();
+            let waits = self.ending == Ending::Return && drone.can_wait(time);
             if waits && std::mem::replace(&mut comes_home, true) {
                 waited_for.push(drone.name.as_str());
                 continue;
