@@ -32,6 +32,8 @@ pub struct FlownDrone<A, S> {
     leave_accepted: bool,
     /// Time of that order, in seconds.
     leave_accepted_at: f64,
+    /// True if the hunt has landed it, and nobody else has had it since.
+    landed_by_hunt: bool,
     /// Comparison of its own height above the ground with the elevation model's, if there is one.
     height_watch: Option<HeightWatch>,
 }
@@ -81,6 +83,7 @@ impl<A, S> FlownDrone<A, S> {
             last_order: f64::NEG_INFINITY,
             leave_accepted: false,
             leave_accepted_at: f64::NEG_INFINITY,
+            landed_by_hunt: false,
             height_watch: None,
         }
     }
@@ -148,6 +151,11 @@ impl<A, S> FlownDrone<A, S> {
     /// from it for more than `silent_s` seconds. A drone that the pilot flies may be given back.
     pub(crate) fn is_out(&self, silent_s: f64) -> bool {
         self.is_down() || self.state.as_ref().is_none_or(|state| state.silent_s > silent_s)
+    }
+
+    /// Takes note that the hunt has landed it.
+    pub(crate) fn was_landed(&mut self) {
+        self.landed_by_hunt = true;
     }
 
     /// Makes every order due at once, and the order to leave one that it has not accepted.
@@ -245,6 +253,7 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
             });
             self.reported_health = Some(health);
         }
+        self.landed_by_hunt &= matches!(state.hands, Hands::Ours | Hands::Unheard);
         self.state = Some(state);
         Ok(())
     }
@@ -304,6 +313,8 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
             return Ok(());
         }
         match ending {
+            // Coming home would climb first, at its home and out of its touch-down.
+            _ if self.landed_by_hunt => self.aircraft.land()?,
             Ending::Return => self.aircraft.return_to_launch()?,
             Ending::Land => self.aircraft.land()?,
             Ending::Hold if self.leave_accepted => {}

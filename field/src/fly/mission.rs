@@ -134,6 +134,11 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
             if matches!(&event, Event::BeaconFinished { fix, .. } if fix.steps > 0) {
                 self.photograph(time);
             }
+            if let Event::Landed { drone, .. } = event
+                && let Some(landed) = self.drones.get_mut(drone)
+            {
+                landed.was_landed();
+            }
             self.events.push_back(event);
         }
     }

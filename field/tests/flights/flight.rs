@@ -185,7 +185,9 @@ impl<'a> Field<'a> {
                 placed
             })
             .collect();
-        scenario.hunt.stop.time_s = Some(60.0);
+        // The way home and the landing are over before the pilot breaks off.
+        scenario.hunt.stop.time_s = Some(if drawn.flies_home { 10.0 } else { 60.0 });
+        scenario.hunt.return_home = drawn.flies_home;
         let world = World::new(&scenario.world, 1).expect("a world");
         let mut field = Self {
             drawn,
