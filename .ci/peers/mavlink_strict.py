@@ -22,9 +22,9 @@ while down is None or time.monotonic() - down < 3.0:
         drone.step(STEP)
         if drone.is_in("GUIDED"):
             since = before - offboard.setdefault(drone.system, before)
-            drone.deaf = 4.0 < since < 6.5
+            drone.deaf = drone.unheard = 4.0 < since < 6.5
         elif not drone.armed:
-            drone.deaf = False
+            drone.deaf = drone.unheard = False
     time.sleep(max(0.0, STEP - (time.monotonic() - before)))
 for drone in drones:
     print(

@@ -13,7 +13,11 @@ flies is a point. They share no code with our emulated ones. Differences between
 | checks before arming | enabled and health of SYS_STATUS | health alone |
 | texts | up to 50 bytes | longer ones in chunks |
 | its target in OFFBOARD | POSITION_TARGET_GLOBAL_INT | POSITION_TARGET_LOCAL_NED; the global one keeps an old target |
-| the station is silent | RTL after 5 s (FS_GCS_ENABLE) | nothing |
+| the station that it follows is silent | RTL after 4.8 s (FS_GCS_ENABLE), out of the climb and a landing too; the pilot's modes go on (FS_OPTIONS 16); on the ground its motors stop | nothing |
+| goals outside its fence | ignored without an answer | flown to; beyond the border GF_ACTION |
+| its GPS is 55 m aside | "GPS Glitch or Compass error" and flags at once, the new place after 10 s, "Glitch cleared" after 20 s | rejected innovations and a flag at once, the new place after 7 s |
+| dead compasses, in the air | the health in SYS_STATUS alone | the same |
+| down by RTL or LAND | disarmed 2 s later | disarmed 2 s later, and HOLD by itself |
 | armed and left alone | disarmed after 10 s (DISARM_DELAY) | disarmed after 10 s (COM_DISARM_PRFLT) |
 """
 
@@ -56,7 +60,9 @@ KNOWN = {
 PARAMETERS = {
     "ardupilot": {
         "SYSID_MYGCS": 255.0, "FS_GCS_ENABLE": 1.0, "FS_GCS_TIMEOUT": 5.0, "FS_THR_ENABLE": 1.0,
-        "BATT_FS_LOW_ACT": 2.0, "RTL_ALT": 800.0, "FENCE_ENABLE": 0.0,
+        "BATT_FS_LOW_ACT": 2.0, "RTL_ALT": 800.0, "FENCE_ENABLE": 0.0, "FENCE_TYPE": 7.0, "FENCE_ACTION": 1.0,
+        "FENCE_RADIUS": 300.0, "FENCE_ALT_MAX": 100.0, "FENCE_ALT_MIN": -10.0, "FENCE_MARGIN": 2.0,
+        "FENCE_TOTAL": 0.0,
     },
     "px4": {
         "COM_OF_LOSS_T": 3.5, "COM_OBL_RC_ACT": 3, "NAV_DLL_ACT": 2, "NAV_RCL_ACT": 2,
@@ -65,10 +71,29 @@ PARAMETERS = {
     },
 }
 WITHOUT_SETPOINTS = {0: "HAND", 3: "RTL", 4: "LAND", 5: "LOITER"}
+BEYOND_FENCE = {2: "LOITER", 3: "RTL", 5: "LAND"}
+# Bits of SYS_STATUS.
+COMPASS, GPS, PREARM = 0x4, 0x20, 0x10000000
+# The station fails this much before FS_GCS_TIMEOUT: 4.6 to 5 s were seen with 5.
+EARLY_S = 0.2
+TOUCHED_S = 2.0
+# Speed over the way that is left, per second.
+SLOWS = 0.95
+NAN = math.nan
 
 
 def towards(value, target, most):
     return value + max(-most, min(most, target - value))
+
+
+class Order:
+    """A message of foxhunt, as it arrived: `what` is beat, mode, arm, disarm, climb, goal or speed."""
+
+    def __init__(self, at, what, value=None):
+        self.at, self.what, self.value = at, what, value
+
+    def __repr__(self):
+        return f"{self.what} {self.value or ''} at {self.at:.1f}"
 
 
 class Autopilot:
@@ -77,8 +102,10 @@ class Autopilot:
         self.minor, self.reference, self.drift = minor, reference, drift
         self.parameters, self.texts = PARAMETERS[kind] | parameters, 0
         self.own_goal = self.wanted_up = None
-        # While its link is down, in both directions.
-        self.deaf = False
+        # While what is sent to it is lost, while its own messages are, and by how much both are late.
+        self.deaf = self.unheard = False
+        self.late = 0.0
+        self.inbox, self.outbox = [], []
         # The worst that a goal was missed by in height, three seconds after the last one came.
         self.worst_up, self.goal_since = 0.0, math.inf
         self.kind, self.system, self.modes = kind, system, MODES[kind]
@@ -86,6 +113,7 @@ class Autopilot:
         self.link = mavutil.mavlink_connection(
             f"udpout:127.0.0.1:{port}", source_system=system, source_component=1
         )
+        self.link.mav.file = self
         # Who follows the telemetry has a link of its own, and has nothing to send.
         self.copy, self.copy_to = socket.socket(socket.AF_INET, socket.SOCK_DGRAM), ("127.0.0.1", copy_port)
         self.copy.setblocking(False)
@@ -98,22 +126,34 @@ class Autopilot:
         }
         self.station = self.armed_at = self.fed_since = self.fed = -math.inf
         self.positioned = False
+        # The station is lost; a failsafe acts; when it touched down; where the pilot's switch stands.
+        self.lost = self.critical = False
+        self.touched = self.touched_at = self.switch = None
+        self.velocity_goal, self.velocity_at = None, -math.inf
+        # How far its GPS is aside, how much of that it believes, and since when it has noticed.
+        self.aside, self.believed, self.glitch_at = (0.0, 0.0), (0.0, 0.0), None
+        self.compass = self.gps = self.healthy = self.arms_at_all = True
+        self.placed_after, self.misreads = 6.0, 0.0
+        # Stations that a router puts on its link.
+        self.forwarded, self.forwarded_at = [], -math.inf
         # What a test looks at.
         self.refused, self.failsafes, self.disturbed, self.flown = [], [], 0, False
+        # Orders of foxhunt, the pilot's modes, failsafes and armings with their times.
+        self.orders, self.pilots, self.acted, self.armings, self.ignored = [], [], [], [], 0
         # The fastest that it flew to set-points, by entries into GUIDED.
-        self.fastest = []
+        self.fastest, self.speeds = [], []
 
     # The model of the world.
 
     def is_placed(self):
-        return self.now - self.begun > 6.0
+        return self.now - self.begun > self.placed_after
 
     def airborne(self):
         return self.place[2] > 0.3
 
     def enter(self, name):
         self.mode = self.modes[name]
-        self.goal = self.goal_yaw = None
+        self.goal = self.goal_yaw = self.velocity_goal = self.wanted_up = None
         self.positioned = False
         if name == "GUIDED":
             self.fastest.append(0.0)
@@ -121,7 +161,8 @@ class Autopilot:
         if name in ("LAND", "RTL"):
             self.goal = list(self.place)
         if name == "RTL":
-            self.goal = [*self.home, max(self.place[2], self.return_up())]
+            # Up, over to its home, and down.
+            self.goal = [*self.place[:2], max(self.place[2], self.return_up()) if self.airborne() else 0.0]
 
     def is_in(self, name):
         return self.mode == self.modes.get(name)
@@ -129,44 +170,102 @@ class Autopilot:
     def step(self, dt):
         self.now = time.monotonic()
         self.fly(dt)
+        self.glitch()
+        self.settle()
         self.failsafe()
         self.judge_height()
         if not self.is_in("GUIDED"):
             self.own_goal = self.goal
         while (message := self.link.recv_msg()) is not None:
             if not self.deaf:
-                self.take(message)
+                self.inbox.append((self.now + self.late, message))
+        while self.inbox and self.inbox[0][0] <= self.now:
+            message = self.inbox.pop(0)[1]
+            self.note(message)
+            self.take(message)
         try:
             while self.copy.recv(4096):
                 self.disturbed += 1
         except BlockingIOError:
             pass
         self.report()
+        while self.outbox and self.outbox[0][0] <= self.now:
+            self.link.write(self.outbox.pop(0)[1])
 
     def fly(self, dt):
         before = list(self.place)
         if self.armed and self.goal is not None:
             way = math.hypot(self.goal[0] - before[0], self.goal[1] - before[1])
-            share = min(1.0, self.speed * dt / way) if way > 0 else 0.0
+            # It brakes in proportion to the way that is left (MPC_XY_P, PSC_POSXY_P).
+            share = min(1.0, min(self.speed, max(SLOWS * way, 0.2)) * dt / way) if way > 0 else 0.0
             self.place[0] += (self.goal[0] - before[0]) * share
             self.place[1] += (self.goal[1] - before[1]) * share
-            if self.is_in("RTL") and way < 0.5:
-                self.goal[2] = 0.0
+            if self.is_in("RTL") and self.goal[2] > 0.0 and abs(before[2] - self.goal[2]) < 0.1:
+                self.goal = [*self.home, 0.0 if math.dist(before[:2], self.home) < 0.5 else self.goal[2]]
             if self.is_in("LAND"):
                 self.goal[2] = 0.0
             self.place[2] = towards(before[2], self.goal[2], CLIMB * dt)
             if self.goal_yaw is not None:
                 turn = (self.goal_yaw - self.yaw + math.pi) % (2 * math.pi) - math.pi
                 self.yaw += max(-dt, min(dt, turn))
-            if self.goal[2] == 0.0 and self.place[2] <= 0.0:
-                self.armed, self.goal = False, None
             if self.is_in("TAKEOFF") and self.goal and abs(self.place[2] - self.goal[2]) < 0.2:
                 self.mode = self.modes["LOITER"]
+        if self.armed and self.velocity_goal is not None:
+            # ArduCopter stops when no further one comes for 3 s.
+            if self.now - self.velocity_at < 3.0:
+                self.place = [a + b * dt for a, b in zip(self.place, self.velocity_goal)]
         self.velocity = [(a - b) / dt for a, b in zip(self.place, before)]
         self.flown |= self.airborne()
+        self.speeds.append((self.now, math.hypot(*self.velocity[:2])))
         # How fast it flies to set-points, a second after the last order that might change that.
         if self.is_in("GUIDED") and self.goal and self.positioned and self.now - self.positioned > 2.0:
             self.fastest[-1] = max(self.fastest[-1], math.hypot(*self.velocity[:2]))
+
+    def settle(self):
+        """Motors stop after a touch-down, and when it is armed and left alone on the ground."""
+        down = self.armed and self.place[2] <= 0.0 and (self.is_in("RTL") or self.is_in("LAND"))
+        self.touched = (self.touched or self.now) if down else None
+        if self.touched is not None and self.now - self.touched > TOUCHED_S:
+            self.armed, self.goal, self.critical, self.touched_at = False, None, False, self.touched
+            if not self.ardupilot:
+                self.mode = self.modes["LOITER"]
+        on_ground = self.armed and not self.airborne() and self.goal is None
+        if on_ground and self.now - self.armed_at > 10.0:
+            self.armed = False
+
+    def glitch(self):
+        """A place of its GPS that is aside is believed after a while."""
+        if self.aside != self.believed and self.glitch_at is None:
+            self.glitch_at = self.now
+            if self.ardupilot:
+                self.text("EKF3 lane switch 1")
+                self.text("GPS Glitch or Compass error")
+        if self.glitch_at is None:
+            return
+        since = self.now - self.glitch_at
+        if since > (10.0 if self.ardupilot else 7.0) and self.aside != self.believed:
+            steps = [a - b for a, b in zip(self.aside, self.believed)]
+            self.place[:2] = [a + b for a, b in zip(self.place, steps)]
+            self.believed = self.aside
+        if since > 20.0:
+            self.glitch_at = None
+            if self.ardupilot:
+                self.text("Glitch cleared")
+
+    def rejects(self):
+        return self.aside != self.believed
+
+    def truth(self):
+        """Where it really is."""
+        return [self.place[0] - self.believed[0], self.place[1] - self.believed[1], self.place[2]]
+
+    def restart(self):
+        """Its power is gone for a moment, on the ground."""
+        self.begun, self.placed_after, self.armed = self.now, 30.0, False
+        self.enter("HAND")
+        self.sent, self.critical, self.lost = {}, False, False
+        if self.ardupilot:
+            self.period = {}
 
     # What differs on PX4.
 
@@ -186,7 +285,7 @@ class Autopilot:
         home_alt, ref_alt = SEA_M, self.home_alt() + self.reference
         down = home_alt - alt - ref_alt if above_home else ref_alt - alt
         # Home lies as far below the estimator's zero as it was when it was set.
-        return self.reference - down
+        return self.reference - down - self.misreads
 
     def local(self, place):
         """North, East and Down from the zero of its estimator, which is where it was switched on."""
@@ -196,7 +295,7 @@ class Autopilot:
         if not self.is_placed():
             return 0xA7 if self.minor >= 16 else 0
         standing = self.minor >= 16 and not self.airborne()
-        return 0x33F | (0x80 if standing else 0)
+        return 0x33F | (0x80 if standing else 0) | (0x400 if self.rejects() else 0)
 
     def parameter(self, query):
         name = query.param_id.rstrip("\0")
@@ -215,30 +314,89 @@ class Autopilot:
             self.worst_up = max(self.worst_up, abs(self.place[2] - self.wanted_up))
 
     def failsafe(self):
-        fly_themselves = self.is_in("RTL") or self.is_in("LAND")
-        if self.armed and not self.airborne() and self.goal is None and self.now - self.armed_at > 10.0:
-            self.armed = False
-        if not (self.armed and self.airborne()) or fly_themselves:
+        silent = self.now - self.station
+        if self.ardupilot and self.parameters["FS_GCS_ENABLE"] > 0 and math.isfinite(silent):
+            if self.lost and silent < 1.0:
+                self.lost, self.critical = False, False
+                self.text("GCS Failsafe Cleared")
+            elif not self.lost and silent > self.parameters["FS_GCS_TIMEOUT"] - EARLY_S:
+                self.lost = True
+                if self.armed and not self.airborne():
+                    self.armed, self.goal = False, None
+                elif self.armed and not (self.is_in("HAND") or self.is_in("LOITER")):
+                    self.act("GCS Failsafe", "RTL")
+        if not (self.armed and self.airborne()) or self.ardupilot or not self.is_in("GUIDED"):
             return
-        if self.ardupilot and self.now - self.station > 5.0:
-            self.failsafes.append("GCS Failsafe")
-            self.text("GCS Failsafe")
-            self.enter("RTL")
-        if not self.ardupilot and self.is_in("GUIDED") and self.now - self.fed > self.parameters["COM_OF_LOSS_T"]:
-            self.failsafes.append("Offboard control lost")
-            self.text("Offboard control lost")
-            self.enter(WITHOUT_SETPOINTS[self.parameters["COM_OBL_RC_ACT"]])
+        if self.now - self.fed > self.parameters["COM_OF_LOSS_T"]:
+            self.act("Offboard control lost", WITHOUT_SETPOINTS[self.parameters["COM_OBL_RC_ACT"]])
+        border, action = self.parameters["GF_MAX_HOR_DIST"], self.parameters["GF_ACTION"]
+        if border > 0 and math.dist(self.place[:2], self.home) > border and action in BEYOND_FENCE:
+            self.act("Geofence violation", BEYOND_FENCE[action])
+
+    def act(self, words, name):
+        """A failsafe acts."""
+        self.text(words)
+        self.critical = True
+        self.failsafes.append(words)
+        if not self.is_in(name):
+            self.enter(name)
+            self.acted.append((self.now, name))
 
     def pilot(self, name):
-        """The pilot's switch."""
+        """The pilot's switch acts when it moves, not where it stands."""
+        if name == self.switch:
+            return
+        self.switch, self.critical = name, False
         self.enter(name)
+        self.pilots.append((self.now, name))
 
     # The wire.
 
+    def write(self, packet):
+        """Takes what is sent to the station, as the file of its encoder."""
+        if not self.unheard:
+            self.outbox.append((self.now + self.late, packet))
+
+    def hear(self, number, message):
+        """Takes a message of another station of this number, which comes by a link of its own."""
+        message.get_header().srcSystem = number
+        self.take(message)
+
+    def note(self, message):
+        """Notes what foxhunt has sent."""
+        kind = message.get_type()
+        if kind == "HEARTBEAT":
+            self.orders.append(Order(self.now, "beat"))
+        if kind == "SET_POSITION_TARGET_GLOBAL_INT":
+            east, north, up = self.place_of(message)
+            self.orders.append(Order(self.now, "goal", (round(east, 1), round(north, 1), round(up, 1))))
+        if kind != "COMMAND_LONG":
+            return
+        if message.command == m.MAV_CMD_DO_SET_MODE:
+            mode = int(message.param2) if self.ardupilot else px4(int(message.param2), int(message.param3))
+            self.orders.append(Order(self.now, "mode", self.name_of(mode)))
+        elif message.command == m.MAV_CMD_COMPONENT_ARM_DISARM:
+            self.orders.append(Order(self.now, "arm" if message.param1 > 0.5 else "disarm"))
+        elif message.command == m.MAV_CMD_NAV_TAKEOFF:
+            self.orders.append(Order(self.now, "climb"))
+        elif message.command == m.MAV_CMD_DO_CHANGE_SPEED:
+            self.orders.append(Order(self.now, "speed", message.param2))
+
+    def name_of(self, mode):
+        return next((name for name, number in self.modes.items() if number == mode), str(mode))
+
+    def place_of(self, t):
+        """East, North and Up of a set-point, as they are flown."""
+        north = (t.lat_int * 1e-7 - LAT) * METRES
+        east = (t.lon_int * 1e-7 - LON) * METRES * math.cos(math.radians(LAT))
+        return east, north, self.up_of(t.alt, t.coordinate_frame)
+
     def take(self, message):
         kind = message.get_type()
-        if kind == "HEARTBEAT" and message.get_srcSystem() == 255:
-            self.station = self.now
+        if kind == "HEARTBEAT":
+            # PX4 hears every station.
+            if message.get_srcSystem() == self.parameters.get("SYSID_MYGCS", message.get_srcSystem()):
+                self.station = self.now
         elif getattr(message, "target_system", self.system) not in (0, self.system):
             return
         elif kind == "SET_MODE":
@@ -277,13 +435,18 @@ class Autopilot:
                     return failed
                 self.armed = False
                 return accepted
-            if not self.is_placed() or self.is_in("LAND") or self.is_in("RTL"):
+            ready = self.is_placed() and self.healthy and self.arms_at_all
+            if not ready or self.is_in("LAND") or self.is_in("RTL"):
                 if self.ardupilot:
-                    self.text("PreArm: Need Position Estimate")
+                    why = "Hardware safety switch" if self.is_placed() else "Need Position Estimate"
+                    self.text(f"PreArm: {why}")
                     return failed
-                self.text("Preflight Fail: no global position")
+                if not self.is_placed():
+                    self.text("Preflight Fail: no global position")
                 self.text("Arming denied: Resolve system health failures first")
                 return m.MAV_RESULT_TEMPORARILY_REJECTED
+            if not self.armed:
+                self.armings.append((self.now, c.get_srcSystem()))
             self.armed, self.armed_at, self.home = True, self.now, tuple(self.place[:2])
             return accepted
         if c.command == m.MAV_CMD_NAV_TAKEOFF:
@@ -321,17 +484,29 @@ class Autopilot:
             return m.MAV_RESULT_TEMPORARILY_REJECTED
         if not self.is_in(names[0]):
             self.enter(names[0])
+            self.critical = False
         return m.MAV_RESULT_ACCEPTED
 
     def target(self, t):
         if self.now - self.fed > 0.5:
             self.fed_since = self.now
         self.fed = self.now
-        if not (self.is_in("GUIDED") and self.armed and self.airborne()) or t.type_mask & 7:
+        if not (self.is_in("GUIDED") and self.armed and self.airborne()):
             return
-        north = (t.lat_int * 1e-7 - LAT) * METRES
-        east = (t.lon_int * 1e-7 - LON) * METRES * math.cos(math.radians(LAT))
-        up = self.up_of(t.alt, t.coordinate_frame)
+        if t.type_mask & 7:
+            if not t.type_mask & 0x38:
+                self.goal, self.positioned = None, False
+                most = math.inf if self.ardupilot else self.parameters["MPC_XY_VEL_MAX"]
+                east, north = (max(-most, min(most, v)) for v in (t.vy, t.vx))
+                self.velocity_goal, self.velocity_at = (east, north, -t.vz), self.now
+            return
+        east, north, up = self.place_of(t)
+        if self.ardupilot and self.parameters["FENCE_ENABLE"] > 0:
+            beyond = math.dist((east, north), self.home) > self.parameters["FENCE_RADIUS"]
+            if beyond or up > self.parameters["FENCE_ALT_MAX"]:
+                self.ignored += 1
+                return
+        self.velocity_goal = None
         # The height that was meant.
         above_home = t.coordinate_frame == m.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
         wanted = t.alt if above_home else t.alt - self.home_alt()
@@ -363,17 +538,24 @@ class Autopilot:
             return m.MAVLink_attitude_message(boot, 0.0, 0.0, self.yaw, 0.0, 0.0, 0.0)
         if number == 24:
             return m.MAVLink_gps_raw_int_message(
-                boot * 1000, 3 if ready else 1, lat, lon, alt, 80, 120, 0, 0, 12 if ready else 3
+                boot * 1000, 3 if ready and self.gps else 1, lat, lon, alt, 80, 120, 0, 0, 12 if ready else 3
             )
         if number == 193:
-            return m.MAVLink_ekf_status_report_message(0x33F if ready else 0x400, 0.1, 0.1, 0.1, 0.1, 0.1)
+            flags = (0x33F | (0x8000 if self.rejects() else 0)) if ready else 0x400
+            place = 3.0 if self.rejects() else 0.1
+            return m.MAVLink_ekf_status_report_message(flags, 0.1, place, 0.1, 0.1, 0.1)
         if number == 230:
-            return m.MAVLink_estimator_status_message(boot * 1000, self.flags(), *[0.1] * 6, 0.5, 0.5)
+            place = 3.0 if self.rejects() else 0.1
+            return m.MAVLink_estimator_status_message(
+                boot * 1000, self.flags(), 0.1, place, *[0.1] * 4, 0.5, 0.5
+            )
         if number == 1:
-            checks = 0x10000000
-            enabled = checks if self.ardupilot else 0
+            sensors = COMPASS | GPS
+            enabled = sensors | (PREARM if self.ardupilot else 0)
+            health = sensors | (PREARM if ready and self.healthy else 0)
+            health &= ~((0 if self.compass else COMPASS) | (0 if self.gps else GPS))
             return m.MAVLink_sys_status_message(
-                enabled, enabled, checks if ready else 0, 300, 12000, 500, 80, 0, 0, 0, 0, 0, 0
+                enabled, enabled, health, 300, 12000, 500, 80, 0, 0, 0, 0, 0, 0
             )
         if number == 245:
             landed = 2 if self.airborne() else 1
@@ -388,6 +570,8 @@ class Autopilot:
         if number == 32:
             x, y, z = self.local(self.place)
             return m.MAVLink_local_position_ned_message(boot, x, y, z, vx * 0.01, vy * 0.01, vz * 0.01)
+        if number == 85 and self.velocity_goal is not None:
+            return m.MAVLink_position_target_local_ned_message(boot, 1, 0, *[NAN] * 3, *[0.0] * 8)
         if number == 85 and self.goal is not None:
             return m.MAVLink_position_target_local_ned_message(boot, 1, 0, *self.local(self.goal), *[0.0] * 8)
         # PX4 keeps there what its own modes flew to.
@@ -413,7 +597,15 @@ class Autopilot:
             base |= m.MAV_MODE_FLAG_SAFETY_ARMED if self.armed else 0
             firmware = m.MAV_AUTOPILOT_ARDUPILOTMEGA if self.ardupilot else m.MAV_AUTOPILOT_PX4
             state = m.MAV_STATE_ACTIVE if self.armed else m.MAV_STATE_STANDBY
+            state = m.MAV_STATE_CRITICAL if self.critical else state
             self.send(m.MAVLink_heartbeat_message(m.MAV_TYPE_QUADROTOR, firmware, base, self.mode, state, 3))
+        if self.forwarded and self.now - self.forwarded_at > 1.0:
+            self.forwarded_at = self.now
+            for number in self.forwarded:
+                station = m.MAVLink_heartbeat_message(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, 0, 3)
+                router = m.MAVLink(self, number, 190)
+                router.send(station)
+                self.hear(number, station)
         for number, period in self.period.items():
             if self.now - self.sent.get(number, -math.inf) >= period:
                 self.sent[number] = self.now
@@ -427,7 +619,7 @@ class Autopilot:
             self.send(m.MAVLink_statustext_message(m.MAV_SEVERITY_CRITICAL, chunk.encode(), number, sequence))
 
     def send(self, message):
-        if message is None or self.deaf:
+        if message is None:
             return
         self.link.mav.send(message)
         try:

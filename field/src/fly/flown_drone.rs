@@ -30,6 +30,10 @@ pub struct FlownDrone<A, S> {
     last_order: f64,
     /// True if it has accepted the order to leave.
     leave_accepted: bool,
+    /// Time of that order, in seconds.
+    leave_accepted_at: f64,
+    /// True if the hunt has landed it, and nobody else has had it since.
+    landed_by_hunt: bool,
     /// Comparison of its own height above the ground with the elevation model's, if there is one.
     height_watch: Option<HeightWatch>,
 }
@@ -54,6 +58,10 @@ const HOMEWARD: [&str; 3] = ["RTL", "RETURN", "LAND"];
 /// seconds.
 const ALIVE_S: f64 = 1.0;
 
+/// Time from an order to leave until its mode shows it, in seconds: the order waits for a
+/// heartbeat, and is given five times a second apart.
+const SHOWN_S: f64 = 8.0;
+
 /// A drone with less than this share of its battery waits for nobody.
 const LOW_BATTERY: f64 = 0.25;
 
@@ -74,6 +82,8 @@ impl<A, S> FlownDrone<A, S> {
             may_take_over: false,
             last_order: f64::NEG_INFINITY,
             leave_accepted: false,
+            leave_accepted_at: f64::NEG_INFINITY,
+            landed_by_hunt: false,
             height_watch: None,
         }
     }
@@ -143,6 +153,11 @@ impl<A, S> FlownDrone<A, S> {
         self.is_down() || self.state.as_ref().is_none_or(|state| state.silent_s > silent_s)
     }
 
+    /// Takes note that the hunt has landed it.
+    pub(crate) fn was_landed(&mut self) {
+        self.landed_by_hunt = true;
+    }
+
     /// Makes every order due at once, and the order to leave one that it has not accepted.
     pub(crate) fn reset_orders(&mut self) {
         self.last_order = f64::NEG_INFINITY;
@@ -150,11 +165,13 @@ impl<A, S> FlownDrone<A, S> {
     }
 
     /// Returns true if it may hold its place while another drone comes home, or is coming home
-    /// itself: it is in the air and in our hands, or on its way home by our order.
-    pub(crate) fn can_wait(&self) -> bool {
+    /// itself: it is in the air and in our hands, or on its way home by our order, which its mode
+    /// may not show yet.
+    pub(crate) fn can_wait(&self, time: f64) -> bool {
         self.state.as_ref().is_some_and(|state| {
             let charged = state.battery.is_none_or(|left| left > LOW_BATTERY);
-            let comes = HOMEWARD.contains(&state.mode.as_str());
+            let ordered = state.hands == Hands::Ours && time - self.leave_accepted_at < SHOWN_S;
+            let comes = ordered || HOMEWARD.contains(&state.mode.as_str());
             let ours = state.commanded || (self.leave_accepted && comes);
             state.airborne && ours && charged && state.silent_s <= SILENT_S
         })
@@ -236,6 +253,7 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
             });
             self.reported_health = Some(health);
         }
+        self.landed_by_hunt &= matches!(state.hands, Hands::Ours | Hands::Unheard);
         self.state = Some(state);
         Ok(())
     }
@@ -295,6 +313,8 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
             return Ok(());
         }
         match ending {
+            // Coming home would climb first, at its home and out of its touch-down.
+            _ if self.landed_by_hunt => self.aircraft.land()?,
             Ending::Return => self.aircraft.return_to_launch()?,
             Ending::Land => self.aircraft.land()?,
             Ending::Hold if self.leave_accepted => {}
@@ -304,7 +324,9 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
                 self.aircraft.go_to(&Waypoint { position })?;
             }
         }
-        self.leave_accepted = true;
+        if !std::mem::replace(&mut self.leave_accepted, true) {
+            self.leave_accepted_at = time;
+        }
         Ok(())
     }
 }

@@ -134,6 +134,11 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
             if matches!(&event, Event::BeaconFinished { fix, .. } if fix.steps > 0) {
                 self.photograph(time);
             }
+            if let Event::Landed { drone, .. } = event
+                && let Some(landed) = self.drones.get_mut(drone)
+            {
+                landed.was_landed();
+            }
             self.events.push_back(event);
         }
     }
@@ -309,7 +314,7 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
         let mut left = Vec::new();
         let mut comes_home = false;
         for (index, drone) in self.drones.iter_mut().enumerate() {
-            let waits = self.ending == Ending::Return && drone.can_wait();
+            let waits = self.ending == Ending::Return && drone.can_wait(time);
             if waits && std::mem::replace(&mut comes_home, true) {
                 waited_for.push(drone.name.as_str());
                 continue;

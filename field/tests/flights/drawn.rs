@@ -9,6 +9,8 @@ pub(super) struct Drawn {
     pub(super) drones: usize,
     /// True if the drones land where they are when it is over; otherwise they return.
     pub(super) lands: bool,
+    /// True if the hunt itself brings them home and lands them when it is over.
+    pub(super) flies_home: bool,
     pub(super) happenings: Vec<Happening>,
 }
 
@@ -63,7 +65,7 @@ impl Drawn {
         let happening =
             |&(at, what): &(f64, What)| Happening { at: (at * 10.0) as u32, drone: 0, what };
         let happenings = happenings.iter().map(happening).collect();
-        Self { autopilot, drones, lands: false, happenings }
+        Self { autopilot, drones, lands: false, flies_home: false, happenings }
     }
 
     /// Flights of both firmwares, of one to five drones.
@@ -73,7 +75,13 @@ impl Drawn {
         let drones = prop_oneof![3 => Just(1_usize), 2 => Just(2), 3 => Just(3), 1 => Just(5)];
         let happenings = prop::collection::vec(Happening::strategy(), 0..7);
         (autopilot, drones, any::<bool>(), happenings).prop_map(
-            |(autopilot, drones, lands, happenings)| Self { autopilot, drones, lands, happenings },
+            |(autopilot, drones, lands, happenings)| Self {
+                autopilot,
+                drones,
+                lands,
+                flies_home: false,
+                happenings,
+            },
         )
     }
 

@@ -86,6 +86,7 @@ struct Field<'a> {
     heard: Vec<Rc<RefCell<Heard>>>,
     judges: Vec<Judge>,
     wrong: Vec<String>,
+    returning: usize,
 }
 
 /// Outcome of a flight.
@@ -99,6 +100,8 @@ pub(super) struct Flown {
     pub(super) words: String,
     /// Time at which it was over, in seconds.
     pub(super) over_s: f64,
+    /// The most drones that returned at once.
+    pub(super) returning: usize,
 }
 
 /// Flies it.
@@ -182,7 +185,9 @@ impl<'a> Field<'a> {
                 placed
             })
             .collect();
-        scenario.hunt.stop.time_s = Some(60.0);
+        // The way home and the landing are over before the pilot breaks off.
+        scenario.hunt.stop.time_s = Some(if drawn.flies_home { 10.0 } else { 60.0 });
+        scenario.hunt.return_home = drawn.flies_home;
         let world = World::new(&scenario.world, 1).expect("a world");
         let mut field = Self {
             drawn,
@@ -194,6 +199,7 @@ impl<'a> Field<'a> {
             heard: Vec::new(),
             judges: Vec::new(),
             wrong: Vec::new(),
+            returning: 0,
         };
         for drone in 0..drawn.drones {
             let (_, far) = memory_pair();
@@ -281,6 +287,9 @@ impl<'a> Field<'a> {
     }
 
     fn watch(&mut self) {
+        let home = self.drawn.autopilot.return_to_launch();
+        let returns = |of: &&EmulatedAutopilot<Far>| of.mode() == home && of.is_airborne();
+        self.returning = self.returning.max(self.emulated.iter().filter(returns).count());
         for drone in 0..self.drawn.drones {
             let up_m = self.up_m(drone);
             let emulated = &self.emulated[drone];
@@ -315,6 +324,6 @@ impl<'a> Field<'a> {
                 self.wrong.push(format!("{name} is {up_m:.1} m up in {mode}, not named: {words}"));
             }
         }
-        Flown { wrong: self.wrong, ends, words, over_s }
+        Flown { wrong: self.wrong, ends, words, over_s, returning: self.returning }
     }
 }

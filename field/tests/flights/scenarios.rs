@@ -187,3 +187,31 @@ fn scenarios_end_as_expected() {
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
+
+/// The hunt has flown them home and landed them: they are not sent up again to come home.
+#[test]
+fn drones_that_the_hunt_has_landed_are_left_to_land() {
+    for autopilot in [ArduPilot, Px4] {
+        for drones in [1, 3] {
+            let drawn = Drawn { flies_home: true, ..Drawn::of(autopilot, drones, &[]) };
+            let flown = fly(&drawn);
+            assert!(flown.wrong.is_empty() && flown.words == "as planned", "{flown:#?}");
+            assert!(flown.ends.iter().all(|(_, up_m)| *up_m < 0.3), "{flown:#?}");
+            assert_eq!(flown.returning, 0, "{autopilot}: {flown:#?}");
+        }
+    }
+}
+
+/// Each holds its place until the one before is down, also while the order to return waits for a
+/// heartbeat and its effect for the next one.
+#[test]
+fn drones_return_one_after_the_other() {
+    for autopilot in [ArduPilot, Px4] {
+        for tenths in 0..10 {
+            let at_s = 40.0 + 0.1 * f64::from(tenths);
+            let flown = fly(&Drawn::of(autopilot, 3, &[(at_s, What::BreaksOff)]));
+            assert!(flown.wrong.is_empty() && flown.ends.iter().all(|(_, up_m)| *up_m < 0.3));
+            assert_eq!(flown.returning, 1, "{autopilot}, {at_s:.1} s: {flown:#?}");
+        }
+    }
+}

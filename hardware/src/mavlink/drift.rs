@@ -57,9 +57,73 @@ impl Drift {
     }
 }
 
+/// Reports of the autopilot's own target that are not its goal: all in a row for a while, or some
+/// of the last ones, as when set-points of another station alternate with ours.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct OtherTargets {
+    /// Time of the last report, in seconds.
+    at: f64,
+    /// Bits of the last reports, the newest the lowest, 1 for another target.
+    recent: u8,
+    /// Time since which some of them have had another target, in seconds.
+    some_since: Option<f64>,
+    /// Time since which all reports have had another target, in seconds.
+    all_since: Option<f64>,
+}
+
+/// Time in seconds after which another target has replaced the goal.
+const REPLACED_S: f64 = 0.9;
+
+/// The last six reports, and the number of other targets among them beyond which one station alone
+/// does not explain them.
+const LAST: u8 = 0b11_1111;
+const OFTEN: u32 = 3;
+
+impl Default for OtherTargets {
+    fn default() -> Self {
+        Self { at: f64::NEG_INFINITY, recent: 0, some_since: None, all_since: None }
+    }
+}
+
+impl OtherTargets {
+    /// Takes a report, which may be the last one again; returns true if another target has
+    /// replaced the goal.
+    pub(super) fn see(&mut self, at: f64, other: bool) -> bool {
+        if at > self.at {
+            self.at = at;
+            self.recent = (self.recent << 1 | u8::from(other)) & LAST;
+        }
+        let since = |since: Option<f64>, holds: bool| holds.then(|| since.unwrap_or(at));
+        self.some_since = since(self.some_since, self.recent != 0);
+        self.all_since = since(self.all_since, other);
+        let lasts = |since: Option<f64>| since.is_some_and(|since| at - since >= REPLACED_S);
+        let often = self.recent.count_ones() >= OFTEN && lasts(self.some_since);
+        other && (lasts(self.all_since) || often)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Sees two reports a second, ours and others by their letters; when the goal was replaced.
+    fn replaced(reports: &str) -> Option<f64> {
+        let mut others = OtherTargets::default();
+        reports.chars().zip(0..).find_map(|(report, half)| {
+            let at = 0.5 * f64::from(half);
+            // Each is looked at twice.
+            others.see(at, report == 'x');
+            others.see(at, report == 'x').then_some(at)
+        })
+    }
+
+    #[test]
+    fn targets_that_alternate_with_ours_are_noticed_and_single_ones_are_not() {
+        assert_eq!(replaced("oooooxxx"), Some(3.5));
+        assert_eq!(replaced("oxoxoxox"), Some(2.5));
+        assert_eq!(replaced("ooxoxxo"), Some(2.5));
+        assert_eq!(replaced("xooooooxoooooxoooooxxo"), None);
+    }
 
     /// Flies along North at a speed from a place, 10 reports a second; when that was noticed.
     fn noticed(north: f64, mps: f64, first_mps: f64, seconds: u32) -> Option<f64> {

@@ -15,9 +15,6 @@ use super::{
 /// Speed towards a goal above which it must have taken it, in metres per second.
 const MOVING_MPS: f64 = 0.3;
 
-/// Time in seconds after which another target of the autopilot has replaced the goal.
-const REPLACED_S: f64 = 0.9;
-
 impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     pub(super) fn turn_order(&self, heading: f64) -> Order {
         let yaw_deg = yaw_of_heading(heading).to_degrees().rem_euclid(360.0);
@@ -70,14 +67,13 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         let known = target.as_ref().filter(|target| !goal.is_new() && target.at >= goal.sent);
         if let Some(target) = known {
             let (over_ground, up) = apart(&target.value, &goal.place);
-            if is_there(over_ground, up) {
-                (goal.confirmed, goal.replaced) = (true, None);
-            } else if self.phase == Phase::Flying && !goal.is_still_before(&target.value) {
-                let since = *goal.replaced.get_or_insert(target.at);
-                if target.at - since >= REPLACED_S {
-                    self.end_goal(over_ground, up);
-                    return Ok(());
-                }
+            let there = is_there(over_ground, up);
+            let flies = self.phase == Phase::Flying;
+            let other = !there && flies && !goal.is_still_before(&target.value);
+            goal.confirmed |= there;
+            if goal.others.see(target.at, other) {
+                self.end_goal(over_ground, up);
+                return Ok(());
             }
         } else if target.is_none() {
             goal.confirmed = goal.confirmed || self.moves_there(&frame, &goal);

@@ -1,6 +1,6 @@
 use nalgebra::Vector3;
 
-use super::drift::Drift;
+use super::drift::{Drift, OtherTargets};
 
 /// Stage of the order that an aircraft was given.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,8 +60,8 @@ pub(super) struct Goal {
     pub(super) times: u32,
     /// The autopilot's own target before it was sent.
     pub(super) before: Option<Vector3<f64>>,
-    /// Time since which the autopilot, which knew it or could, has had another target.
-    pub(super) replaced: Option<f64>,
+    /// Reports of other targets of the autopilot, which knew it or could.
+    pub(super) others: OtherTargets,
     /// Watch over its way there.
     pub(super) drift: Drift,
 }
@@ -85,7 +85,7 @@ impl Goal {
             sent: f64::NEG_INFINITY,
             times: 0,
             before: None,
-            replaced: None,
+            others: OtherTargets::default(),
             drift: Drift::default(),
         }
     }

@@ -437,6 +437,21 @@ fn another_station_that_sends_it_elsewhere_has_it() {
     assert!(field.run(3.0).commanded);
 }
 
+/// Its set-points alternate with ours, and it is pulled to and fro between both.
+#[test]
+fn another_station_whose_orders_alternate_with_ours_has_it() {
+    let mut field = copter();
+    field.fly();
+    assert!(field.run(5.0).commanded);
+    for moved_m in [25.0, 0.0].repeat(8) {
+        field.moved_m = moved_m;
+        field.run(0.2);
+    }
+    let state = field.run(0.1);
+    assert_eq!(state.hindrance, "another station has sent it 25 m from its goal");
+    assert_eq!(state.hands, Hands::Station);
+}
+
 /// Orders that change its mode or its motors.
 fn changes(field: &Copter) -> usize {
     let asks = [MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, MavCmd::MAV_CMD_REQUEST_MESSAGE];
