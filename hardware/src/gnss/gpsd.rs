@@ -3,11 +3,7 @@ use foxhunt_wire::{FixQuality, geodesy::Geodetic};
 use nalgebra::Vector3;
 use serde::Deserialize;
 
-use super::{
-    GnssDecoder, GnssFix,
-    fix::{axis_of, over_ground, sane, sane_sigma, seconds},
-    line::Line,
-};
+use super::{GnssDecoder, GnssFix, Line, axis_of, over_ground, sane, sane_sigma, seconds};
 
 /// The longest report that is read, in bytes; a sky of 150 satellites has 15 000.
 const LONGEST: usize = 32_768;

@@ -8,11 +8,7 @@ use nmea::{
     },
 };
 
-use super::{
-    GnssDecoder, GnssFix,
-    fix::{over_ground, sane, sane_sigma, seconds},
-    line::Line,
-};
+use super::{GnssDecoder, GnssFix, Line, over_ground, sane, sane_sigma, seconds};
 
 /// The longest sentence that is read, in bytes: what the crate takes.
 const LONGEST: usize = nmea::SENTENCE_MAX_LEN;

@@ -1,14 +1,26 @@
+//! A GNSS receiver behind any stream: its last fix, how uncertain that is by now, and its check.
+
 use std::{fmt, io};
 
 use foxhunt_core::{Clock, parameter::FieldError};
-use foxhunt_wire::ByteStream;
+use foxhunt_wire::{ByteStream, FixQuality, geodesy::Geodetic};
 use nalgebra::Vector3;
 
-use super::{GnssConfig, GnssDecoder, GnssError, GnssFix, GnssPosition, Positioning};
+use super::{GnssConfig, GnssDecoder, GnssFix, GnssKind};
+use crate::Finding;
 
 /// The most that is read at once, in pieces of 512 bytes: a stream that never runs dry must not
 /// hold up the program.
 const PIECES: usize = 128;
+
+/// Time that a receiver is given for a place, in seconds.
+const PATIENCE_S: f64 = 10.0;
+
+/// The most pauses, for a clock that stands still.
+const PAUSES: u32 = 100_000;
+
+/// A σ of East or North above this, in metres, is worth a word: bearings at 100 m move by 3°.
+const POOR_M: f64 = 5.0;
 
 /// A GNSS receiver behind any stream: its last fix, how old that is and how uncertain by now.
 ///
@@ -138,7 +150,7 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
     }
 
     /// The receiver's clock.
-    pub(super) fn now(&self) -> f64 {
+    fn now(&self) -> f64 {
         self.clock.now()
     }
 
@@ -173,4 +185,200 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> Positioning for GnssReceiver<S, C,
             _ => placed,
         }
     }
+}
+
+/// Present place of a receiver's antenna, with its uncertainty.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GnssPosition {
+    /// Place at the last fix.
+    pub place: Geodetic,
+    /// σ of East, North and Up in metres now, with what may have happened since.
+    pub sigma_m: Vector3<f64>,
+    /// Velocity to East, North and Up in metres per second at the last fix, where that is known.
+    pub velocity_mps: Option<Vector3<f64>>,
+    /// Quality of the fix.
+    pub quality: FixQuality,
+    /// Age of the fix, in seconds.
+    pub age_s: f64,
+}
+
+/// Something that knows where its antenna is.
+///
+/// An antenna on a surveyed mark:
+///
+/// ```
+/// use foxhunt_core::Vehicle;
+/// use foxhunt_hardware::{FixQuality, GnssError, GnssPosition, Positioning, StillVehicle};
+/// use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
+/// use nalgebra::Vector3;
+///
+/// struct Mark(Geodetic);
+///
+/// impl Positioning for Mark {
+///     fn position(&mut self) -> Result<GnssPosition, GnssError> {
+///         Ok(GnssPosition {
+///             place: self.0,
+///             sigma_m: Vector3::repeat(0.02),
+///             velocity_mps: Some(Vector3::zeros()),
+///             quality: FixQuality::RtkFixed,
+///             age_s: 0.0,
+///         })
+///     }
+/// }
+///
+/// let place = Geodetic { lat_deg: 50.1, lon_deg: 14.5, alt_m: 400.0 };
+/// let mut station = StillVehicle::new(Mark(place), LocalFrame::new(place)?);
+/// assert!(station.pose()?.position.norm() < 1e-6);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub trait Positioning {
+    /// Returns the antenna's present place. Never blocks; to be called several times a second,
+    /// because this is when the receiver is listened to.
+    ///
+    /// # Errors
+    ///
+    /// That there is no fix, or none that is young enough.
+    fn position(&mut self) -> Result<GnssPosition, GnssError>;
+}
+
+macro_rules! forward {
+    ($pointer:ty) => {
+        impl<G: Positioning + ?Sized> Positioning for $pointer {
+            fn position(&mut self) -> Result<GnssPosition, GnssError> {
+                (**self).position()
+            }
+        }
+    };
+}
+
+forward!(&mut G);
+
+forward!(Box<G>);
+
+/// Error of a GNSS receiver: why there is no place.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum GnssError {
+    /// The stream failed, and the last fix is too old by now, if there ever was one.
+    #[error("the GNSS receiver: {0}")]
+    Stream(#[from] io::Error),
+    /// It has had no fix until now.
+    #[error("the GNSS receiver has no fix yet{}", satellites.map_or(String::new(), |n| format!("; it uses {n} satellites")))]
+    NoFix {
+        /// Number of satellites that it uses, where it reports that.
+        satellites: Option<u32>,
+    },
+    /// The last fix is too old.
+    #[error("the last GNSS fix is {age_s:.1} s old; at most {limit_s} s are allowed")]
+    Stale {
+        /// Age of the last fix, in seconds.
+        age_s: f64,
+        /// Greatest age that is allowed, in seconds.
+        limit_s: f64,
+    },
+}
+
+impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
+    /// Looks at the receiver for at most 10 s: its protocol, its fix, the position's σ and age,
+    /// and what mends what is wrong. `pause` is called while it waits.
+    pub fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding> {
+        let begun = self.now();
+        let mut position = self.position();
+        for _ in 0..PAUSES {
+            if position.is_ok() || self.now() - begun >= PATIENCE_S {
+                break;
+            }
+            pause();
+            position = self.position();
+        }
+        let mut findings = Vec::new();
+        if let Err(GnssError::Stream(error)) = &position {
+            let remedy =
+                "check the cable, the port's name and who may open it; for gpsd, that it runs";
+            findings.push(Finding::bad("link", error, remedy));
+        }
+        findings.push(self.speech());
+        if self.decoder().messages() > 0 {
+            findings.push(self.fix());
+        }
+        if let Ok(position) = position {
+            findings.push(noise(&position));
+            findings.push(self.age(&position));
+        }
+        findings
+    }
+
+    fn speech(&self) -> Finding {
+        let name = self.decoder().name();
+        let messages = self.decoder().messages();
+        let refused = self.decoder().refused();
+        let subject = "receiver";
+        if messages > 0 && refused > messages / 10 {
+            let text = format!("{name}, {messages} messages, {refused} more were damaged");
+            let remedy =
+                "use a shorter cable or a lower rate, and let no other program read the port";
+            return Finding::bad(subject, text, remedy);
+        }
+        if messages > 0 {
+            return Finding::good(subject, format!("{name}, {messages} messages"));
+        }
+        if self.bytes() == 0 {
+            let remedy = match self.config().kind {
+                GnssKind::Gpsd => "start gpsd with the receiver's port, and let it listen (-N -n)",
+                _ => "check power, that its TX is at our RX, and the port's name",
+            };
+            return Finding::bad(subject, "it sends nothing", remedy);
+        }
+        let text = format!("{} bytes came, and none of them are {name}", self.bytes());
+        Finding::bad(subject, text, "check the baud rate (9600, 38400 or 115200) and the kind")
+    }
+
+    fn fix(&self) -> Finding {
+        let subject = "fix";
+        let Some(last) = self.last() else {
+            let remedy = match self.config().kind {
+                GnssKind::Nmea => "turn its GGA sentences on",
+                GnssKind::Ublox => "turn UBX output on at this port, or use kind = \"nmea\"",
+                GnssKind::Gpsd => "check that gpsd has a receiver: `gpspipe -w`",
+            };
+            return Finding::bad(subject, "it reports no position", remedy);
+        };
+        let satellites = last.satellites.map_or(String::new(), |n| format!(", {n} satellites"));
+        let hdop = last.hdop.map_or(String::new(), |hdop| format!(", HDOP {hdop:.1}"));
+        let text = format!("{}{satellites}{hdop}", last.quality.name());
+        match last.quality {
+            FixQuality::None => {
+                Finding::bad(subject, text, "give its antenna a free sky and some minutes")
+            }
+            FixQuality::Estimated => {
+                Finding::bad(subject, text, "it guesses: give its antenna a free sky")
+            }
+            _ if last.flat => {
+                Finding::bad(subject, text + ", no height", "wait for a fourth satellite")
+            }
+            FixQuality::RtkFloat => {
+                Finding::bad(subject, text, "wait for the RTK fix, or check its corrections")
+            }
+            _ => Finding::good(subject, text),
+        }
+    }
+
+    fn age(&self, position: &GnssPosition) -> Finding {
+        let text = format!("{:.1} s", position.age_s);
+        if position.age_s > self.config().stale_s / 2.0 {
+            let remedy = "set its rate to 5 Hz, or raise stale_s if it is slow";
+            return Finding::bad("age", text, remedy);
+        }
+        Finding::good("age", text)
+    }
+}
+
+fn noise(position: &GnssPosition) -> Finding {
+    let sigma = position.sigma_m;
+    let text = format!("σ East {:.2} m, North {:.2} m, Up {:.2} m", sigma.x, sigma.y, sigma.z);
+    if sigma.x.max(sigma.y) > POOR_M {
+        let remedy = "move its antenna away from walls and trees, and from USB 3 cables";
+        return Finding::bad("position noise", text, remedy);
+    }
+    Finding::good("position noise", text)
 }

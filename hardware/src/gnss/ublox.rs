@@ -14,10 +14,7 @@ use ublox::{
     proto27::{PacketRef, Proto27},
 };
 
-use super::{
-    GnssDecoder, GnssFix,
-    fix::{axis_of, sane_sigma, sane_velocity, seconds},
-};
+use super::{GnssDecoder, GnssFix, axis_of, sane_sigma, sane_velocity, seconds};
 
 /// The longest message that is waited for, in bytes: a NAV-PVT has 100. A length that was garbled
 /// keeps no more than this from being read.

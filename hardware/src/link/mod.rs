@@ -6,52 +6,33 @@
 
 #[cfg(feature = "signed")]
 mod carried;
-mod carrier;
 mod clock;
-mod drone_link;
-#[cfg(feature = "signed")]
-mod envelope;
-mod error;
-mod fusion_link;
-mod impaired;
+mod ends;
 #[cfg(feature = "signed")]
 mod key;
 mod memory;
+mod messages;
 #[cfg(feature = "mqtt")]
 mod mqtt;
-mod order;
-mod refusal;
-mod report;
 #[cfg(any(feature = "ros1", feature = "ros2"))]
 mod ros;
-#[cfg(feature = "ros1")]
-mod ros1;
-#[cfg(feature = "ros2")]
-mod ros2;
-mod status;
-mod unix_time;
-mod view;
 
 #[cfg(feature = "signed")]
 pub use carried::{CarriedDrone, CarriedFusion};
-pub use carrier::{Carrier, MemoryCarrier, memory_carriers};
-pub use clock::{ClockFilter, ClockOffset, Echo};
-pub use drone_link::DroneLink;
-pub use error::LinkError;
-pub use fusion_link::FusionLink;
-pub use impaired::{Impaired, Impairment};
+pub use clock::{ClockFilter, ClockOffset, Echo, UnixTime};
+pub use ends::{DroneLink, FusionLink, LinkError, Refusal};
 #[cfg(feature = "signed")]
 pub use key::{KeyError, TeamKey};
-pub use memory::{MemoryDrone, MemoryFusion, memory_network};
+pub use memory::{
+    Carrier, Impaired, Impairment, MemoryCarrier, MemoryDrone, MemoryFusion, memory_carriers,
+    memory_network,
+};
+pub use messages::{
+    BeaconView, Delivery, DroneView, Health, Leave, Order, Report, Stage, Status, Taken, Turn, View,
+};
 #[cfg(feature = "mqtt")]
 pub use mqtt::{MqttCarrier, MqttConfig};
-pub use order::{Leave, Order, Taken, Turn};
-pub use refusal::Refusal;
-pub use report::{Delivery, Report};
 #[cfg(feature = "ros1")]
-pub use ros1::{Ros1Config, Ros1Drone, Ros1Fusion};
+pub use ros::{Ros1Config, Ros1Drone, Ros1Fusion};
 #[cfg(feature = "ros2")]
-pub use ros2::{Ros2Config, Ros2Drone, Ros2Fusion};
-pub use status::{Stage, Status};
-pub use unix_time::UnixTime;
-pub use view::{BeaconView, DroneView, Health, View};
+pub use ros::{Ros2Config, Ros2Drone, Ros2Fusion};

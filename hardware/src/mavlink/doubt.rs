@@ -7,7 +7,7 @@ use foxhunt_wire::mavlink::{
     },
 };
 
-use super::texts::is_good_news;
+use super::reports::is_good_news;
 
 /// Signs that the place or the heading of an aircraft in flight is not what it reports.
 ///

@@ -10,10 +10,10 @@ use foxhunt_wire::{
 use super::{
     MavlinkError, MavlinkVehicle,
     authority::Seen,
+    link::Streams,
     orders::{Order, Step, mode_order},
     phase::{Goal, Nose, Ordered, Phase, Stage},
     quality, setpoint,
-    streams::Streams,
 };
 use crate::Hands;
 
@@ -202,7 +202,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         command.map_or(Ok(()), |command| self.command(now, command))
     }
 
-    pub(super) fn request_version(&mut self, now: f64) -> Result<(), MavlinkError> {
+    fn request_version(&mut self, now: f64) -> Result<(), MavlinkError> {
         #[expect(clippy::cast_precision_loss, reason = "message numbers are below 2^24")]
         let id = AUTOPILOT_VERSION_DATA::ID as f32;
         let parameters = [id, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];

@@ -6,7 +6,7 @@ use foxhunt_wire::mavlink::{
     },
 };
 
-use super::timed::Timed;
+use super::reports::Timed;
 use crate::ReportedHeight;
 
 /// Requested period of heights above the ground, in seconds.

@@ -1,7 +1,7 @@
 use foxhunt_wire::mavlink::{Autopilot, dialect::GpsFixType};
 use nalgebra::Vector3;
 
-use super::{PositionRequirements, telemetry::Telemetry};
+use super::{PositionRequirements, Telemetry};
 
 /// Flags of an estimator, by the bits that both firmwares share, that have to be set, and what the
 /// estimator lacks without each.
@@ -153,7 +153,7 @@ mod tests {
     use foxhunt_wire::mavlink::dialect::GPS_RAW_INT_DATA;
 
     use super::*;
-    use crate::mavlink::timed::Timed;
+    use crate::mavlink::reports::Timed;
 
     fn telemetry(fix_type: GpsFixType, h_acc: u32, eph: u16) -> Telemetry {
         let value = GPS_RAW_INT_DATA {

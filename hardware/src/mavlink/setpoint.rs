@@ -7,9 +7,9 @@ use foxhunt_wire::mavlink::{
 use nalgebra::Vector3;
 
 use super::{
+    Telemetry,
     phase::{Goal, Nose},
-    telemetry::Telemetry,
-    timed::Timed,
+    reports::Timed,
 };
 
 /// Velocities, accelerations and the yaw rate are not given: place and yaw are (0x9F8).

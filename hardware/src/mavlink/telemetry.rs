@@ -1,80 +1,16 @@
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::VecDeque;
 
 use foxhunt_wire::mavlink::{
-    Autopilot, FlightMode, Frame,
-    dialect::{
-        ATTITUDE_DATA, AUTOPILOT_VERSION_DATA, GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA,
-        HEARTBEAT_DATA, HOME_POSITION_DATA, LOCAL_POSITION_NED_DATA, MavAutopilot, MavLandedState,
-        MavMessage, MavModeFlag, MavResult, MavState, MavType, POSITION_TARGET_GLOBAL_INT_DATA,
-        POSITION_TARGET_LOCAL_NED_DATA, SYS_STATUS_DATA,
-    },
+    Autopilot, Frame,
+    dialect::{HEARTBEAT_DATA, MavAutopilot, MavMessage, MavType},
 };
 #[cfg(feature = "receivers")]
 use foxhunt_wire::receivers::SikStatus;
 
 use super::{
-    MavlinkConfig, doubt::Doubt, ground::GroundReports, parameter::parameter, texts::Texts,
-    timed::Timed,
+    MavlinkConfig, RadioStatus, Telemetry,
+    reports::{Timed, parameter},
 };
-use crate::ReportedHeight;
-
-/// A SiK telemetry radio's report of its link (RADIO_STATUS).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RadioStatus {
-    /// Time at which it came, in seconds of the driver's clock.
-    pub time: f64,
-    /// Signal strength of the other radio here, in the radio's own units; 255 is invalid.
-    pub rssi: u8,
-    /// Signal strength of this radio there.
-    pub remote_rssi: u8,
-    /// The noise here.
-    pub noise: u8,
-    /// The noise there.
-    pub remote_noise: u8,
-}
-
-/// The newest of each message of the autopilot.
-#[derive(Debug, Default)]
-pub(super) struct Telemetry {
-    /// Its system, its component and its firmware.
-    pub(super) who: Option<(u8, u8, Autopilot)>,
-    /// Time of its last message.
-    pub(super) last: Option<f64>,
-    pub(super) heartbeat: Option<Timed<HEARTBEAT_DATA>>,
-    /// The number of its frame.
-    pub(super) beat_sequence: u8,
-    pub(super) position: Option<Timed<GLOBAL_POSITION_INT_DATA>>,
-    pub(super) attitude: Option<Timed<ATTITUDE_DATA>>,
-    pub(super) gps: Option<Timed<GPS_RAW_INT_DATA>>,
-    /// Flags of the estimator, the same bits from both firmwares.
-    pub(super) estimator: Option<Timed<u16>>,
-    pub(super) status: Option<Timed<SYS_STATUS_DATA>>,
-    pub(super) home: Option<Timed<HOME_POSITION_DATA>>,
-    pub(super) target: Option<Timed<POSITION_TARGET_GLOBAL_INT_DATA>>,
-    /// Its place and its target in the frame of its own estimator.
-    pub(super) local: Option<Timed<LOCAL_POSITION_NED_DATA>>,
-    pub(super) local_target: Option<Timed<POSITION_TARGET_LOCAL_NED_DATA>>,
-    pub(super) landed: Option<Timed<MavLandedState>>,
-    /// Signs that its place is false.
-    pub(super) doubt: Doubt,
-    pub(super) ground: GroundReports,
-    pub(super) version: Option<AUTOPILOT_VERSION_DATA>,
-    /// Ground stations whose heartbeats came over this link.
-    pub(super) stations: BTreeSet<u8>,
-    /// The parameters that it has sent, by their names.
-    pub(super) parameters: BTreeMap<String, f64>,
-    pub(super) radio: Option<RadioStatus>,
-    /// Receiver of the SiK radio's reports.
-    #[cfg(feature = "receivers")]
-    pub(super) feed: Option<crate::SikFeed>,
-    /// The last texts, the newest last.
-    pub(super) texts: Texts,
-    /// Answers to orders that nobody has looked at yet: the order's number and what was answered.
-    pub(super) acks: VecDeque<(u32, MavResult)>,
-}
-
-/// Greatest age of its landed state, in seconds.
-const LANDED_S: f64 = 3.0;
 
 /// Heartbeats overtake each other by less than that, in seconds.
 const REORDERED_S: f64 = 2.0;
@@ -193,74 +129,6 @@ impl Telemetry {
             _ => None,
         };
         self.who = config.autopilot.or(announced).map(|autopilot| (system, component, autopilot));
-    }
-
-    pub(super) fn autopilot(&self) -> Autopilot {
-        self.who.map_or(Autopilot::default(), |(_, _, autopilot)| autopilot)
-    }
-
-    /// Returns true for a PX4 1 that reports a minor version of at least `minor`.
-    pub(super) fn is_px4_since(&self, minor: u8) -> bool {
-        let version = self.version.as_ref().map(|version| version.flight_sw_version.to_be_bytes());
-        self.autopilot() == Autopilot::Px4
-            && version.is_some_and(|[major, of, ..]| major > 1 || (major == 1 && of >= minor))
-    }
-
-    /// The mode of the last heartbeat.
-    pub(super) fn mode(&self) -> Option<FlightMode> {
-        let custom = self.heartbeat.as_ref()?.value.custom_mode;
-        Some(FlightMode { autopilot: self.autopilot(), custom })
-    }
-
-    pub(super) fn armed(&self) -> bool {
-        let armed = MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED;
-        self.heartbeat.as_ref().is_some_and(|beat| beat.value.base_mode.contains(armed))
-    }
-
-    /// Returns true if its last heartbeat reports that a failsafe acts.
-    pub(super) fn failsafe(&self) -> bool {
-        let critical = MavState::MAV_STATE_CRITICAL;
-        self.heartbeat.as_ref().is_some_and(|beat| beat.value.system_status == critical)
-    }
-
-    /// Seconds since its last heartbeat.
-    pub(super) fn without_heartbeat(&self, now: f64) -> f64 {
-        self.heartbeat.as_ref().map_or(f64::INFINITY, |beat| now - beat.at)
-    }
-
-    /// Seconds since anything of it came: any message shows that the link lives. Heartbeats, which
-    /// alone have its mode, may be away for twice as long.
-    pub(super) fn silence(&self, now: f64) -> f64 {
-        let any = self.last.map_or(f64::INFINITY, |last| now - last);
-        any.max(0.5 * self.without_heartbeat(now))
-    }
-
-    /// Returns true if it is in the air, by its last reports.
-    pub(super) fn airborne(&self, now: f64) -> bool {
-        let landed = self.landed.filter(|landed| now - landed.at <= LANDED_S);
-        match landed.map(|landed| landed.value) {
-            Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND) => false,
-            Some(MavLandedState::MAV_LANDED_STATE_UNDEFINED) | None => {
-                self.armed() && self.up().is_some_and(|up| up > 0.5)
-            }
-            Some(_) => true,
-        }
-    }
-
-    /// Metres above its launch place.
-    pub(super) fn up(&self) -> Option<f64> {
-        Some(f64::from(self.position.as_ref()?.value.relative_alt) * 1e-3)
-    }
-
-    /// Returns its height above the ground by its own devices.
-    pub(super) fn above_ground(&self, now: f64) -> Option<ReportedHeight> {
-        self.ground.height(now, self.attitude.as_ref())
-    }
-
-    /// Returns the charge of the battery, from 0 to 1.
-    pub(super) fn battery(&self) -> Option<f64> {
-        let percent = self.status.as_ref()?.value.battery_remaining;
-        (0..=100).contains(&percent).then(|| f64::from(percent) / 100.0)
     }
 }
 

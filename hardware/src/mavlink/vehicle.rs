@@ -1,3 +1,5 @@
+//! An autopilot's vehicle: its state, its orders from outside, and its service.
+
 use foxhunt_core::{Clock, Pose, Spinner, Vehicle, Waypoint, angle};
 use foxhunt_wire::{
     ByteStream,
@@ -7,74 +9,14 @@ use foxhunt_wire::{
 use nalgebra::Vector3;
 
 use super::{
-    MavlinkConfig, MavlinkError, RadioStatus,
+    FenceQuery, MavlinkConfig, MavlinkError, MavlinkVehicle, RadioStatus, Telemetry,
     authority::Authority,
-    camera::Camera,
-    cruise::Cruise,
-    fence_query::FenceQuery,
     link::Link,
-    orders::{Order, mode_of},
-    phase::{Goal, Nose, Ordered, Phase, Stage},
+    orders::mode_of,
+    phase::{Camera, Cruise, Goal, Nose, Ordered, Phase, Stage},
     quality, setpoint,
-    streams::Streams,
-    telemetry::Telemetry,
 };
 use crate::{Aircraft, AircraftState, Hands};
-
-/// An ArduCopter or a PX4 multicopter behind any stream of bytes.
-///
-/// It is served in every call, which is to be several times a second. East and
-/// North count from the common origin, Up from its own launch place.
-///
-/// **Who flies.** It is ours from a [`take_off`](Aircraft::take_off) until it is landed or
-/// returned, until its link is lost, or until its mode is one that we did not order: the pilot's,
-/// or a failsafe's ([`Hands`]). From that moment nothing is sent but heartbeats and questions, and
-/// orders are errors; without a heartbeat of it for `link_timeout_s` our own end, too, so that its
-/// failsafe acts. Orders that change its mode or its motors follow one of its heartbeats within
-/// half a second. It is ours again when the pilot has given the mode back (GUIDED; with PX4 HOLD,
-/// where the caller knows that) *and* [`take_over`](Self::take_over) is called; it then stays where
-/// it is until it is sent somewhere. Where another station sends it elsewhere in GUIDED, it is that
-/// station's until its mode has been another one. What lands or returns without our order is left
-/// to do so, and stays down until its pilot [clears it](Aircraft::clear_to_take_off) or sets
-/// GUIDED on the ground.
-#[derive(Debug)]
-pub struct MavlinkVehicle<S, C> {
-    pub(super) config: MavlinkConfig,
-    pub(super) link: Link<S>,
-    pub(super) clock: C,
-    pub(super) telemetry: Telemetry,
-    pub(super) streams: Option<Streams>,
-    pub(super) frame: Option<CommonFrame>,
-    /// Its place at take-off, for an autopilot that does not send its home.
-    pub(super) launch: Option<Vector3<f64>>,
-    pub(super) phase: Phase,
-    pub(super) ordered: Ordered,
-    /// Height to which its take-off is to bring it, in metres, until it is up there.
-    pub(super) climbs_to: Option<f64>,
-    /// Time since which a position is waited for that shows whether it has climbed.
-    pub(super) undecided: Option<f64>,
-    /// Number of heartbeats in a row that have shown another mode than the accepted one.
-    pub(super) ignored: u32,
-    /// Holder of it, and hence what may be sent to it.
-    pub(super) authority: Authority,
-    /// True if it was ordered to come down and has not been observed to.
-    pub(super) leaving: bool,
-    /// True if it lands because it has refused to return.
-    pub(super) settles: bool,
-    /// Description of its place outside the limits, while it is there.
-    pub(super) strayed: Option<String>,
-    pub(super) goal: Option<Goal>,
-    /// The order that the phase waits for.
-    pub(super) order: Option<Order>,
-    /// A heading that it was ordered to, and the order.
-    pub(super) turning: Option<Order>,
-    pub(super) cruise: Cruise,
-    pub(super) camera: Camera,
-    /// Reason why a take-off or an order was given up.
-    pub(super) failure: String,
-    pub(super) version_requested: f64,
-    pub(super) fence_query: FenceQuery,
-}
 
 impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     /// An autopilot at the other end of `stream`.

@@ -1,7 +1,23 @@
+//! Settings of receivers behind rtl_tcp and of a KrakenSDR, and their errors.
+
+use std::io;
+
 use foxhunt_core::parameter::{FieldError, finite, in_range, positive, require};
+use foxhunt_signal::detector::DetectorError;
+use foxhunt_wire::receivers::{HttpError, RtlTcpError};
 use serde::{Deserialize, Serialize};
 
-use super::RtlTcpTuning;
+/// Greatest delay of the next pulse after an interval, as a share of it.
+const LATE: f64 = 0.02;
+
+/// Interval of the search for pulses, in seconds.
+pub(super) const SEARCH_EVERY_S: f64 = 0.05;
+
+/// The share of the rate that is received on each side of the middle.
+const RECEIVED: f64 = 0.48;
+
+/// The bytes that a server hands on at a time.
+const SERVER_BYTES: f64 = 262_144.0;
 
 /// Settings for the power of beacons from an RTL-SDR behind rtl_tcp.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -61,14 +77,6 @@ pub struct PulseConfig {
     pub false_alarms_per_hour: f64,
 }
 
-fn search_hz() -> f64 {
-    5_000.0
-}
-
-fn false_alarms_per_hour() -> f64 {
-    10.0
-}
-
 impl PulseConfig {
     /// Pulses of a width and an interval, both in seconds, anywhere within 5 kHz, with 10 false
     /// alarms an hour.
@@ -100,12 +108,6 @@ impl PulseConfig {
         Ok(())
     }
 }
-
-/// Greatest delay of the next pulse after an interval, as a share of it.
-const LATE: f64 = 0.02;
-
-/// Interval of the search for pulses, in seconds.
-pub(super) const SEARCH_EVERY_S: f64 = 0.05;
 
 /// No frequencies, which a file has to name; 2.048 MS/s, 28 dB, 100 kHz beside, a band of 5 kHz,
 /// 0.1 s to settle, 0.1 s of which the upper tenth counts; −30 dBm at full scale; no floor; 0.9 s;
@@ -248,9 +250,6 @@ impl RtlTcpConfig {
     }
 }
 
-/// The share of the rate that is received on each side of the middle.
-const RECEIVED: f64 = 0.48;
-
 impl KrakenConfig {
     /// Checks the ranges of all settings.
     ///
@@ -278,6 +277,125 @@ impl KrakenConfig {
         positive("spacing_s", self.spacing_s)?;
         positive("page_timeout_s", self.page_timeout_s)?;
         positive("turn_timeout_s", self.turn_timeout_s)?;
+        Ok(())
+    }
+}
+
+/// Error of an RTL-SDR behind rtl_tcp: why it measures no power. The call may be repeated.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RtlTcpRadioError {
+    /// The connection failed.
+    #[error("rtl_tcp: {0}")]
+    Stream(#[source] io::Error),
+    /// The server is another one.
+    #[error("rtl_tcp: {0}")]
+    Server(#[source] RtlTcpError),
+    /// It sends nothing.
+    #[error(
+        "rtl_tcp has sent nothing for {seconds:.1} s: it serves one client at a time, and stops \
+         when its receiver is unplugged"
+    )]
+    Silent {
+        /// For how long.
+        seconds: f64,
+    },
+    /// Its samples cannot be searched for pulses.
+    #[error("rtl_tcp: pulses: {0}")]
+    Pulses(#[source] DetectorError),
+    /// There is no such beacon.
+    #[error("there is no frequency of beacon {beacon}; there are {beacons}, counted from 0")]
+    Beacon {
+        /// Requested beacon.
+        beacon: u16,
+        /// Number of beacons.
+        beacons: usize,
+    },
+}
+
+/// Error of a `KrakenSDR`: why it measures no bearings. It may be polled again.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum KrakenSourceError<V> {
+    /// The connection failed.
+    #[error("KrakenSDR: {0}")]
+    Stream(#[source] io::Error),
+    /// Its server does not send the page.
+    #[error("KrakenSDR: {0}")]
+    Http(#[source] HttpError),
+    /// The page did not come in time.
+    #[error("KrakenSDR: the page did not come in {seconds} s")]
+    Timeout {
+        /// The time that it had.
+        seconds: f64,
+    },
+    /// The aircraft that carries the array failed.
+    #[error("the vehicle failed: {0}")]
+    Vehicle(#[source] V),
+    /// There is no such beacon.
+    #[error("there is no frequency of beacon {beacon}; there are {beacons}, counted from 0")]
+    Beacon {
+        /// Requested beacon.
+        beacon: u16,
+        /// Number of beacons.
+        beacons: usize,
+    },
+}
+
+fn search_hz() -> f64 {
+    5_000.0
+}
+
+fn false_alarms_per_hour() -> f64 {
+    10.0
+}
+
+/// Settings of an RTL-SDR behind rtl_tcp, and the silence after which its stream counts as stalled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct RtlTcpTuning {
+    /// The frequency in the middle, in Hz.
+    pub center_hz: u32,
+    /// Samples per second.
+    pub sample_rate_hz: u32,
+    /// The tuner's gain in dB, fixed: automatic gain would hide the power.
+    pub gain_db: f64,
+    /// Error of the oscillator, in parts per million.
+    pub correction_ppm: i32,
+    /// Time in seconds after the receiver was set up during which samples are left out; in the
+    /// second half their place in time is found.
+    pub settling_s: f64,
+    /// A stream that brings nothing for this long, in seconds, has stalled, and is opened again.
+    pub silence_s: f64,
+}
+
+impl RtlTcpTuning {
+    /// 28 dB, no correction; 50 ms and twice what a server hands on at a time to settle, 0.9 s of
+    /// silence.
+    #[must_use]
+    pub fn new(center_hz: u32, sample_rate_hz: u32) -> Self {
+        let block_s = SERVER_BYTES / 2.0 / f64::from(sample_rate_hz.max(1));
+        Self {
+            center_hz,
+            sample_rate_hz,
+            gain_db: 28.0,
+            correction_ppm: 0,
+            settling_s: 0.05 + 2.0 * block_s.min(1.0),
+            silence_s: 0.9,
+        }
+    }
+
+    /// Checks the ranges of all settings.
+    ///
+    /// # Errors
+    ///
+    /// [`FieldError`] names the first field that cannot.
+    pub fn check(&self) -> Result<(), FieldError> {
+        let rate = f64::from(self.sample_rate_hz);
+        in_range("sample_rate_hz", rate, 1.0..=10e6, "at most 10 MHz")?;
+        require(self.gain_db.abs() <= 100.0, "gain_db", self.gain_db, "at most 100")?;
+        in_range("settling_s", self.settling_s, 0.0..=10.0, "from 0 to 10")?;
+        positive("silence_s", self.silence_s)?;
         Ok(())
     }
 }

@@ -1,18 +1,24 @@
+//! Bearings of a KrakenSDR from the page that it serves, and its check.
+
 use std::{f64::consts::TAU, io};
 
 use foxhunt_core::{
     BeaconId, Clock, PatternSource, Pose, Sample, Sweep, Vehicle, angle, parameter::FieldError,
 };
-use foxhunt_wire::{ByteStream, receivers::KrakenDoa};
+use foxhunt_wire::{
+    ByteStream,
+    receivers::{HttpError, HttpResponse, KrakenDoa, KrakenError},
+};
 use nalgebra::Vector3;
 
-use super::{
-    KrakenConfig, KrakenSourceError,
-    page::{Page, PageError},
-};
+use super::{KrakenConfig, KrakenSourceError};
+use crate::Finding;
 
 /// Number of positions of a pseudo-spectrum.
 const POSITIONS: u16 = 360;
+
+/// Pauses after which waiting ends, whatever the clock shows.
+const PAUSES: u32 = 1_000_000;
 
 /// A `KrakenSDR` as a source of turns that take no turning: its pseudo-spectrum is the pattern, one
 /// sample for each of 360 directions, whose highest has the power that it measured.
@@ -22,10 +28,10 @@ const POSITIONS: u16 = 360;
 /// left out. Pose and time are those at which the line was read.
 #[derive(Debug)]
 pub struct KrakenSource<S, O, V, C> {
-    pub(super) config: KrakenConfig,
+    config: KrakenConfig,
     open: O,
     vehicle: V,
-    pub(super) clock: C,
+    clock: C,
     page: Option<Page<S>>,
     requested_at: f64,
     begun_at: f64,
@@ -80,10 +86,7 @@ where
     }
 
     /// Fetches the page; its text, once.
-    pub(super) fn fetch(
-        &mut self,
-        now: f64,
-    ) -> Result<Option<String>, KrakenSourceError<V::Error>> {
+    fn fetch(&mut self, now: f64) -> Result<Option<String>, KrakenSourceError<V::Error>> {
         if self.page.is_none() {
             if now < self.requested_at + self.config.spacing_s {
                 return Ok(None);
@@ -214,4 +217,103 @@ where
             ..Sweep::default()
         }))
     }
+}
+
+/// One page, which is fetched over a connection of its own.
+#[derive(Debug)]
+struct Page<S> {
+    stream: S,
+    response: HttpResponse,
+    /// Time of the request.
+    requested_at: f64,
+}
+
+/// Error of a page that does not come.
+enum PageError {
+    Stream(io::Error),
+    Http(HttpError),
+}
+
+impl<S: ByteStream> Page<S> {
+    /// Asks for it.
+    fn request(mut stream: S, host: &str, path: &str, now: f64) -> io::Result<Self> {
+        stream.send(&HttpResponse::request(host, path))?;
+        Ok(Self { stream, response: HttpResponse::default(), requested_at: now })
+    }
+
+    /// The page, once it is complete.
+    fn poll(&mut self) -> Result<Option<Vec<u8>>, PageError> {
+        let mut chunk = [0; 4096];
+        loop {
+            match self.stream.receive(&mut chunk) {
+                Ok(0) => return Ok(None),
+                Ok(count) => {
+                    let came = chunk.get(..count).unwrap_or_default();
+                    if let Some(body) = self.response.push(came).map_err(PageError::Http)? {
+                        return Ok(Some(body));
+                    }
+                }
+                Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => {
+                    let response = std::mem::take(&mut self.response);
+                    return response.end().map(Some).map_err(PageError::Http);
+                }
+                Err(error) => return Err(PageError::Stream(error)),
+            }
+        }
+    }
+}
+
+impl<S, O, V, C> KrakenSource<S, O, V, C>
+where
+    S: ByteStream,
+    O: FnMut() -> io::Result<S>,
+    V: Vehicle,
+    C: Clock,
+{
+    /// Reads the page once: from where each beacon is received now. `pause` is called while it
+    /// waits, and has to let a little time pass.
+    pub fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding> {
+        let remedy = "check that it runs, its address, and that its data output is \"Kraken App\"";
+        for _ in 0..PAUSES {
+            match self.fetch(self.clock.now()) {
+                Ok(Some(text)) => return looked(&self.config, &KrakenDoa::page(&text)),
+                Ok(None) => pause(),
+                Err(error) => return vec![Finding::bad("KrakenSDR", error, remedy)],
+            }
+        }
+        let seconds = self.config.page_timeout_s;
+        let late = KrakenSourceError::<V::Error>::Timeout { seconds };
+        vec![Finding::bad("KrakenSDR", late, remedy)]
+    }
+}
+
+/// The beacons of a page.
+fn looked(config: &KrakenConfig, lines: &[Result<KrakenDoa, KrakenError>]) -> Vec<Finding> {
+    let look = |(index, hz): (usize, &f64)| {
+        let subject = format!("beacon {index} ({:.3} MHz)", hz / 1e6);
+        let theirs = |line: &&KrakenDoa| (line.frequency_hz - hz).abs() <= config.tolerance_hz;
+        match lines.iter().flatten().find(theirs) {
+            None => {
+                let remedy =
+                    "set one of its VFOs to this frequency, and its squelch below the beacon";
+                Finding::bad(&subject, "there is no channel at this frequency", remedy)
+            }
+            Some(line) => {
+                let degrees = line.direction().to_degrees();
+                let level = line.power_db + config.calibration_db;
+                let confidence = line.confidence;
+                let text = format!(
+                    "from {degrees:.0} degrees counter-clockwise of the front, {level:.1} dBm, \
+                     confidence {confidence}"
+                );
+                if confidence < config.least_confidence {
+                    let remedy = "go closer, or lower least_confidence";
+                    Finding::bad(&subject, text, remedy)
+                } else {
+                    Finding::good(&subject, text)
+                }
+            }
+        }
+    };
+    config.frequencies_hz.iter().enumerate().map(look).collect()
 }

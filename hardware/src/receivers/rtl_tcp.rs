@@ -1,13 +1,22 @@
+//! The power and the pulses of beacons from an RTL-SDR behind rtl_tcp.
+
 use foxhunt_core::{BeaconId, Clock, Radio, parameter::FieldError};
-use foxhunt_wire::ByteStream;
+use foxhunt_signal::{
+    Complex32,
+    detector::{Detection, Detector, DetectorConfig, DetectorError},
+    samples::SampleFormat,
+};
+use foxhunt_wire::{ByteStream, receivers::NarrowBand};
 
 use super::{
-    RtlTcpConfig, RtlTcpRadioError, RtlTcpSamples, SampleLosses, gather::Gather, watch::PulseWatch,
+    PulseConfig, RtlTcpConfig, RtlTcpRadioError, RtlTcpSamples, SampleLosses,
+    config::SEARCH_EVERY_S,
 };
 use crate::Finding;
 
 /// Most chunks that one poll takes, so that it ends.
 const CHUNKS: usize = 256;
+
 /// Pauses after which waiting ends, whatever the clock shows.
 const PAUSES: u32 = 1_000_000;
 
@@ -272,15 +281,6 @@ impl<S: ByteStream, C: Clock> RtlTcpRadio<S, C> {
     }
 }
 
-fn rate(config: &RtlTcpConfig) -> f64 {
-    f64::from(config.sample_rate_hz)
-}
-
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
-fn count(samples: f64) -> u64 {
-    samples.round() as u64
-}
-
 impl<S: ByteStream, C: Clock> Radio for RtlTcpRadio<S, C> {
     type Error = RtlTcpRadioError;
 
@@ -314,4 +314,139 @@ impl<S: ByteStream, C: Clock> Radio for RtlTcpRadio<S, C> {
     fn measured_at(&self) -> Option<f64> {
         self.measured_at
     }
+}
+
+/// Gathers the powers of a window.
+#[derive(Clone, Debug)]
+struct Gather {
+    band: NarrowBand,
+    /// In the order in which they came; as many as are wanted at most.
+    powers: Vec<f64>,
+    wanted: usize,
+}
+
+impl Gather {
+    /// Creates an empty one; `None` if the band is invalid.
+    fn new(config: &RtlTcpConfig) -> Option<Self> {
+        let rate = f64::from(config.sample_rate_hz);
+        let band = NarrowBand::new(rate, f64::from(config.beside_hz), config.bandwidth_hz)?;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "at most 10 s of 10 MS/s"
+        )]
+        let count = (config.window_s * rate).clamp(0.0, 1e8) as u32;
+        let wanted = usize::try_from(count / band.block()).ok()?.max(1);
+        Some(Self { band, powers: Vec::new(), wanted })
+    }
+
+    /// Takes what has come; returns true if that is enough.
+    fn push(&mut self, bytes: &[u8]) -> bool {
+        let powers = &mut self.powers;
+        let wanted = self.wanted;
+        self.band.push(bytes, |power| {
+            if powers.len() < wanted {
+                powers.push(power);
+            }
+        });
+        powers.len() >= wanted
+    }
+
+    /// The power in dB over full scale below which a share of the window lies.
+    fn level_dbfs(&self, share: f64) -> f64 {
+        let mut sorted = self.powers.clone();
+        sorted.sort_by(f64::total_cmp);
+        let last = u32::try_from(sorted.len().saturating_sub(1)).unwrap_or(u32::MAX);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to last")]
+        let index = (f64::from(last) * share).round() as usize;
+        // Zeros alone: less than any that a byte holds.
+        sorted.get(index).map_or(-200.0, |power| 10.0 * power.max(1e-20).log10())
+    }
+}
+
+/// The pulses in the samples of a receiver that is tuned to a frequency.
+#[derive(Debug)]
+struct PulseWatch {
+    detector: Detector,
+    pulse: PulseConfig,
+    rate_hz: f64,
+    /// Samples before this index are left out: the receiver was not there yet.
+    from: u64,
+    samples: Vec<Complex32>,
+    found: Vec<Detection>,
+}
+
+impl PulseWatch {
+    /// Watches these frequencies, from a sample on.
+    fn new(
+        config: &RtlTcpConfig,
+        pulse: PulseConfig,
+        center_hz: u32,
+        watched_hz: [u32; 2],
+        from: u64,
+    ) -> Result<Self, DetectorError> {
+        let rate_hz = f64::from(config.sample_rate_hz);
+        let [lowest, highest] = watched_hz.map(f64::from);
+        let mut detector = DetectorConfig::new(rate_hz);
+        detector.center_hz = Some(f64::from(center_hz));
+        detector.band_hz = Some([lowest - pulse.search_hz, highest + pulse.search_hz]);
+        detector.widths_s = vec![pulse.width_s];
+        detector.false_alarms_per_hour = pulse.false_alarms_per_hour;
+        detector.least_noise = SampleFormat::Cu8.rounding_noise();
+        detector.full_scale_dbm = config.full_scale_dbm;
+        detector.search_every_s = Some(SEARCH_EVERY_S);
+        let detector = Detector::new(detector)?;
+        Ok(Self { detector, pulse, rate_hz, from, samples: Vec::new(), found: Vec::new() })
+    }
+
+    /// Takes bytes, the first sample of which has an index.
+    fn push(&mut self, first: u64, bytes: &[u8]) -> Result<(), DetectorError> {
+        let early = usize::try_from(self.from.saturating_sub(first)).unwrap_or(usize::MAX);
+        let bytes = bytes.get(early.saturating_mul(2)..).unwrap_or_default();
+        if bytes.is_empty() {
+            return Ok(());
+        }
+        self.samples.clear();
+        SampleFormat::Cu8.decode(bytes, &mut self.samples);
+        self.detector.push(first.max(self.from), &self.samples, &mut self.found)
+    }
+
+    /// Searches the remaining samples: nothing comes that belongs to them.
+    fn finish(&mut self) {
+        self.detector.finish(&mut self.found);
+    }
+
+    /// Returns true if the noise is known, so that pulses are found soon after they came.
+    fn is_ready(&self) -> bool {
+        self.detector.searched_s() > 0.0
+    }
+
+    /// The power in dBm that a pulse at a frequency must have to be found, once that is known.
+    fn floor_dbm(&self, frequency_hz: u32) -> Option<f64> {
+        self.detector.floor_dbm(f64::from(frequency_hz), self.pulse.width_s)
+    }
+
+    /// The first pulse that begins at a sample or later and is `of` the tag that is sought: its
+    /// level in dBm, and the sample in its middle. All that were found are given up.
+    fn take(&mut self, from: u64, of: impl Fn(f64) -> bool) -> Option<(f64, f64)> {
+        #[expect(clippy::cast_precision_loss, reason = "below 2^52")]
+        let from = from as f64;
+        let pulses = self.found.drain(..).map(|detection| detection.pulse);
+        let mut pulses = pulses.filter(|pulse| {
+            // Its ends are known to a small part of its length.
+            let begin = pulse.time_s - 0.5 * pulse.width_s + 0.1 * self.pulse.width_s;
+            begin * self.rate_hz >= from && of(pulse.frequency_hz)
+        });
+        let pulse = pulses.next()?;
+        Some((pulse.power_dbm, pulse.time_s * self.rate_hz))
+    }
+}
+
+fn rate(config: &RtlTcpConfig) -> f64 {
+    f64::from(config.sample_rate_hz)
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
+fn count(samples: f64) -> u64 {
+    samples.round() as u64
 }

@@ -1,72 +1,13 @@
-use foxhunt_core::{
-    Clock,
-    parameter::{FieldError, in_range, positive, require},
-};
+use foxhunt_core::{Clock, parameter::FieldError};
 use foxhunt_wire::{
     ByteStream,
     receivers::{RtlTcpCommand, RtlTcpHeader},
 };
 
-use super::{
-    RtlTcpRadioError, SampleLosses,
-    placement::{Placement, Silence},
-};
+use super::{Placement, RtlTcpRadioError, RtlTcpTuning, SampleLosses, Silence};
 
 /// Bytes in one read.
 const CHUNK: usize = 1 << 16;
-
-/// The bytes that a server hands on at a time.
-const SERVER_BYTES: f64 = 262_144.0;
-
-/// Settings of an RTL-SDR behind rtl_tcp, and the silence after which its stream counts as stalled.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct RtlTcpTuning {
-    /// The frequency in the middle, in Hz.
-    pub center_hz: u32,
-    /// Samples per second.
-    pub sample_rate_hz: u32,
-    /// The tuner's gain in dB, fixed: automatic gain would hide the power.
-    pub gain_db: f64,
-    /// Error of the oscillator, in parts per million.
-    pub correction_ppm: i32,
-    /// Time in seconds after the receiver was set up during which samples are left out; in the
-    /// second half their place in time is found.
-    pub settling_s: f64,
-    /// A stream that brings nothing for this long, in seconds, has stalled, and is opened again.
-    pub silence_s: f64,
-}
-
-impl RtlTcpTuning {
-    /// 28 dB, no correction; 50 ms and twice what a server hands on at a time to settle, 0.9 s of
-    /// silence.
-    #[must_use]
-    pub fn new(center_hz: u32, sample_rate_hz: u32) -> Self {
-        let block_s = SERVER_BYTES / 2.0 / f64::from(sample_rate_hz.max(1));
-        Self {
-            center_hz,
-            sample_rate_hz,
-            gain_db: 28.0,
-            correction_ppm: 0,
-            settling_s: 0.05 + 2.0 * block_s.min(1.0),
-            silence_s: 0.9,
-        }
-    }
-
-    /// Checks the ranges of all settings.
-    ///
-    /// # Errors
-    ///
-    /// [`FieldError`] names the first field that cannot.
-    pub fn check(&self) -> Result<(), FieldError> {
-        let rate = f64::from(self.sample_rate_hz);
-        in_range("sample_rate_hz", rate, 1.0..=10e6, "at most 10 MHz")?;
-        require(self.gain_db.abs() <= 100.0, "gain_db", self.gain_db, "at most 100")?;
-        in_range("settling_s", self.settling_s, 0.0..=10.0, "from 0 to 10")?;
-        positive("silence_s", self.silence_s)?;
-        Ok(())
-    }
-}
 
 /// The samples of an RTL-SDR behind rtl_tcp, each at its place in time.
 ///

@@ -7,10 +7,7 @@ use foxhunt_core::{
 use foxhunt_signal::Complex32;
 use soapysdr::{Device, Direction, ErrorCode, RxStream};
 
-use super::{
-    SampleLosses,
-    placement::{Placement, Silence},
-};
+use super::{Placement, SampleLosses, Silence};
 
 /// Samples in one read.
 const CHUNK: usize = 1 << 16;

@@ -1,3 +1,5 @@
+//! Confirmation of the motor's position by the levels at its coils.
+
 use foxhunt_core::Clock;
 use foxhunt_wire::{
     ByteStream,
@@ -5,10 +7,8 @@ use foxhunt_wire::{
 };
 
 use super::{
-    FirmataStepper, FirmataStepperError, LostPosition,
+    Confirming, FirmataStepper, FirmataStepperError, Levels, LostPosition, Next, Phase, Side,
     error::CoilFailure,
-    levels::{Levels, agree},
-    phase::{Confirming, Next, Phase, Side},
 };
 
 /// Answers of one kind that contradict the count before that is given up: one may be garbled.
@@ -18,6 +18,9 @@ const STRIKES: u8 = 2;
 /// was garbled shows in one of them.
 pub(super) const FIRST_STEPS: i64 = 1;
 const SHOWN_STEPS: i64 = 5;
+
+/// Number of trials of the coils.
+const MOST_ALIGNMENTS: u8 = 3;
 
 impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
     /// Has the levels of the coils' pins reported, which ConfigurableFirmata does of inputs: each
@@ -184,5 +187,36 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
     }
 }
 
-/// Number of trials of the coils.
-const MOST_ALIGNMENTS: u8 = 3;
+/// Returns true if the pins of IN1 to IN4 have the levels of a count of half steps; `None` while
+/// some are not reported.
+fn agree(pins: [u8; 4], count: i64, levels: &Levels) -> Option<bool> {
+    let mut agree = true;
+    for (coil, pin) in (0..).zip(pins) {
+        let level = (*levels.get(usize::from(pin / 8))?)? >> (pin % 8) & 1 == 1;
+        // Each coil is on in its own half step, and in those before and after.
+        let on = (count - 2 * coil + 1).rem_euclid(8) < 3;
+        agree &= level == on;
+    }
+    Some(agree)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coils_take_turns_at_the_pins_that_lead_to_them() {
+        let with = |port_1: u8| {
+            let mut levels = Levels::default();
+            levels[1] = Some(port_1);
+            levels
+        };
+        let patterns = [0x1, 0x3, 0x2, 0x6, 0x4, 0xC, 0x8, 0x9];
+        for (count, pattern) in (0..).zip(patterns) {
+            assert_eq!(agree([8, 9, 10, 11], count - 16, &with(pattern)), Some(true), "{count}");
+            assert_eq!(agree([8, 9, 10, 11], count + 1, &with(pattern)), Some(false), "{count}");
+        }
+        // Levels of another port are missing.
+        assert_eq!(agree([7, 9, 10, 11], 0, &with(0x1)), None);
+    }
+}

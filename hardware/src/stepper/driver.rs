@@ -1,3 +1,5 @@
+//! The stepper as a rotator: its orders from outside, and the replies of its Arduino.
+
 use foxhunt_core::{Clock, Rotator, parameter::FieldError};
 use foxhunt_wire::{
     ByteStream,
@@ -5,66 +7,9 @@ use foxhunt_wire::{
 };
 
 use super::{
-    BeyondCable, FirmataConfig, FirmataStepperError, LostPosition,
-    error::{CoilFailure, HomeFailure},
-    gearing::Gearing,
-    levels::Levels,
-    link::Link,
-    phase::{Next, Phase, Side, Stage, Wait},
+    BeyondCable, FirmataConfig, FirmataStepper, FirmataStepperError, Levels, Link, LostPosition,
+    Next, Phase, Side, Stage, Wait,
 };
-
-/// An antenna on a stepper motor behind Firmata: ConfigurableFirmata's AccelStepper, or the
-/// firmware in `hardware/firmware`.
-///
-/// It sets its Arduino up by itself, again whenever that was reset or plugged in, and then
-/// goes where it was last ordered. Targets are exact fractions of a turn, rounded once, so that
-/// turns do not add up to a drift. Messages that were lost on the way are made good by queries.
-///
-/// Firmata has no checksum. A position is believed if it is one that the order and the motor's
-/// speed allow, and once the levels of the coils' pins are those of it; otherwise the motor is
-/// stopped and the position is lost. A motor that turns is stopped when this is dropped.
-#[derive(Debug)]
-pub struct FirmataStepper<S: ByteStream, C> {
-    pub(super) config: FirmataConfig,
-    pub(super) gearing: Gearing,
-    pub(super) link: Link<S>,
-    pub(super) clock: C,
-    pub(super) phase: Phase,
-    /// Place of the Arduino's own 0, in steps from the antenna's 0.
-    pub(super) base: i64,
-    /// Place at which the motor last stood, in steps.
-    pub(super) motor: i64,
-    pub(super) side: Side,
-    /// Reason why the antenna's direction is unknown, if it is.
-    pub(super) lost: Option<LostPosition>,
-    pub(super) home_failure: Option<HomeFailure>,
-    /// Last ordered place of the antenna, in steps, until it is there.
-    pub(super) wanted: Option<i64>,
-    /// The firmware's own name and version.
-    pub(super) firmware: Option<String>,
-    pub(super) switch_closed: Option<bool>,
-    /// Levels of ports since they were last requested.
-    pub(super) levels: Levels,
-    /// True if the motor has made a step since it was configured, and the coils followed.
-    pub(super) aligned: bool,
-    /// True if the coils stood at `motor` when the motor was last aligned.
-    pub(super) is_held: bool,
-    /// True if the first step goes forwards.
-    pub(super) forwards: bool,
-    /// Number of first steps that did not show in the coils.
-    pub(super) misaligned: u8,
-    pub(super) coil_failure: Option<CoilFailure>,
-    /// Number of repetitions of the present order.
-    pub(super) tries: u8,
-    /// Time since which the motor is being set up.
-    pub(super) arranging_since: Option<f64>,
-    /// True if the firmware lists pins for steppers.
-    pub(super) has_steppers: Option<bool>,
-    /// True if the version came without a request, and nothing since.
-    booting: bool,
-    /// True if the link failed since its last reply.
-    broken: bool,
-}
 
 impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
     /// The stepper at the other end of `stream`. It is set up by the first calls of its methods.
@@ -257,7 +202,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
 
     /// Returns the steps at which the Arduino counts that the motor stands. Before its first step
     /// the rotor is not where the coils would pull it.
-    pub(super) fn rests(&self) -> i64 {
+    fn rests(&self) -> i64 {
         if self.aligned { self.motor } else { self.base }
     }
 
@@ -272,7 +217,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
     }
 
     /// The step next to an angle from the nose.
-    pub(super) fn steps(&self, angle: f64) -> Option<i64> {
+    fn steps(&self, angle: f64) -> Option<i64> {
         self.gearing.steps(if self.config.clockwise { -angle } else { angle })
     }
 

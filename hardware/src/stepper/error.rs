@@ -171,17 +171,17 @@ impl fmt::Display for LostPosition {
     }
 }
 
+impl HomeFailure {
+    pub(super) fn error(&self) -> FirmataStepperError {
+        let Self { pin, expected, turns } = *self;
+        FirmataStepperError::NoHome { pin, expected, turns }
+    }
+}
+
 /// Reason why the antenna was not homed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct HomeFailure {
     pub(super) pin: u8,
     pub(super) expected: &'static str,
     pub(super) turns: f64,
-}
-
-impl HomeFailure {
-    pub(super) fn error(&self) -> FirmataStepperError {
-        let Self { pin, expected, turns } = *self;
-        FirmataStepperError::NoHome { pin, expected, turns }
-    }
 }

@@ -1,10 +1,7 @@
 use foxhunt_core::Clock;
 use foxhunt_wire::ByteStream;
 
-use super::{
-    CoilFailure, FirmataStepper, FirmataStepperError, MissingStepper,
-    phase::{Phase, Side},
-};
+use super::{CoilFailure, FirmataStepper, FirmataStepperError, MissingStepper, Phase, Side};
 use crate::Finding;
 
 /// Steps by which the motor is turned to see that it turns: 5.6° of a 28BYJ-48, one turn of its

@@ -2,9 +2,8 @@ use foxhunt_core::Clock;
 use foxhunt_wire::{ByteStream, firmata::StepperRequest};
 
 use super::{
-    FirmataStepper, FirmataStepperError, LostPosition,
+    FirmataStepper, FirmataStepperError, LostPosition, Next, Phase, Side, Stage, Wait,
     error::HomeFailure,
-    phase::{Next, Phase, Side, Stage, Wait},
 };
 
 /// Distance over which the switch is searched for, in turns.

@@ -1,3 +1,5 @@
+//! Moves of the motor: the way to an angle, and each leg until it is known to have ended.
+
 use foxhunt_core::Clock;
 use foxhunt_wire::{
     ByteStream,
@@ -5,17 +7,24 @@ use foxhunt_wire::{
 };
 
 use super::{
-    Approach, FirmataStepper, FirmataStepperError, LostPosition,
-    leg::{Leg, Seen},
-    phase::{Next, Phase, Side, Stage},
+    Approach, Due, FirmataConfig, FirmataStepper, FirmataStepperError, Leg, LostPosition,
+    MONITOR_S, Next, Phase, Seen, Side, Stage,
 };
 
 /// The Arduino's own count is kept below this; the real firmware loses the bits above 2²⁸.
 const MOST_COUNTED: u64 = 1 << 27;
+
 /// Number of times that a move that ended short of its target is ordered again.
 const MOST_TRIES: u8 = 5;
+
 /// Time for which a motor that stands is left alone first, in seconds.
 const WATCH_S: f64 = 1.0;
+
+/// Delay in seconds of the first query after the expected end, and of each further one.
+const QUERY_S: f64 = 0.25;
+
+/// Time in which a stop is carried out, in seconds.
+const STOP_S: f64 = 0.3;
 
 /// A way to a target: where to first, where to then, and on which side of the gear's play it ends.
 type Way = (i64, Option<i64>, Side);
@@ -205,7 +214,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         Ok(())
     }
 
-    pub(super) fn has_ramp(&self) -> bool {
+    fn has_ramp(&self) -> bool {
         self.config.acceleration_half_steps_per_s2 > 0.0
     }
 
@@ -220,6 +229,159 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         let here = self.request_to(self.motor)?;
         self.link.order(here)?;
         self.send_pace()
+    }
+}
+
+impl Leg {
+    /// One to `to` that begins now at `from`, or anywhere between two places if the motor turns.
+    fn new(
+        to: i64,
+        [lowest, highest]: [i64; 2],
+        zero: i64,
+        config: &FirmataConfig,
+        now: f64,
+    ) -> Self {
+        let steps = to.abs_diff(lowest).max(to.abs_diff(highest));
+        let away = to.abs_diff(to.clamp(lowest, highest));
+        let stood = lowest == highest;
+        // With a ramp, a motor that turns first goes on.
+        let beyond = if stood { 0 } else { config.stopping_steps() };
+        let duration = config.duration_s(steps);
+        let mut leg = Self {
+            to: Some(to),
+            steps,
+            from: stood.then_some(lowest),
+            lowest: lowest.min(to) - beyond,
+            highest: highest.max(to) + beyond,
+            zero,
+            began: now,
+            least_s: config.least_s(away, stood),
+            ends_at: now + duration,
+            query_at: now,
+            deadline: now + 2.0 * duration + config.answer_timeout_s,
+            last: None,
+            stirred: false,
+            overtaken: None,
+            is_given_up: false,
+        };
+        leg.query_next(now);
+        leg
+    }
+
+    /// This one, ordered before another one was known to have ended.
+    fn overtaking(self, other: &Self) -> Self {
+        Self { overtaken: other.to, ..self }
+    }
+
+    /// The stop of this move.
+    pub(super) fn stopped(&self, config: &FirmataConfig, now: f64) -> Self {
+        let [mut lowest, mut highest] = self.range();
+        if let Some(from) = self.from {
+            let most = config.most_steps(now + STOP_S - self.began);
+            (lowest, highest) = (lowest.max(from - most), highest.min(from + most));
+        }
+        // A move that falls silent is given up when it would have been.
+        let deadline = self.deadline.max(now + config.answer_timeout_s);
+        let ends_at = now;
+        let query_at = now + MONITOR_S;
+        Self { to: None, lowest, highest, ends_at, query_at, deadline, last: None, ..*self }
+    }
+
+    /// The stop of this move, which was given up.
+    pub(super) fn given_up(&self, config: &FirmataConfig, now: f64) -> Self {
+        Self { is_given_up: true, ..self.stopped(config, now) }
+    }
+
+    /// Returns its age in seconds.
+    fn lasted(&self, now: f64) -> f64 {
+        now - self.began
+    }
+
+    /// Returns the range in which the motor may be meanwhile.
+    fn range(&self) -> [i64; 2] {
+        [self.lowest, self.highest]
+    }
+
+    /// Returns true if the Arduino's 0 is its end, and its beginning does not show that it went
+    /// there: an order that was garbled into a zero would look the same.
+    fn is_doubtful(&self) -> bool {
+        self.to == Some(self.zero)
+            && self.from != Some(self.zero)
+            && self.from.is_none_or(|from| (from - self.zero) % 8 == 0)
+    }
+
+    /// Takes the motor's reported position.
+    pub(super) fn see(&mut self, at: i64, done: bool, config: &FirmataConfig, now: f64) -> Seen {
+        if done && self.to != Some(at) && self.overtaken.take_if(|to| *to == at).is_some() {
+            return Seen::Going;
+        }
+        let stands = self.last.replace(at) == Some(at);
+        let within = (self.lowest..=self.highest).contains(&at);
+        let Some(to) = self.to else {
+            // A stop is believed when two reports agree.
+            return match stands {
+                false => {
+                    self.query_at = now;
+                    Seen::Going
+                }
+                true if at == self.zero => Seen::Zeroed,
+                true if within => Seen::Complete,
+                true => Seen::Astray,
+            };
+        };
+        let ahead = self.from.is_some_and(|from| {
+            let most = config.most_steps(now - self.began);
+            from.abs_diff(at) > most.unsigned_abs()
+        });
+        if !within {
+            return Seen::Astray;
+        }
+        if !done && !stands {
+            self.stirred |= at != self.zero;
+            if at == to {
+                self.query_at = now;
+            }
+            return if ahead { Seen::Astray } else { Seen::Going };
+        }
+        let zeroed = at == self.zero
+            && if at == to {
+                self.is_doubtful() && !self.stirred
+            } else {
+                done || self.stirred || self.from != Some(self.zero)
+            };
+        if zeroed {
+            return Seen::Zeroed;
+        }
+        if at == to && now - self.began < self.least_s || ahead {
+            return Seen::TooFast;
+        }
+        if at == to { Seen::Complete } else { Seen::Short }
+    }
+
+    pub(super) fn due(&mut self, now: f64) -> Due {
+        if now >= self.deadline {
+            return Due::TimedOut(now - self.began);
+        }
+        if now < self.query_at {
+            return Due::Nothing;
+        }
+        let late = now >= self.ends_at + QUERY_S;
+        self.query_next(now);
+        if late { Due::Urge } else { Due::RequestPosition }
+    }
+
+    fn query_next(&mut self, now: f64) {
+        let monitored = now + MONITOR_S;
+        let late = self.ends_at + QUERY_S;
+        self.query_at = if monitored + MONITOR_S / 2.0 < self.ends_at {
+            monitored
+        } else if now < late {
+            late
+        } else if self.to.is_none() {
+            monitored
+        } else {
+            now + QUERY_S
+        };
     }
 }
 

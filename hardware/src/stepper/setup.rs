@@ -5,11 +5,10 @@ use foxhunt_wire::{
 };
 
 use super::{
-    FirmataStepper, FirmataStepperError, LostPosition,
+    Due, FirmataStepper, FirmataStepperError, Leg, LostPosition, MONITOR_S, Phase, Side, Stage,
+    Wait,
     coils::FIRST_STEPS,
     error::{CoilFailure, MissingStepper},
-    leg::{Due, Leg, MONITOR_S},
-    phase::{Phase, Side, Stage, Wait},
 };
 
 /// A 28BYJ-48 is driven in half steps.
@@ -41,7 +40,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
     }
 
     /// It is not known any more where the antenna looks.
-    pub(super) fn forget(&mut self, why: LostPosition) {
+    fn forget(&mut self, why: LostPosition) {
         // An older reason is the better one.
         self.lost.get_or_insert(why);
         self.is_held = false;

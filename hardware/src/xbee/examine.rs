@@ -1,7 +1,7 @@
 use foxhunt_core::{BeaconId, Clock, Radio};
 use foxhunt_wire::ByteStream;
 
-use super::{XbeeError, XbeeRadio, setup::Setup};
+use super::{XbeeError, radio::XbeeRadio, setup::Setup};
 use crate::Finding;
 
 /// Number of queries to each beacon.

@@ -1,43 +1,12 @@
+//! An XBee as a radio: one question at a time, until it is answered or given up.
+
 use foxhunt_core::{BeaconId, Clock, Radio, parameter::FieldError};
 use foxhunt_wire::{
     ByteStream,
-    xbee::{AtCommand, AtStatus, Frame},
+    xbee::{Address, Address16, Address64, AtCommand, AtStatus, Frame, Protocol},
 };
 
-use super::{
-    XbeeConfig, XbeeError, XbeeIdentity, XbeeQuestion,
-    link::Link,
-    question::{Outstanding, Packet, Stage, manner, query},
-    setup::Setup,
-};
-
-/// A drone's XBee, which queries beacons and measures the power of their answers.
-///
-/// It queries the radio's mode and firmware when it is used first, after a reset, and after its
-/// port was opened again; a question that comes meanwhile goes out when that is known. It sets
-/// nothing in the radio. One question is outstanding: the answer's sender is checked, an answer to
-/// an older question is not reported, and a power that may be another packet's is dropped and
-/// queried again. A beacon that does not answer is no failure: it is not reported.
-#[derive(Debug)]
-pub struct XbeeRadio<S, C> {
-    pub(super) config: XbeeConfig,
-    pub(super) link: Link<S>,
-    pub(super) clock: C,
-    state: State,
-    question: Option<Outstanding>,
-    /// For each beacon: an answer that comes before then may be to an older question.
-    late_until: Vec<f64>,
-    /// Number of the last question.
-    number: u16,
-    level_dbm: Option<f64>,
-    counts: XbeeCounts,
-}
-
-#[derive(Debug)]
-enum State {
-    SettingUp(Setup),
-    Ready(XbeeIdentity, XbeeQuestion),
-}
+use super::{Link, XbeeConfig, XbeeError, XbeeIdentity, XbeeQuestion, setup::Setup};
 
 /// Counts of questions by their outcome.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -358,4 +327,148 @@ impl<S: ByteStream, C: Clock> Radio for XbeeRadio<S, C> {
             None => served.map(|()| None),
         }
     }
+}
+
+/// A packet that came over the air: from whom, what it brought, and its power in −dBm where the
+/// frame reports that.
+struct Packet<'a> {
+    from64: Option<Address64>,
+    from16: Option<Address16>,
+    data: &'a [u8],
+    rssi_neg_dbm: Option<u8>,
+}
+
+impl<'a> Packet<'a> {
+    /// `None` for what the radio reports of itself.
+    fn of(frame: &'a Frame) -> Option<Self> {
+        let (from64, from16, data, rssi_neg_dbm) = match frame {
+            Frame::Receive64 { from, rssi_neg_dbm, data, .. } => {
+                (Some(*from), None, data.as_slice(), Some(*rssi_neg_dbm))
+            }
+            Frame::Receive16 { from, rssi_neg_dbm, data, .. } => {
+                (None, Some(*from), data.as_slice(), Some(*rssi_neg_dbm))
+            }
+            Frame::Receive { from64, from16, data, .. }
+            | Frame::ExplicitReceive { from64, from16, data, .. } => {
+                (Some(*from64), Some(*from16), data.as_slice(), None)
+            }
+            Frame::RemoteAtResponse { from64, from16, .. } => {
+                (Some(*from64), Some(*from16), &[][..], None)
+            }
+            // Samples of inputs, node identifications, and what else is received.
+            Frame::Unknown { frame_type: 0x82..=0x87 | 0x8E | 0x92..=0xAF, data } => {
+                (None, None, data.as_slice(), None)
+            }
+            _ => return None,
+        };
+        Some(Self { from64, from16, data, rssi_neg_dbm })
+    }
+
+    fn is_from(&self, address: Address) -> bool {
+        match address {
+            Address::Long(address) => self.from64 == Some(address),
+            Address::Short(address) => self.from16 == Some(address),
+        }
+    }
+}
+
+/// The query that a radio with this firmware sends.
+fn manner(config: &XbeeConfig, protocol: Protocol) -> Result<XbeeQuestion, XbeeError> {
+    let frames_have_rssi = protocol == Protocol::Ieee802154;
+    if protocol == Protocol::DigiMesh {
+        let short = config.beacons.iter().find(|address| matches!(address, Address::Short(_)));
+        if let Some(address) = short {
+            return Err(XbeeError::Address { address: *address });
+        }
+    }
+    match config.question {
+        XbeeQuestion::Auto if frames_have_rssi => Ok(XbeeQuestion::ReceivedRssi),
+        XbeeQuestion::Auto => Ok(XbeeQuestion::TransmitDb),
+        question @ XbeeQuestion::ReceivedRssi if !frames_have_rssi => {
+            Err(XbeeError::Question { protocol, question })
+        }
+        question => Ok(question),
+    }
+}
+
+/// The frame of a query, and what its answer begins with.
+fn query(
+    config: &XbeeConfig,
+    protocol: Protocol,
+    manner: XbeeQuestion,
+    address: Address,
+    id: u8,
+    number: u16,
+) -> (Frame, Vec<u8>) {
+    let (to64, to16) = match address {
+        Address::Long(to) => (to, Address16::UNKNOWN),
+        Address::Short(to) => (Address64::UNKNOWN, to),
+    };
+    if manner == XbeeQuestion::RemoteDb {
+        let command = AtCommand::DB;
+        let parameter = Vec::new();
+        let frame = Frame::RemoteAtCommand { id, to64, to16, options: 0, command, parameter };
+        return (frame, Vec::new());
+    }
+    let mut data = config.payload.clone().into_bytes();
+    let mut token = Vec::new();
+    if config.echoed {
+        data.extend(number.to_be_bytes());
+        token.clone_from(&data);
+    }
+    let frame = match (protocol, address) {
+        (Protocol::Ieee802154, Address::Long(to)) => Frame::Transmit64 { id, to, options: 0, data },
+        (Protocol::Ieee802154, Address::Short(to)) => {
+            Frame::Transmit16 { id, to, options: 0, data }
+        }
+        _ => Frame::Transmit { id, to64, to16, broadcast_radius: 0, options: 0, data },
+    };
+    (frame, token)
+}
+
+#[derive(Debug)]
+enum State {
+    SettingUp(Setup),
+    Ready(XbeeIdentity, XbeeQuestion),
+}
+
+/// The one question that is outstanding.
+#[derive(Clone, Debug)]
+struct Outstanding {
+    beacon: BeaconId,
+    address: Address,
+    stage: Stage,
+}
+
+/// Stage of the question.
+#[derive(Clone, Debug, PartialEq)]
+enum Stage {
+    /// To be sent, not before then.
+    Queued { from: f64 },
+    /// Sent with this number; its answer begins with `token`, and is waited for until then.
+    Sent { id: u8, token: Vec<u8>, until: f64 },
+    /// Answered; the radio was queried for the power with this number.
+    Answered { id: u8, until: f64 },
+}
+
+/// A drone's XBee, which queries beacons and measures the power of their answers.
+///
+/// It queries the radio's mode and firmware when it is used first, after a reset, and after its
+/// port was opened again; a question that comes meanwhile goes out when that is known. It sets
+/// nothing in the radio. One question is outstanding: the answer's sender is checked, an answer to
+/// an older question is not reported, and a power that may be another packet's is dropped and
+/// queried again. A beacon that does not answer is no failure: it is not reported.
+#[derive(Debug)]
+pub struct XbeeRadio<S, C> {
+    pub(super) config: XbeeConfig,
+    pub(super) link: Link<S>,
+    pub(super) clock: C,
+    state: State,
+    question: Option<Outstanding>,
+    /// For each beacon: an answer that comes before then may be to an older question.
+    late_until: Vec<f64>,
+    /// Number of the last question.
+    number: u16,
+    level_dbm: Option<f64>,
+    counts: XbeeCounts,
 }

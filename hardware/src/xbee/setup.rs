@@ -1,20 +1,25 @@
+//! Setup of an XBee: its mode, its identity and its protocol.
+
 use foxhunt_wire::{
     ByteStream,
     xbee::{Address64, ApiMode, AtCommand, AtStatus, Frame, Protocol},
 };
 
-use super::{XbeeError, XbeeIdentity, link::Link};
+use super::{Link, XbeeError, XbeeIdentity};
 
 /// Number of times that a query of the radio is sent.
 const ATTEMPTS: u8 = 3;
+
 /// Pause after a failure before it is begun again, in seconds.
 const RETRY_S: f64 = 1.0;
+
 /// Silence that the line needs before and after `+++`, in seconds (Digi: 1 s, `GT`).
 const GUARD_S: f64 = 1.1;
 
 /// The queries of the radio, in this order.
 const QUESTIONS: [AtCommand; 5] =
     [AtCommand::AP, AtCommand::VR, AtCommand::HV, AtCommand::SH, AtCommand::SL];
+
 /// The number of the first question: neither it nor its answer has a byte that is escaped, so that
 /// it is understood in either mode.
 const FIRST_ID: u8 = 1;

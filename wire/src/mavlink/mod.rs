@@ -3,16 +3,14 @@
 
 mod codec;
 mod mode;
-mod reader;
 mod signing;
 mod units;
 
-pub use ::mavlink::{
+pub use codec::{Codec, Frame, FrameCounts};
+pub use mavlink::{
     MavHeader, Message, MessageData, dialects::ardupilotmega as dialect, types::CharArray,
 };
-pub use codec::Codec;
 pub use mode::{Autopilot, FlightMode};
-pub use reader::{Frame, FrameCounts};
 pub use signing::{Signing, SigningKey, SigningKeyError};
 pub use units::{
     CommonFrame, degrees_of_e7, e7_of_degrees, heading_of_yaw, ned_of_enu, whole, yaw_of_heading,

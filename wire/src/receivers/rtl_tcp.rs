@@ -1,3 +1,7 @@
+//! The protocol of rtl_tcp, and the power of its samples in a narrow band.
+
+use core::f64::consts::TAU;
+
 /// Header that a server of rtl_tcp sends first: 12 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RtlTcpHeader {
@@ -101,6 +105,83 @@ impl RtlTcpCommand {
     }
 }
 
+/// The power in a narrow band of samples as an RTL-SDR gives them: I, then Q, a byte each, 127.5
+/// for zero.
+///
+/// One frequency is wanted, so there is no spectrum: samples are turned back by it and averaged
+/// over blocks of rate / bandwidth samples, which is one term of a Fourier transform (Goertzel
+/// 1958). A block's noise bandwidth is its inverse length. A tone at full scale has 0 dBFS.
+#[derive(Clone, Debug)]
+pub struct NarrowBand {
+    /// The frequency over the rate, in turns per sample.
+    step: f64,
+    /// Samples in a block.
+    block: u32,
+    /// Phase of the next sample, in turns.
+    phase: f64,
+    sum: [f64; 2],
+    taken: u32,
+    /// An I whose Q has not come.
+    odd: Option<u8>,
+}
+
+impl NarrowBand {
+    /// A band `bandwidth_hz` wide, `offset_hz` above the frequency in the middle.
+    ///
+    /// `None` if one of the numbers is not finite, the bandwidth is not above 0 and at most the
+    /// rate, or the offset is beyond half the rate.
+    #[must_use]
+    pub fn new(rate_hz: f64, offset_hz: f64, bandwidth_hz: f64) -> Option<Self> {
+        let good = rate_hz.is_finite()
+            && bandwidth_hz > 0.0
+            && bandwidth_hz <= rate_hz
+            && offset_hz.abs() <= rate_hz / 2.0;
+        let block = (rate_hz / bandwidth_hz).round();
+        if !good || !(1.0..=1e9).contains(&block) {
+            return None;
+        }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 1e9")]
+        let block = block as u32;
+        let step = offset_hz / rate_hz;
+        Some(Self { step, block, phase: 0.0, sum: [0.0; 2], taken: 0, odd: None })
+    }
+
+    /// Number of samples in a block.
+    #[must_use]
+    pub fn block(&self) -> u32 {
+        self.block
+    }
+
+    /// Takes bytes, however they are divided; emits the power of every block that is complete, over
+    /// that of a tone at full scale.
+    pub fn push(&mut self, bytes: &[u8], mut emit: impl FnMut(f64)) {
+        for byte in bytes {
+            let Some(i) = self.odd.take() else {
+                self.odd = Some(*byte);
+                continue;
+            };
+            if let Some(power) = self.sample(i, *byte) {
+                emit(power);
+            }
+        }
+    }
+
+    fn sample(&mut self, i: u8, q: u8) -> Option<f64> {
+        let [i, q] = [i, q].map(|byte| (f64::from(byte) - 127.5) / 127.5);
+        let (sin, cos) = (self.phase * TAU).sin_cos();
+        self.sum[0] += i * cos + q * sin;
+        self.sum[1] += q * cos - i * sin;
+        self.phase = (self.phase + self.step).fract();
+        self.taken += 1;
+        if self.taken < self.block {
+            return None;
+        }
+        let [i, q] = self.sum.map(|sum| sum / f64::from(self.block));
+        (self.sum, self.taken) = ([0.0; 2], 0);
+        Some(i * i + q * q)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -123,6 +204,61 @@ mod tests {
         fn commands_come_back(bytes: [u8; 5]) {
             let command = RtlTcpCommand::decode(bytes);
             prop_assert_eq!(RtlTcpCommand::decode(command.encode()), command);
+        }
+    }
+
+    /// A tone's bytes.
+    fn tone(rate: f64, hz: f64, amplitude: f64, samples: u32) -> Vec<u8> {
+        (0..samples)
+            .flat_map(|n| {
+                let angle = TAU * hz / rate * f64::from(n);
+                [angle.cos(), angle.sin()].map(|part| {
+                    #[expect(
+                        clippy::cast_possible_truncation,
+                        clippy::cast_sign_loss,
+                        reason = "0 to 255"
+                    )]
+                    let byte = (127.5 + 127.5 * amplitude * part).round() as u8;
+                    byte
+                })
+            })
+            .collect()
+    }
+
+    fn powers(band: &NarrowBand, bytes: &[u8], chunk: usize) -> Vec<f64> {
+        let mut band = band.clone();
+        let mut levels = Vec::new();
+        for some in bytes.chunks(chunk) {
+            band.push(some, |power| levels.push(10.0 * power.log10()));
+        }
+        levels
+    }
+
+    #[test]
+    fn a_tone_has_its_power_in_its_band_and_none_beside() {
+        let band = NarrowBand::new(250e3, 30e3, 2e3).expect("it is in order");
+        assert_eq!(band.block(), 125);
+        for amplitude in [0.9, 0.1_f64] {
+            let bytes = tone(250e3, 30e3, amplitude, 2500);
+            let levels = powers(&band, &bytes, 5000);
+            assert_eq!(levels.len(), 20);
+            assert_eq!(levels, powers(&band, &bytes, 77), "division does not matter");
+            for power in levels {
+                // Rounding to bytes costs less than 0.1 dB here.
+                assert!((power - 20.0 * amplitude.log10()).abs() < 0.1, "{power}");
+            }
+        }
+        // Four and a half bandwidths aside: the side lobe is 1/(4.5 pi) = -23 dB.
+        let beside = powers(&band, &tone(250e3, 39e3, 0.9, 2500), 5000);
+        assert!(beside.iter().all(|power| *power < -20.0), "{beside:?}");
+    }
+
+    #[test]
+    fn bands_that_there_are_not_are_refused() {
+        for (rate, offset, width) in
+            [(250e3, 130e3, 1e3), (250e3, 0.0, 0.0), (250e3, 0.0, 300e3), (f64::NAN, 0.0, 1.0)]
+        {
+            assert!(NarrowBand::new(rate, offset, width).is_none());
         }
     }
 }

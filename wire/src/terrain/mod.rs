@@ -3,11 +3,8 @@
 //! [`ElevationModel`] reads the tiles about a place out of a folder: SRTM's `.hgt`, and GeoTIFF in
 //! degrees such as Copernicus DEM (`.tif`, `.tiff`).
 
-mod error;
-mod geotiff;
-mod hgt;
 mod model;
 mod tile;
 
-pub use error::TerrainError;
 pub use model::ElevationModel;
+pub use tile::TerrainError;

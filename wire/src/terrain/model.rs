@@ -1,3 +1,5 @@
+//! Heights of the ground about a place, and why there are none.
+
 use std::{
     fs,
     path::{Path, PathBuf},
@@ -6,10 +8,7 @@ use std::{
 use foxhunt_core::Terrain;
 use nalgebra::{Vector2, Vector3};
 
-use super::{
-    TerrainError, geotiff, hgt,
-    tile::{Area, Tile},
-};
+use super::tile::{Area, TerrainError, Tile, read_geotiff, read_hgt};
 use crate::geodesy::LocalFrame;
 
 /// Maximum distance from the origin to which tiles are read, in metres.
@@ -45,8 +44,8 @@ impl ElevationModel {
         for path in files(folder)? {
             let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
             let tile = match ending.to_str() {
-                Some("hgt") => hgt::read(&path, &area)?,
-                Some("tif" | "tiff") => geotiff::read(&path, &area)?,
+                Some("hgt") => read_hgt(&path, &area)?,
+                Some("tif" | "tiff") => read_geotiff(&path, &area)?,
                 _ => None,
             };
             tiles.extend(tile);

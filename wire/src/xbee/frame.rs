@@ -1,6 +1,13 @@
+//! The content of a frame, and reading it from a frame's data.
+
 use super::{
     Address16, Address64, AtCommand, AtStatus, DeliveryStatus, ModemStatus, TransmitStatus,
+    fields::Fields,
 };
+
+/// Longest data of a frame that is sent or accepted, in bytes: more than any 2.4 GHz radio of the
+/// family carries. A length beyond it is taken for garbage.
+pub const LONGEST_DATA: usize = 512;
 
 /// Content of a frame. The number of its type stands before each; `id` pairs a question with its
 /// answer, and 0 requests none.
@@ -234,4 +241,170 @@ impl Frame {
         }
         out
     }
+}
+
+impl Frame {
+    /// Content of a frame's data, the type included. Unknown types are kept as they are; bytes
+    /// after the last field of a frame of fixed length are left out.
+    ///
+    /// # Errors
+    ///
+    /// [`FrameError::NoSuchLength`] without any data; [`FrameError::Short`] if fields are missing.
+    pub fn from_data(data: &[u8]) -> Result<Self, FrameError> {
+        let Some((frame_type, rest)) = data.split_first() else {
+            return Err(FrameError::NoSuchLength { length: 0 });
+        };
+        parsed(*frame_type, &mut Fields(rest))
+            .ok_or(FrameError::Short { frame_type: *frame_type, length: data.len() })
+    }
+}
+
+/// `None` if fields are missing. Fields are read in the order in which they stand here.
+fn parsed(frame_type: u8, f: &mut Fields<'_>) -> Option<Frame> {
+    Some(match frame_type {
+        0x00 => Frame::Transmit64 {
+            id: f.byte()?,
+            to: f.address64()?,
+            options: f.byte()?,
+            data: f.rest(),
+        },
+        0x01 => Frame::Transmit16 {
+            id: f.byte()?,
+            to: f.address16()?,
+            options: f.byte()?,
+            data: f.rest(),
+        },
+        0x08 => Frame::AtCommand { id: f.byte()?, command: f.command()?, parameter: f.rest() },
+        0x09 => {
+            Frame::QueuedAtCommand { id: f.byte()?, command: f.command()?, parameter: f.rest() }
+        }
+        0x10 => Frame::Transmit {
+            id: f.byte()?,
+            to64: f.address64()?,
+            to16: f.address16()?,
+            broadcast_radius: f.byte()?,
+            options: f.byte()?,
+            data: f.rest(),
+        },
+        0x11 => Frame::ExplicitTransmit {
+            id: f.byte()?,
+            to64: f.address64()?,
+            to16: f.address16()?,
+            source_endpoint: f.byte()?,
+            destination_endpoint: f.byte()?,
+            cluster: f.word()?,
+            profile: f.word()?,
+            broadcast_radius: f.byte()?,
+            options: f.byte()?,
+            data: f.rest(),
+        },
+        0x17 => Frame::RemoteAtCommand {
+            id: f.byte()?,
+            to64: f.address64()?,
+            to16: f.address16()?,
+            options: f.byte()?,
+            command: f.command()?,
+            parameter: f.rest(),
+        },
+        0x80 => Frame::Receive64 {
+            from: f.address64()?,
+            rssi_neg_dbm: f.byte()?,
+            options: f.byte()?,
+            data: f.rest(),
+        },
+        0x81 => Frame::Receive16 {
+            from: f.address16()?,
+            rssi_neg_dbm: f.byte()?,
+            options: f.byte()?,
+            data: f.rest(),
+        },
+        0x88 => Frame::AtResponse {
+            id: f.byte()?,
+            command: f.command()?,
+            status: AtStatus(f.byte()?),
+            value: f.rest(),
+        },
+        0x89 => Frame::TransmitStatus { id: f.byte()?, status: TransmitStatus(f.byte()?) },
+        0x8A => Frame::ModemStatus { status: ModemStatus(f.byte()?) },
+        0x8B => Frame::DeliveryStatus {
+            id: f.byte()?,
+            to16: f.address16()?,
+            retries: f.byte()?,
+            delivery: DeliveryStatus(f.byte()?),
+            discovery: f.byte()?,
+        },
+        0x90 => Frame::Receive {
+            from64: f.address64()?,
+            from16: f.address16()?,
+            options: f.byte()?,
+            data: f.rest(),
+        },
+        0x91 => Frame::ExplicitReceive {
+            from64: f.address64()?,
+            from16: f.address16()?,
+            source_endpoint: f.byte()?,
+            destination_endpoint: f.byte()?,
+            cluster: f.word()?,
+            profile: f.word()?,
+            options: f.byte()?,
+            data: f.rest(),
+        },
+        0x97 => Frame::RemoteAtResponse {
+            id: f.byte()?,
+            from64: f.address64()?,
+            from16: f.address16()?,
+            command: f.command()?,
+            status: AtStatus(f.byte()?),
+            value: f.rest(),
+        },
+        _ => Frame::Unknown { frame_type, data: f.rest() },
+    })
+}
+
+/// Reason that bytes are no frame, or a frame has no bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FrameError {
+    /// It does not begin as frames do.
+    #[error("a frame begins with 7E, not {found:02X}")]
+    Delimiter {
+        /// Its first byte.
+        found: u8,
+    },
+    /// Its length is not the declared one.
+    #[error("a frame of {actual} bytes of data declares {declared}")]
+    Length {
+        /// The declared length.
+        declared: usize,
+        /// Length of its data.
+        actual: usize,
+    },
+    /// It declares, or has, a length that no frame has.
+    #[error("a frame with {length} bytes of data; there are at least 1 and at most {LONGEST_DATA}")]
+    NoSuchLength {
+        /// The length of its data.
+        length: usize,
+    },
+    /// Bytes were changed on the way.
+    #[error("a frame's checksum is {declared:02X}; its data have {computed:02X}")]
+    Checksum {
+        /// The declared checksum.
+        declared: u8,
+        /// The checksum of its data.
+        computed: u8,
+    },
+    /// The next frame began, or the line fell quiet, before it was complete.
+    #[error("a frame was cut after {bytes} bytes")]
+    Cut {
+        /// Number of bytes received, the delimiter included, unescaped.
+        bytes: usize,
+    },
+    /// It is too short for its type.
+    #[error("{length} bytes of data are too few for a frame of type {frame_type:02X}")]
+    Short {
+        /// Its first byte.
+        frame_type: u8,
+        /// The length of its data.
+        length: usize,
+    },
 }

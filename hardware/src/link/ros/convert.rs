@@ -1,18 +1,24 @@
-//! Messages of a link and what they are in ROS.
+//! Messages of a link and what they are in ROS, and a hunt in messages that every viewer knows.
 
 use foxhunt_core::{
-    BeaconId, Bearing, BearingMode, BearingModes, Level, Measured, MeasuredList, Pose, Quantity,
-    QuantityName, Reception, Waypoint,
+    BeaconId, Bearing, BearingMode, BearingModes, Estimate, Level, Measured, MeasuredList, Pose,
+    Quantity, QuantityName, Reception, Waypoint,
 };
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-use super::messages::{self as ros, RosHeader};
+use super::{
+    DiagnosticArray, DiagnosticStatus, KeyValue, Path, PoseStamped, PoseWithCovariance,
+    PoseWithCovarianceStamped, RosHeader,
+};
 use crate::link::{
-    ClockOffset, Delivery, Echo, Leave, LinkError, Order, Report, Stage, Status, Taken, Turn,
-    UnixTime,
+    ClockOffset, Delivery, DroneView, Echo, Health, Leave, LinkError, Order, Report, Stage, Status,
+    Taken, Turn, UnixTime, ros,
 };
 
-pub(super) fn point(place: &Vector3<f64>) -> ros::Point {
+/// The variance of what is not estimated: height and attitude.
+const UNKNOWN: f64 = 1e6;
+
+fn point(place: &Vector3<f64>) -> ros::Point {
     ros::Point { x: place.x, y: place.y, z: place.z }
 }
 
@@ -21,7 +27,7 @@ fn place(point: &ros::Point) -> Vector3<f64> {
 }
 
 /// A pose as ROS has it: a nose that is up is a negative turn about the axis to the left.
-pub(super) fn ros_pose(pose: &Pose) -> ros::Pose {
+fn ros_pose(pose: &Pose) -> ros::Pose {
     let turn = UnitQuaternion::from_euler_angles(pose.roll, -pose.pitch, pose.heading);
     let orientation = ros::Quaternion { x: turn.i, y: turn.j, z: turn.k, w: turn.w };
     ros::Pose { position: point(&pose.position), orientation }
@@ -35,20 +41,18 @@ fn pose(ros: &ros::Pose) -> Pose {
     Pose { position: place(&ros.position), heading, pitch: -pitch, roll, velocity: None }
 }
 
-pub(in crate::link) fn pose_message<H: RosHeader>(
+pub(super) fn pose_message<H: RosHeader>(
     at: UnixTime,
     pose: &Pose,
 ) -> Result<ros::PoseStamped<H>, LinkError> {
     Ok(ros::PoseStamped { header: H::at(at)?, pose: ros_pose(pose) })
 }
 
-pub(in crate::link) fn report_of_pose<H: RosHeader>(message: &ros::PoseStamped<H>) -> Report {
+pub(super) fn report_of_pose<H: RosHeader>(message: &ros::PoseStamped<H>) -> Report {
     Report::Pose { at: message.header.moment(), pose: pose(&message.pose) }
 }
 
-pub(in crate::link) fn status_message<H: RosHeader>(
-    status: &Status,
-) -> Result<ros::Status<H>, LinkError> {
+pub(super) fn status_message<H: RosHeader>(status: &Status) -> Result<ros::Status<H>, LinkError> {
     let Status { at, sent, clock, order, stage, failure } = status;
     let stage = Stage::ALL.iter().zip(0..).find(|(one, _)| *one == stage);
     let clock =
@@ -65,7 +69,7 @@ pub(in crate::link) fn status_message<H: RosHeader>(
 }
 
 /// The status of a message; a stage that is not known takes no orders.
-pub(in crate::link) fn report_of_status<H: RosHeader>(message: ros::Status<H>) -> Report {
+pub(super) fn report_of_status<H: RosHeader>(message: ros::Status<H>) -> Report {
     let ros::Status { header, order, failure, stage, sent_sec, sent_nanosec, clock } = message;
     let clock = match *clock {
         [offset_s, uncertainty_s, jumps] if offset_s.is_finite() && uncertainty_s.is_finite() => {
@@ -89,7 +93,7 @@ pub(in crate::link) fn report_of_status<H: RosHeader>(message: ros::Status<H>) -
     })
 }
 
-pub(in crate::link) fn reception_message<H: RosHeader>(
+pub(super) fn reception_message<H: RosHeader>(
     delivery: &Delivery,
 ) -> Result<ros::Reception<H>, LinkError> {
     let header = H::at(delivery.ended)?;
@@ -133,7 +137,7 @@ pub(in crate::link) fn reception_message<H: RosHeader>(
 }
 
 /// Returns the delivery of a message; one without a reception carries the reason.
-pub(in crate::link) fn delivery<H: RosHeader>(message: ros::Reception<H>) -> Delivery {
+pub(super) fn delivery<H: RosHeader>(message: ros::Reception<H>) -> Delivery {
     let beacon = BeaconId(message.beacon);
     let ended = message.header.moment();
     let reception = if message.heard { reception(&message) } else { Err(message.reason) };
@@ -214,9 +218,7 @@ fn measured<H>(message: &ros::Reception<H>) -> Result<MeasuredList, String> {
     MeasuredList::new(&values).map_err(|error| error.to_string())
 }
 
-pub(in crate::link) fn order_message<H: RosHeader>(
-    order: &Order,
-) -> Result<ros::Order<H>, LinkError> {
+pub(super) fn order_message<H: RosHeader>(order: &Order) -> Result<ros::Order<H>, LinkError> {
     let echo = || order.echo.iter().flat_map(|echo| [echo.sent, echo.received]);
     Ok(ros::Order {
         header: H::at(order.at)?,
@@ -242,7 +244,7 @@ pub(in crate::link) fn order_message<H: RosHeader>(
 
 /// Returns the order of a message; a goal that is not finite is dropped, and half a delivery is
 /// left out.
-pub(in crate::link) fn order<H: RosHeader>(message: &ros::Order<H>) -> Order {
+pub(super) fn order<H: RosHeader>(message: &ros::Order<H>) -> Order {
     let position = place(&message.goal);
     let is_place = message.has_goal && position.iter().all(|metres| metres.is_finite());
     let times = message.taken_sec.iter().zip(&message.taken_nanosec);
@@ -276,6 +278,64 @@ pub(in crate::link) fn order<H: RosHeader>(message: &ros::Order<H>) -> Order {
         },
         echo,
     }
+}
+
+/// Returns the belief about a beacon's place. Its height and attitude are not known.
+pub(super) fn estimate_message<H: RosHeader>(
+    at: UnixTime,
+    estimate: &Estimate<2>,
+) -> Result<PoseWithCovarianceStamped<H>, LinkError> {
+    let at_mean = foxhunt_core::Pose::at(estimate.mean.x, estimate.mean.y, 0.0);
+    let mut covariance = [[0.0; 6]; 6];
+    for (row, cells) in covariance.iter_mut().enumerate() {
+        cells[row] = UNKNOWN;
+    }
+    for (row, cells) in covariance.iter_mut().take(2).enumerate() {
+        for (column, cell) in cells.iter_mut().take(2).enumerate() {
+            *cell = estimate.covariance[(row, column)];
+        }
+    }
+    let pose = PoseWithCovariance { pose: ros_pose(&at_mean), covariance };
+    Ok(PoseWithCovarianceStamped { header: H::at(at)?, pose })
+}
+
+/// Returns the ordered place of a drone.
+pub(super) fn goal_message<H: RosHeader>(
+    at: UnixTime,
+    goal: &Waypoint,
+) -> Result<PoseStamped<H>, LinkError> {
+    pose_message(at, &foxhunt_core::Pose::level(goal.position, 0.0))
+}
+
+/// Returns the past path of a drone.
+pub(super) fn path_message<H: RosHeader>(
+    at: UnixTime,
+    drone: &DroneView,
+) -> Result<Path<H>, LinkError> {
+    let poses = drone.path.iter().map(|(at, pose)| {
+        let pose = ros_pose(pose);
+        Ok(PoseStamped { header: H::at(*at)?, pose })
+    });
+    Ok(Path { header: H::at(at)?, poses: poses.collect::<Result<_, LinkError>>()? })
+}
+
+/// Returns the health of the drones and of the hunt.
+pub(super) fn diagnostics_message<H: RosHeader>(
+    at: UnixTime,
+    health: &[Health],
+) -> Result<DiagnosticArray<H>, LinkError> {
+    let status = health.iter().map(|health| DiagnosticStatus {
+        level: u8::from(health.trouble.is_some()),
+        name: health.name.clone(),
+        message: health.trouble.as_ref().unwrap_or(&health.doing).clone(),
+        hardware_id: "foxhunt".to_owned(),
+        values: health
+            .values
+            .iter()
+            .map(|(key, value)| KeyValue { key: key.clone(), value: value.clone() })
+            .collect(),
+    });
+    Ok(DiagnosticArray { header: H::at(at)?, status: status.collect() })
 }
 
 #[cfg(test)]

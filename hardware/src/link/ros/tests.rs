@@ -10,8 +10,8 @@ use foxhunt_core::Pose;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    DroneEnd, FusionEnd, Kept, Publish, Publisher, RosHeader, Subscribe, Subscriber, Text, Topics,
-    convert, drone_topic,
+    Kept, Publish, Publisher, RosHeader, Subscribe, Subscriber, Text, Topics, convert, drone_topic,
+    ends::{DroneEnd, FusionEnd},
 };
 use crate::link::{
     DroneLink, FusionLink, LinkError, Order, Refusal, Report, Status, TeamKey, UnixTime,

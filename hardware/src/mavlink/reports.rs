@@ -1,6 +1,30 @@
+//! Reports of an autopilot with their times: texts, and values of parameters.
+
 use std::collections::VecDeque;
 
-use foxhunt_wire::mavlink::dialect::{MavSeverity, STATUSTEXT_DATA};
+use foxhunt_wire::mavlink::{
+    Autopilot,
+    dialect::{MavParamType, MavSeverity, PARAM_VALUE_DATA, STATUSTEXT_DATA},
+};
+
+/// Number of texts that are kept.
+const KEPT_TEXTS: usize = 16;
+
+/// Longest time in seconds between two chunks of one text.
+const JOINED_S: f64 = 5.0;
+
+/// Beginning of the texts of PX4's checks before arming.
+const PX4_CHECK: &str = "Preflight Fail";
+
+/// Number of reasons that are given at once.
+const REASONS: usize = 3;
+
+/// A message's content, and its time in seconds of the driver's clock.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Timed<T> {
+    pub(super) at: f64,
+    pub(super) value: T,
+}
 
 /// The last texts of the autopilot (STATUSTEXT), the newest last.
 ///
@@ -17,12 +41,6 @@ struct Text {
     /// The number of a text in chunks, and of the chunk that is to follow.
     chunks: Option<(u16, u8)>,
 }
-
-/// Number of texts that are kept.
-const KEPT: usize = 16;
-
-/// Longest time in seconds between two chunks of one text.
-const JOINED_S: f64 = 5.0;
 
 impl Texts {
     pub(super) fn take(&mut self, now: f64, message: &STATUSTEXT_DATA) {
@@ -44,7 +62,7 @@ impl Texts {
             (text.at, text.chunks) = (now, follows);
             return;
         }
-        if self.0.len() >= KEPT {
+        if self.0.len() >= KEPT_TEXTS {
             self.0.pop_front();
         }
         let missing = if id != 0 && sequence > 0 { "…" } else { "" };
@@ -94,12 +112,6 @@ impl Texts {
     }
 }
 
-/// Beginning of the texts of PX4's checks before arming.
-const PX4_CHECK: &str = "Preflight Fail";
-
-/// Number of reasons that are given at once.
-const REASONS: usize = 3;
-
 /// Returns true if a text reports that something is well again: ArduCopter sends "GCS Failsafe
 /// Cleared" and its like as warnings.
 pub(super) fn is_good_news(words: &str) -> bool {
@@ -109,8 +121,21 @@ pub(super) fn is_good_news(words: &str) -> bool {
         .any(|good| words.contains(good))
 }
 
+/// The number of a parameter. PX4 has the bits of whole numbers in the field of a float, ArduPilot
+/// floats (MAVLink's parameter protocol: bytewise and C-cast encodings).
+pub(super) fn parameter(autopilot: Autopilot, message: &PARAM_VALUE_DATA) -> f64 {
+    let bits = message.param_value.to_bits();
+    match (autopilot, message.param_type) {
+        (Autopilot::Px4, MavParamType::MAV_PARAM_TYPE_INT32) => f64::from(bits.cast_signed()),
+        (Autopilot::Px4, MavParamType::MAV_PARAM_TYPE_UINT32) => f64::from(bits),
+        _ => f64::from(message.param_value),
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use foxhunt_wire::mavlink::CharArray;
+
     use super::*;
 
     fn chunk(id: u16, chunk_seq: u8, text: &str) -> STATUSTEXT_DATA {
@@ -157,5 +182,24 @@ mod tests {
             "Preflight Fail: No connection to the GCS; Preflight Fail: Compass 0 uncalibrated";
         assert_eq!(texts.reason(0.0).as_deref(), Some(reason));
         assert_eq!(texts.reason(1.25).as_deref(), Some("Arming denied"));
+    }
+
+    #[test]
+    fn whole_numbers_of_px4_are_bits() {
+        let message = |param_value, param_type| PARAM_VALUE_DATA {
+            param_value,
+            param_type,
+            param_count: 1,
+            param_index: 0,
+            param_id: CharArray::from("X"),
+        };
+        let bits = message(f32::from_bits(3), MavParamType::MAV_PARAM_TYPE_INT32);
+        assert!((parameter(Autopilot::Px4, &bits) - 3.0).abs() < 1e-9);
+        let minus = message(f32::from_bits(u32::MAX), MavParamType::MAV_PARAM_TYPE_INT32);
+        assert!((parameter(Autopilot::Px4, &minus) + 1.0).abs() < 1e-9);
+        let cast = message(3.0, MavParamType::MAV_PARAM_TYPE_INT32);
+        assert!((parameter(Autopilot::ArduPilot, &cast) - 3.0).abs() < 1e-9);
+        let float = message(2.5, MavParamType::MAV_PARAM_TYPE_REAL32);
+        assert!((parameter(Autopilot::Px4, &float) - 2.5).abs() < 1e-9);
     }
 }
