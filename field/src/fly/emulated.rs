@@ -1,10 +1,4 @@
-use std::{
-    collections::HashMap,
-    fs, io,
-    net::UdpSocket,
-    os::unix::fs::symlink,
-    path::{Path, PathBuf},
-};
+use std::{io, path::Path};
 
 use foxhunt_core::BeaconId;
 use foxhunt_formation::EnduranceConfig;
@@ -12,21 +6,18 @@ use foxhunt_hardware::{FirmataConfig, FlightLimits, MavlinkConfig, MavlinkOrigin
 use foxhunt_hunt::{config::SourceConfig, scenario::Scenario};
 use foxhunt_sensors::{BodyConfig, OmnidirectionalConfig};
 use foxhunt_sim::{
-    AutopilotConfig, AutopilotFaults, CableFaults, Cabled, EmulatedAutopilot, EmulatedRtlTcp,
+    AutopilotConfig, AutopilotFaults, CableFaults, EmulatedAutopilot, EmulatedRtlTcp,
     EmulatedRtlTcpConfig, EmulatedStepper, EmulatedStepperConfig, EmulatedXbee, EmulatedXbeeConfig,
-    Emulator, Port, ReliefConfig, World, xbee_address,
+    Emulator, ReliefConfig, World, xbee_address,
 };
-use foxhunt_wire::{
-    ByteStream, Endpoint, MemoryStream, PtyStream, TcpServerStream, UdpStream, geodesy::Geodetic,
-    mavlink::Autopilot, memory_pair,
-};
+use foxhunt_wire::{geodesy::Geodetic, mavlink::Autopilot};
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
 use super::{
     CarriedDrone, DroneConfig, EmulatedFieldError, FlightConfig, FlightRules, FlownBeacon,
-    ForeignVehicle, ListenConfig, Ports, RadioDevice, RotatorDevice, Site, TerrainConfig,
-    VehicleDevice, emulated_tags::Tags,
+    ForeignVehicle, ListenConfig, RadioDevice, RotatorDevice, Site, TerrainConfig, VehicleDevice,
+    emulated_ports::{EmulatedPorts, Place, Tags},
 };
 
 /// Longest time of a position and of the first one of a turn with a real motor, in seconds.
@@ -121,27 +112,6 @@ impl std::fmt::Debug for EmulatedField {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("EmulatedField").field("flight", &self.flight).finish_non_exhaustive()
     }
-}
-
-/// The ports of an [`EmulatedField`] in memory: what is sent is there at once, so that a flight
-/// takes no other time than the world's, whatever else the computer has to do.
-#[derive(Debug, Default)]
-pub struct EmulatedPorts {
-    streams: HashMap<Endpoint, MemoryStream>,
-}
-
-impl Ports for EmulatedPorts {
-    fn open(&mut self, endpoint: &Endpoint) -> io::Result<Box<dyn ByteStream>> {
-        let none = || io::Error::new(io::ErrorKind::NotFound, format!("{endpoint}: no free port"));
-        Ok(Box::new(self.streams.remove(endpoint).ok_or_else(none)?))
-    }
-}
-
-/// Place where the devices of a field are put.
-enum Place<'a> {
-    /// Pseudo-terminals with links in a folder, and UDP.
-    Folder(&'a Path),
-    Memory(&'a mut EmulatedPorts),
 }
 
 impl EmulatedField {
@@ -410,150 +380,6 @@ impl EmulatedField {
 /// Returns the name of a drone, counted from 0.
 fn name(drone: usize) -> String {
     format!("drone-{}", drone + 1)
-}
-
-/// The bits per second of the serial ports.
-const BAUD: u32 = 57_600;
-
-/// The UDP port of the first autopilot in memory.
-const FIRST_PORT: u16 = 14_550;
-
-impl Place<'_> {
-    /// An autopilot's end of a link, with the endpoint of the other end.
-    fn datagrams(
-        &mut self,
-        first_port: Option<u16>,
-        drone: usize,
-    ) -> Result<(Box<dyn ByteStream>, Endpoint), EmulatedFieldError> {
-        let first = match self {
-            Self::Folder(_) => first_port,
-            Self::Memory(_) => first_port.or(Some(FIRST_PORT)),
-        };
-        let address = format!("127.0.0.1:{}", port(first, drone)?);
-        let endpoint = Endpoint::UdpIn { address: address.clone() };
-        let stream: Box<dyn ByteStream> = match self {
-            Self::Folder(_) => Box::new(UdpStream::to(&address)?),
-            Self::Memory(ports) => Box::new(ports.add(&endpoint)),
-        };
-        Ok((stream, endpoint))
-    }
-
-    /// The port of a server of rtl_tcp, with the endpoint of its client.
-    fn server(
-        &mut self,
-        world: &World,
-        drone: &str,
-        faults: CableFaults,
-    ) -> Result<(Cabled<Box<dyn ByteStream>>, Endpoint), EmulatedFieldError> {
-        match self {
-            Self::Folder(_) => {
-                let server = TcpServerStream::listen("127.0.0.1:0")?;
-                let address = server.local_address()?.to_string();
-                let port = ServerPort { address: address.clone() };
-                let cabled = Cabled::new(Box::new(server) as _, world.clock(), faults, seed(drone));
-                Ok((cabled.with_port(port), Endpoint::Tcp { address }))
-            }
-            Self::Memory(ports) => {
-                let endpoint = Endpoint::Tcp { address: format!("{drone}:1234") };
-                let stream: Box<dyn ByteStream> = Box::new(ports.add(&endpoint));
-                Ok((Cabled::new(stream, world.clock(), faults, seed(drone)), endpoint))
-            }
-        }
-    }
-
-    /// A device's end of a cable, with the endpoint of the other end.
-    fn cable(
-        &mut self,
-        world: &World,
-        drone: &str,
-        device: &str,
-        faults: CableFaults,
-    ) -> Result<(Cabled<Box<dyn ByteStream>>, Endpoint), EmulatedFieldError> {
-        let seed = seed(&format!("{drone}{device}"));
-        let name = format!("{drone}-{device}");
-        match self {
-            Self::Folder(folder) => {
-                let link = folder.join(name);
-                let endpoint = Endpoint::Serial { port: link.display().to_string(), baud: BAUD };
-                let mut port = LinkedPty { link };
-                let cabled = Cabled::new(port.open()?, world.clock(), faults, seed);
-                Ok((cabled.with_port(port), endpoint))
-            }
-            Self::Memory(ports) => {
-                let endpoint = Endpoint::Serial { port: name, baud: BAUD };
-                let stream: Box<dyn ByteStream> = Box::new(ports.add(&endpoint));
-                Ok((Cabled::new(stream, world.clock(), faults, seed), endpoint))
-            }
-        }
-    }
-}
-
-/// The seed of a cable's garbage.
-fn seed(name: &str) -> u64 {
-    name.bytes().fold(0, |seed: u64, byte| seed.wrapping_mul(31).wrapping_add(u64::from(byte)))
-}
-
-impl EmulatedPorts {
-    /// The device's end of a port.
-    fn add(&mut self, endpoint: &Endpoint) -> MemoryStream {
-        let (near, far) = memory_pair();
-        self.streams.insert(endpoint.clone(), near);
-        far
-    }
-}
-
-/// A pseudo-terminal behind a link.
-struct LinkedPty {
-    link: PathBuf,
-}
-
-impl Port<Box<dyn ByteStream>> for LinkedPty {
-    fn open(&mut self) -> io::Result<Box<dyn ByteStream>> {
-        let stream = PtyStream::open()?;
-        self.close()?;
-        symlink(stream.path(), &self.link)?;
-        Ok(Box::new(stream))
-    }
-
-    fn close(&mut self) -> io::Result<()> {
-        if fs::symlink_metadata(&self.link).is_ok_and(|there| there.is_symlink()) {
-            fs::remove_file(&self.link)?;
-        }
-        Ok(())
-    }
-}
-
-impl Drop for LinkedPty {
-    fn drop(&mut self) {
-        // Another field may have put its own there; that is no concern of ours any more.
-        let _ = self.close();
-    }
-}
-
-/// A TCP port that is listened at again.
-struct ServerPort {
-    address: String,
-}
-
-impl Port<Box<dyn ByteStream>> for ServerPort {
-    fn open(&mut self) -> io::Result<Box<dyn ByteStream>> {
-        Ok(Box::new(TcpServerStream::listen(&self.address)?))
-    }
-
-    fn close(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
-
-/// The UDP port of a drone's autopilot.
-fn port(first: Option<u16>, drone: usize) -> Result<u16, EmulatedFieldError> {
-    match first {
-        Some(first) => u16::try_from(drone)
-            .ok()
-            .and_then(|drone| first.checked_add(drone))
-            .ok_or(EmulatedFieldError::Port { first, drone }),
-        None => Ok(UdpSocket::bind("127.0.0.1:0")?.local_addr()?.port()),
-    }
 }
 
 /// The site of a field: the origin of its world's tiles, where it has any.

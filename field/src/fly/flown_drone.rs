@@ -1,10 +1,41 @@
+//! A drone of a mission: its devices, what is known of it, and the watch over its height.
+
 use std::collections::VecDeque;
 
 use foxhunt_core::{HeightAboveGround, PatternSource, Waypoint};
-use foxhunt_hardware::{Aircraft, AircraftState, Hands};
+use foxhunt_hardware::{Aircraft, AircraftState, Hands, ReportedHeight};
 use foxhunt_hunt::hunt::{Devices, Event};
 
-use super::{Ending, height_watch::HeightWatch};
+use super::Ending;
+
+/// Modes of those that come down.
+const HOMEWARD: [&str; 3] = ["RTL", "RETURN", "LAND"];
+
+/// A link that has brought nothing for longer does not carry an order that is given once, in
+/// seconds.
+const ALIVE_S: f64 = 1.0;
+
+/// Time from an order to leave until its mode shows it, in seconds: the order waits for a
+/// heartbeat, and is given five times a second apart.
+const SHOWN_S: f64 = 8.0;
+
+/// A drone with less than this share of its battery waits for nobody.
+const LOW_BATTERY: f64 = 0.25;
+
+/// Interval at which an order that was not followed is repeated, in seconds.
+const ORDER_AGAIN_S: f64 = 2.0;
+
+/// Silence of a link after which it counts as lost, in seconds.
+const SILENT_S: f64 = 3.0;
+
+/// A report that is older is of another place, in seconds: at 5 m/s of two metres away.
+const FRESH_S: f64 = 0.4;
+
+/// Duration of a difference until it is reported, in seconds: a tree or a roof is passed by then.
+const LASTS_S: f64 = 3.0;
+
+/// Heights agree again within this share of the tolerance.
+const AGREEMENT: f64 = 0.5;
 
 /// A drone of a [`Mission`](super::Mission): its devices, and what is known of it.
 #[derive(Debug)]
@@ -50,23 +81,6 @@ pub(crate) enum Departure {
     /// Somebody has it, who keeps it: who that is.
     Left(String),
 }
-
-/// Modes of those that come down.
-const HOMEWARD: [&str; 3] = ["RTL", "RETURN", "LAND"];
-
-/// A link that has brought nothing for longer does not carry an order that is given once, in
-/// seconds.
-const ALIVE_S: f64 = 1.0;
-
-/// Time from an order to leave until its mode shows it, in seconds: the order waits for a
-/// heartbeat, and is given five times a second apart.
-const SHOWN_S: f64 = 8.0;
-
-/// A drone with less than this share of its battery waits for nobody.
-const LOW_BATTERY: f64 = 0.25;
-
-/// Interval at which an order that was not followed is repeated, in seconds.
-const ORDER_AGAIN_S: f64 = 2.0;
 
 impl<A, S> FlownDrone<A, S> {
     /// A drone on the ground with its devices.
@@ -119,7 +133,7 @@ impl<A, S> FlownDrone<A, S> {
     }
 
     /// Returns who flies it. A drone whose link fails counts as not heard.
-    pub(crate) fn hands(&self) -> Hands {
+    fn hands(&self) -> Hands {
         self.state.as_ref().map_or(Hands::Unheard, |state| match state.commanded {
             true => Hands::Ours,
             false => state.hands,
@@ -340,18 +354,6 @@ impl<A: Aircraft, S: PatternSource> Devices for FlownDrone<A, S> {
     }
 }
 
-/// Returns true if two states are one in the log, where batteries and ages make no difference.
-fn is_same(one: &AircraftState, other: &AircraftState) -> bool {
-    one.mode == other.mode
-        && one.hindrance == other.hindrance
-        && one.armed == other.armed
-        && one.airborne == other.airborne
-        && one.commanded == other.commanded
-}
-
-/// Silence of a link after which it counts as lost, in seconds.
-const SILENT_S: f64 = 3.0;
-
 /// State of an aircraft's battery, link, position and height above the ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Health {
@@ -394,6 +396,59 @@ impl Health {
     }
 }
 
+/// Compares the height above the ground that a drone reports with that of an elevation model.
+#[derive(Clone, Copy, Debug)]
+struct HeightWatch {
+    tolerance_m: f64,
+    /// Time since when they have been too far apart, in seconds.
+    since: Option<f64>,
+    /// True if the difference was reported.
+    reported: bool,
+}
+
+impl HeightWatch {
+    fn new(tolerance_m: f64) -> Self {
+        Self { tolerance_m, since: None, reported: false }
+    }
+
+    /// Compares what was reported with what is expected, in metres; returns what is to be logged of
+    /// the drone with this number: once, until they agree again.
+    fn compare(
+        &mut self,
+        time: f64,
+        drone: usize,
+        of: ReportedHeight,
+        expected_m: f64,
+    ) -> Option<Event> {
+        if of.age_s > FRESH_S {
+            return None;
+        }
+        let apart_m = (of.height.metres - expected_m).abs();
+        if apart_m <= self.tolerance_m {
+            self.since = None;
+            self.reported &= apart_m > AGREEMENT * self.tolerance_m;
+            return None;
+        }
+        let since = *self.since.get_or_insert(time);
+        if self.reported || time - since < LASTS_S {
+            return None;
+        }
+        self.reported = true;
+        let reported = of.height;
+        let tolerance_m = self.tolerance_m;
+        Some(Event::HeightDiffers { time, drone, reported, expected_m, tolerance_m })
+    }
+}
+
+/// Returns true if two states are one in the log, where batteries and ages make no difference.
+fn is_same(one: &AircraftState, other: &AircraftState) -> bool {
+    one.mode == other.mode
+        && one.hindrance == other.hindrance
+        && one.armed == other.armed
+        && one.airborne == other.airborne
+        && one.commanded == other.commanded
+}
+
 #[cfg(test)]
 mod tests {
     use foxhunt_core::HeightSource;
@@ -428,5 +483,30 @@ mod tests {
         assert!(!high(4.0, by).is_like(&known));
         let state = |silent_s| AircraftState { silent_s, ..AircraftState::default() };
         assert!(Health::new(&state(2.9), None).linked && !Health::new(&state(3.1), None).linked);
+    }
+
+    /// The times at which a watch of 4 m reports, of heights that are so far apart each second.
+    fn reports(apart: &[f64], age_s: f64) -> Vec<f64> {
+        let mut watch = HeightWatch::new(4.0);
+        let compared = apart.iter().zip(0_u32..).filter_map(|(apart, second)| {
+            let height =
+                HeightAboveGround { metres: 10.0 + apart, source: HeightSource::Rangefinder };
+            let event = watch.compare(second.into(), 0, ReportedHeight { height, age_s }, 10.0)?;
+            Some(event.time())
+        });
+        compared.collect()
+    }
+
+    #[test]
+    fn a_difference_is_reported_once_while_it_lasts() {
+        assert_eq!(reports(&[4.5; 20], 0.1), [3.0]);
+        assert_eq!(reports(&[-4.5; 20], 0.1), [3.0]);
+        assert_eq!(reports(&[3.9; 20], 0.1), [0.0; 0]);
+        assert_eq!(reports(&[4.5; 20], 0.5), [0.0; 0], "an old report");
+        let passed = [4.5, 4.5, 4.5, 0.0, 4.5, 4.5, 4.5, 0.0];
+        assert_eq!(reports(&passed, 0.1), [0.0; 0], "a tree");
+        // 3 m are no agreement again, 1 m are.
+        let apart = [5.0, 5.0, 5.0, 5.0, 3.0, 5.0, 5.0, 5.0, 5.0, 1.0, 5.0, 5.0, 5.0, 5.0, 5.0];
+        assert_eq!(reports(&apart, 0.1), [3.0, 13.0]);
     }
 }

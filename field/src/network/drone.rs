@@ -1,9 +1,14 @@
+//! A drone's node: turning, receiving, and deliveries that are repeated until they are taken.
+
+use std::collections::VecDeque;
+
 use foxhunt_core::{BearingExtractor, PatternSource, Reception, Sweep, Vehicle, Waypoint};
 use foxhunt_hardware::link::{
-    ClockFilter, ClockOffset, Delivery, DroneLink, Echo, Order, Report, Stage, Status, UnixTime,
+    ClockFilter, ClockOffset, Delivery, DroneLink, Echo, Order, Report, Stage, Status, Taken,
+    UnixTime,
 };
 
-use super::{DroneNodeConfig, NetworkError, deliveries::Deliveries};
+use super::{DroneNodeConfig, NetworkError};
 
 /// A drone's part of a hunt on several computers: follows orders to fly and to listen, makes
 /// receptions of its sweeps, and sends each until it is logged.
@@ -272,6 +277,46 @@ where
             self.link.send(&Report::Delivery(Box::new(delivery.clone())))?;
         }
         Ok(())
+    }
+}
+
+/// The deliveries of a drone that are not known to be logged.
+#[derive(Debug, Default)]
+struct Deliveries {
+    /// The oldest first, each with when it is sent next.
+    kept: VecDeque<(f64, Delivery)>,
+    given_up: u64,
+}
+
+impl Deliveries {
+    /// Adds one; past `most` the oldest is given up.
+    fn put(&mut self, time: f64, delivery: Delivery, most: usize) {
+        if self.kept.len() >= most {
+            self.kept.pop_front();
+            self.given_up += 1;
+        }
+        self.kept.push_back((time, delivery));
+    }
+
+    /// Forgets those that are logged.
+    fn forget(&mut self, taken: &[Taken]) {
+        self.kept.retain(|(_, delivery)| !taken.contains(&delivery.name()));
+    }
+
+    /// Returns the deliveries that are to be sent now, and again after `repeat_s`.
+    fn due(&mut self, time: f64, repeat_s: f64) -> impl Iterator<Item = &Delivery> + use<'_> {
+        self.kept.iter_mut().filter_map(move |(next, delivery)| {
+            (*next <= time).then(|| {
+                *next = time + repeat_s;
+                &*delivery
+            })
+        })
+    }
+
+    /// Returns the number of deliveries that were given up because they were not logged for too
+    /// long.
+    fn given_up(&self) -> u64 {
+        self.given_up
     }
 }
 

@@ -7,7 +7,7 @@ use foxhunt_hardware::link::{
 use foxhunt_hunt::hunt::{Command, Event, Hunt, HuntError};
 use nalgebra::Vector3;
 
-use super::{FusionNodeConfig, NetworkError, remote::Remote, show::view};
+use super::{FusionNodeConfig, NetworkError, Remote, remote::view};
 
 /// The log of a hunt that was broken off.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,9 +1,13 @@
-use std::collections::VecDeque;
+//! A drone as the fusing node knows it, and the view of all for those who look on.
 
 use foxhunt_core::{BeaconId, Pose, Waypoint};
 use foxhunt_hardware::link::{
-    ClockOffset, Echo, Leave, Order, Stage, Status, Taken, Turn, UnixTime,
+    BeaconView, ClockOffset, DroneView, Echo, Health, Leave, Stage, Status, Taken, Turn, UnixTime,
+    View,
 };
+use foxhunt_hunt::hunt::Hunt;
+
+use super::Remote;
 
 /// Maximum number of deliveries that an order names as logged; one that comes again is named again.
 const MOST_TAKEN: usize = 64;
@@ -16,36 +20,6 @@ const CLOCK_STEP_S: f64 = 0.05;
 
 /// A place that is older than the last one by more seconds than this was not late on the way.
 const CLOCK_SET_BACK_S: f64 = 30.0;
-
-/// A drone, as far as the one that fuses knows it.
-#[derive(Debug, Default)]
-pub(super) struct Remote {
-    /// Current order of the drone.
-    pub(super) order: Order,
-    /// True if the order was sent since it changed.
-    pub(super) sent: bool,
-    /// The number of the order that it follows.
-    pub(super) follows: u64,
-    /// Last pose, with its time by the drone's own clock.
-    pub(super) place: Option<(UnixTime, Pose)>,
-    /// Time of its last report.
-    pub(super) reported_at: Option<f64>,
-    /// Delay of its last place, in seconds.
-    pub(super) late_s: f64,
-    pub(super) stage: Stage,
-    /// Offset of its clock, by the drone's own account.
-    pub(super) clock: Option<ClockOffset>,
-    /// The stamp of its last status, as long as it was not returned.
-    unanswered: Option<UnixTime>,
-    /// Its clock as it was logged last.
-    logged_clock: Option<ClockOffset>,
-    pub(super) failure: String,
-    pub(super) path: VecDeque<(UnixTime, Pose)>,
-    /// Deliveries that were handled and may not be in the log yet.
-    unlogged: Vec<Taken>,
-    pub(super) delivered: u64,
-    pub(super) doubled: u64,
-}
 
 impl Remote {
     /// Takes note of where it is; `false` for a place that is no newer than the last one, unless
@@ -174,5 +148,84 @@ impl Remote {
         let surplus = self.order.taken.len().saturating_sub(MOST_TAKEN);
         self.order.taken.drain(..surplus);
         self.sent = false;
+    }
+}
+
+/// The view of a hunt for whoever looks on.
+pub(super) fn view(
+    at: UnixTime,
+    hunt: &Hunt,
+    drones: &[Remote],
+    silent: &[usize],
+    hindrance: Option<&str>,
+    clock_tolerance_s: f64,
+) -> View {
+    let believed = hunt.believed();
+    let beacons = believed.iter().map(|known| BeaconView {
+        number: known.beacon.0,
+        name: known.name.to_owned(),
+        estimate: known.estimate,
+    });
+    let shown = |drone: &Remote| DroneView {
+        goal: drone.order.goal,
+        path: drone.path.iter().copied().collect(),
+    };
+    let fusion = Health {
+        name: "foxhunt: fusion".to_owned(),
+        trouble: hindrance.map(str::to_owned),
+        doing: hunt.phase().to_string(),
+        values: vec![
+            ("beacons".to_owned(), hunt.beacon_count().to_string()),
+            ("done".to_owned(), hunt.fixes().len().to_string()),
+        ],
+    };
+    let of = |(index, drone): (usize, &Remote)| {
+        health(index, drone, silent.contains(&index), clock_tolerance_s)
+    };
+    View {
+        at,
+        beacons: beacons.collect(),
+        drones: drones.iter().map(shown).collect(),
+        health: std::iter::once(fusion).chain(drones.iter().enumerate().map(of)).collect(),
+    }
+}
+
+fn health(index: usize, drone: &Remote, silent: bool, clock_tolerance_s: f64) -> Health {
+    let late_s = drone.late_s;
+    let trouble = if silent {
+        Some("it is silent".to_owned())
+    } else if !drone.failure.is_empty() {
+        Some(drone.failure.clone())
+    } else if late_s.abs() > clock_tolerance_s {
+        Some(format!("its places come {late_s:.1} s late: its link is slow"))
+    } else if drone.place.is_none() {
+        Some("its clock is not known well enough yet".to_owned())
+    } else {
+        None
+    };
+    let doing = match (drone.order.number, drone.follows) {
+        _ if drone.stage != Stage::Flying => &drone.stage.to_string(),
+        (0, _) => "waits for the hunt to begin",
+        (given, follows) if follows < given => "has not taken its last order yet",
+        _ if drone.order.land => "is to land",
+        _ if !drone.order.turn.beacons.is_empty() => "listens",
+        _ => "flies or holds",
+    };
+    let of_clock = |number: fn(ClockOffset) -> f64| {
+        drone.clock.map_or_else(|| "unknown".to_owned(), |clock| format!("{:.3}", number(clock)))
+    };
+    Health {
+        name: format!("foxhunt: drone {index}"),
+        trouble,
+        doing: doing.to_owned(),
+        values: vec![
+            ("order".to_owned(), drone.order.number.to_string()),
+            ("follows".to_owned(), drone.follows.to_string()),
+            ("deliveries".to_owned(), drone.delivered.to_string()),
+            ("doubled".to_owned(), drone.doubled.to_string()),
+            ("late_s".to_owned(), format!("{late_s:.3}")),
+            ("clock_offset_s".to_owned(), of_clock(|clock| clock.offset_s)),
+            ("clock_uncertainty_s".to_owned(), of_clock(|clock| clock.uncertainty_s)),
+        ],
     }
 }

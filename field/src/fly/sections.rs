@@ -1,11 +1,59 @@
-//! Sections of a flight's file for the devices of a drone.
+//! Sections of a flight's file: its origin, its beacons, and the devices of a drone.
 
 use foxhunt_hardware::{
     ArDroneConfig, FirmataConfig, GnssConfig, KrakenConfig, MavlinkConfig, RtlTcpConfig, XbeeConfig,
 };
 use foxhunt_sensors::{BodyConfig, OmnidirectionalConfig, StepperConfig};
-use foxhunt_wire::Endpoint;
+use foxhunt_wire::{
+    Endpoint,
+    geodesy::{Geodetic, LocalFrame},
+};
 use serde::{Deserialize, Serialize};
+
+use super::FlyError;
+
+/// The origin of the common frame.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Site {
+    /// Latitude in degrees, WGS84, North positive.
+    pub lat_deg: f64,
+    /// Longitude in degrees, WGS84, East positive.
+    pub lon_deg: f64,
+    /// Height above the ellipsoid of the ground where the drones stand, in metres: what Up is
+    /// counted from for drones with a GNSS receiver of their own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ground_alt_m: Option<f64>,
+}
+
+impl Site {
+    /// The common East-North-Up frame.
+    ///
+    /// # Errors
+    ///
+    /// [`FlyError::Site`] when there is no such place.
+    pub fn frame(&self) -> Result<LocalFrame, FlyError> {
+        Ok(LocalFrame::new(Geodetic::new(
+            self.lat_deg,
+            self.lon_deg,
+            self.ground_alt_m.unwrap_or(0.0),
+        )?)?)
+    }
+}
+
+/// A beacon that is to be found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FlownBeacon {
+    /// Its name.
+    pub name: String,
+    /// Its XBee address: 16 hexadecimal digits, or 4.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub address: Option<String>,
+    /// The frequency that a receiver is tuned to, in MHz.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frequency_mhz: Option<f64>,
+}
 
 /// The device that flies a drone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
