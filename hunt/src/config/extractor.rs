@@ -284,7 +284,7 @@ mod tests {
             ("kind = 'maximum-likelihood-t'\nelevation_deg = 100", "elevation"),
             ("kind = 'maximum-likelihood'\nsteepest_deg = -95", "steepest"),
             ("kind = 'maximum-likelihood-t'\nsteepest_deg = -40", "steepest_deg is -40"),
-            ("kind = 'cross-correlation'\ndegrees = -7", "degrees is -7; it has to be left out"),
+            ("kind = 'cross-correlation'\ndegrees = -7", "degrees is -7; it must be left out"),
             ("kind = 'cross-correlation'\nmin_positions = 9", "min_positions is 9"),
             ("kind = 'maximum-likelihood'\ndegrees = 1000", "degrees is 1000"),
         ] {
