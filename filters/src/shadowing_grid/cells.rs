@@ -211,7 +211,8 @@ mod tests {
     fn one_place_is_one_cell() {
         let cells = Cells::new([Vector3::zeros(); 7].into_iter());
         let (leaves, _) = cells.leaves(|_| 0.0, 4);
-        assert_eq!(leaves, [0..7]);
+        let all = 0..7;
+        assert_eq!(leaves, [all]);
         assert_eq!(cells.indices(0..7), [0, 1, 2, 3, 4, 5, 6]);
     }
 }
