@@ -81,6 +81,7 @@ fn every_setting_of_an_estimator_counts() {
             continue;
         }
         let usual = found(&log, *settings);
+        assert!(usual.is_ok(), "{}: {usual:?}", entry.name);
         for path in paths {
             seen.push((kind.clone(), path.clone()));
             let Ok(other) = serde_json::from_value(changed(&table, &path)) else { continue };

@@ -196,7 +196,7 @@ fn three_hunt_at_their_heights_over_a_gap_and_come_home_apart() {
 }
 
 #[test]
-#[ignore = "two dozen whole hunts"]
+#[ignore = "36 whole hunts"]
 fn hunts_over_gaps() {
     println!("| drones | autopilot | gap | reference | result | off in height | nearest | time |");
     println!("| --- | --- | --- | --- | --- | --- | --- | --- |");

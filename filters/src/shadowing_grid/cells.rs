@@ -73,7 +73,7 @@ impl Cells {
             let [east, north, up] = (place - corner).map(step).into();
             spread(east) | spread(north) << 1 | spread(up) << 2
         };
-        let mut keys: Vec<(u64, u32)> = places.map(key).zip(0..).collect();
+        let mut keys: Vec<(u64, u32)> = places.map(key).zip(0..=u32::MAX).collect();
         keys.sort_unstable();
         Self { keys, corner, side_m }
     }

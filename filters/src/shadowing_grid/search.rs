@@ -108,7 +108,7 @@ impl Search {
 }
 
 /// Climbs from a place to the maximum of a smooth density's logarithm near it, with steps of
-/// `step_m` at first: to the vertex of a parabola through nine places, or to the best of them.
+/// `step_m` at first: to the vertex of a parabola through seven places, or to the best of them.
 #[cfg(any(feature = "batch", test))]
 pub(crate) fn climb(
     start: Vector2<f64>,

@@ -25,9 +25,10 @@ const JUMPS_MPS: f64 = 30.0;
 /// Time in seconds after which another target has replaced the goal.
 const REPLACED_S: f64 = 0.9;
 
-/// The last six reports, and the number of other targets among them beyond which one station alone
-/// does not explain them.
+/// Mask of the last six reports.
 const LAST: u8 = 0b11_1111;
+
+/// Number of other targets among the last reports from which on another station sends them, too.
 const OFTEN: u32 = 3;
 
 /// Factor and margin by which it may be faster than ordered, for a gust or an overshoot; the margin

@@ -814,9 +814,11 @@ impl Hunt {
         }
         if !received[self.current] {
             let open = |index: &usize| received[*index] && !self.targets[*index].is_done();
+            // A sweep would start over for the other beacon.
+            let goes_on = self.planner.goes_on_without_signal();
             return match (0..received.len()).find(open) {
-                Some(other) => self.put_off(time, other),
-                None => self.listen_again(time),
+                Some(other) if !goes_on => self.put_off(time, other),
+                _ => self.listen_again(time),
             };
         }
         let decided =

@@ -82,8 +82,9 @@ impl Deviation {
         libm::sqrt(row.dot(&(self.covariance * row)).max(0.0))
     }
 
-    /// Returns the factor from an error of a measured direction to that of the corrected one: where
-    /// the deviation rises along with the direction, several true directions look alike.
+    /// Returns the factor from an error of a measured direction to that of the corrected one,
+    /// |1 − Δ′(θ)|. It is above 1 where the deviation falls as the measured direction rises: there
+    /// several true directions look alike.
     #[must_use]
     pub fn stretch_at(&self, direction: f64) -> f64 {
         stretch(&self.terms, &row(direction))
@@ -111,7 +112,7 @@ pub struct DeviationFit {
     /// σ of a new measured bearing, in radians, outliers left out; of the corrected one
     /// [`Deviation::stretch_at`] times that.
     pub sigma: f64,
-    /// Root mean square of the errors without the deviation, outliers left out, in radians.
+    /// Root mean square of the errors after the correction, outliers left out, in radians.
     pub rms: f64,
     /// Degrees of freedom of `sigma`.
     pub freedom: f64,

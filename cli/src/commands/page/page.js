@@ -53,7 +53,7 @@ function run(...asked) {
 async function runNow(args, names, wanted, hear) {
   const module = await program;
   number += 1;
-  const given = names.map((name) => [name, files.get(name).bytes]);
+  const given = names.filter((name) => files.has(name)).map((name) => [name, files.get(name).bytes]);
   return new Promise((done) => {
     listener = (kind, value) => {
       if (kind === "end") { listener = null; done({ code: value.code, written: new Map(value.written) }); }
@@ -103,9 +103,11 @@ function showFiles() {
 async function take(list) {
   const chosen = [...list];
   if (!chosen.length) return;
+  if (busy) { errors(["A computation is running: stop it, then drop the files again."]); return; }
   errors([]);
+  const failed = [];
   const read = await Promise.all(chosen.map(async (file) => {
-    try { return [file.name, new Uint8Array(await file.arrayBuffer())]; } catch (error) { errors([`${file.name} cannot be read: ${error.message}`]); return null; }
+    try { return [file.name, new Uint8Array(await file.arrayBuffer())]; } catch (error) { failed.push(`${file.name} cannot be read: ${error.message}`); return null; }
   }));
   const kept = read.filter(Boolean);
   const isMain = ([name, bytes]) => ["recording", "log", "samples"].includes(kindOf(name, new TextDecoder().decode(bytes.subarray(0, 4096))));
@@ -114,6 +116,7 @@ async function take(list) {
   for (const [name, bytes] of kept) keep(name, bytes);
   showFiles();
   await runAll();
+  if (failed.length) errors(failed);
 }
 
 // ---------------------------------------------------------------- what is run
@@ -176,15 +179,18 @@ async function runAll(list = jobs()) {
   showRuns();
   toResults();
   const begun = performance.now();
-  for (const [index, job] of list.entries()) {
-    if (stopped) break;
-    const of = list.length > 1 ? ` (${index + 1} of ${list.length})` : "";
-    status(`${job.work} ${job.names.join(", ")}${of} …`);
-    await runOne(job, begun);
+  try {
+    for (const [index, job] of list.entries()) {
+      if (stopped) break;
+      const of = list.length > 1 ? ` (${index + 1} of ${list.length})` : "";
+      status(`${job.work} ${job.names.join(", ")}${of} …`);
+      await runOne(job, begun);
+    }
+  } finally {
+    busy = false;
+    byId("stop").disabled = true;
+    byId("progress").hidden = true;
   }
-  busy = false;
-  byId("stop").disabled = true;
-  byId("progress").hidden = true;
   showFiles();
   const count = rowsOf(runs).length, failed = runs.filter((one) => one.errors.length).length;
   const done = [count ? `${count} ${count === 1 ? "fix" : "fixes"}` : null, failed ? `${failed} of ${runs.length} ${runs.length === 1 ? "file" : "runs"} with an error` : null].filter(Boolean).join(", ");
@@ -341,7 +347,7 @@ function showRun(one) {
       one.work === "locate" && rowsOf([one]).some((row) => Number.isFinite(row.error)) && again("judge", "Judge against the recorded truth"),
       one.work === "locate" && one.notes.some((note) => note.includes("bearings of turns")) && one.names.length === 1 && again("bearing", "Bearings of the turns")),
     element("details", {}, element("summary", {}, "Command line and notes of the program"),
-      element("div", { class: "command" }, `foxhunt ${one.args.map((word) => (/^[\w.,:=/%+-]+$/.test(word) ? word : `'${word}'`)).join(" ")}`),
+      element("div", { class: "command" }, `foxhunt ${one.args.map((word) => (/^[\w.,:=/%+-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`)).join(" ")}`),
       ...(one.notes.length ? [element("pre", { tabindex: "0" }, one.notes.join("\n"))] : [])),
   ];
   if (one.report) parts.push(element("iframe", { title: `Report page of ${one.names.join(", ")}`, sandbox: "allow-scripts allow-downloads", srcdoc: one.report }));

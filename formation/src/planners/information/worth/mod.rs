@@ -63,16 +63,22 @@ struct Drone {
     pairs: Vec<Pairs>,
 }
 
+/// The sums of the information about East, both and North.
+const PLACE: [usize; 3] = [0, 1, 2];
+
+/// The sums of the level's gradient over East and North, weighted with its information.
+const GRADIENT: [usize; 2] = [3, 4];
+
+/// The sum of the level's information.
+const LEVEL: usize = 5;
+
 /// Information of a turn on a target in each of some cells: the power known, and the parts to take
 /// off that for the power in doubt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Taught {
-    /// The information about East, both and North.
-    place: [Column; 3],
-    /// The level's gradient over East and North, weighted with its information.
-    gradient: [Column; 2],
-    /// The level's information.
-    level: Column,
+    /// Sums over drones, by [`PLACE`], [`GRADIENT`] and [`LEVEL`]: in one array they are added as one
+    /// column, which takes a fifth fewer instructions than three.
+    sums: [Column; 6],
     /// The square of the distance over ground.
     distance2: Column,
 }
@@ -166,12 +172,12 @@ impl Kernel for Teach<'_> {
             let x = fishers.level_gradient[0][i] - power.level_gradient[0][i];
             let y = fishers.level_gradient[1][i] - power.level_gradient[1][i];
             let information = fishers.level_information[i];
-            taught.place[0][i] = fishers.bearing[0][i] + x * x * information;
-            taught.place[1][i] = fishers.bearing[1][i] + x * y * information;
-            taught.place[2][i] = fishers.bearing[2][i] + y * y * information;
-            taught.gradient[0][i] = x * information;
-            taught.gradient[1][i] = y * information;
-            taught.level[i] = information;
+            taught.sums[PLACE[0]][i] = fishers.bearing[0][i] + x * x * information;
+            taught.sums[PLACE[1]][i] = fishers.bearing[1][i] + x * y * information;
+            taught.sums[PLACE[2]][i] = fishers.bearing[2][i] + y * y * information;
+            taught.sums[GRADIENT[0]][i] = x * information;
+            taught.sums[GRADIENT[1]][i] = y * information;
+            taught.sums[LEVEL][i] = information;
             let east = cells.mean[0][i] - place.x;
             let north = cells.mean[1][i] - place.y;
             taught.distance2[i] = east * east + north * north;
@@ -250,12 +256,7 @@ impl Kernel for Compare<'_> {
 }
 
 impl Taught {
-    const ZERO: Self = Self {
-        place: [[0.0; TARGETS]; 3],
-        gradient: [[0.0; TARGETS]; 2],
-        level: [0.0; TARGETS],
-        distance2: [0.0; TARGETS],
-    };
+    const ZERO: Self = Self { sums: [[0.0; TARGETS]; 6], distance2: [0.0; TARGETS] };
 
     /// Returns the information of all drones, the power in doubt taken off, and the farthest one's
     /// distance.
@@ -268,20 +269,19 @@ impl Taught {
         let mut all = Self::ZERO;
         for drone in drones {
             let taught = &drone.taught[block];
-            all.place.iter_mut().zip(&taught.place).for_each(|(sum, part)| add(sum, part));
-            all.gradient.iter_mut().zip(&taught.gradient).for_each(|(sum, part)| add(sum, part));
-            add(&mut all.level, &taught.level);
+            let parts = all.sums.as_flattened_mut().iter_mut().zip(taught.sums.as_flattened());
+            parts.for_each(|(sum, part)| *sum += part);
             for (most, square) in all.distance2.iter_mut().zip(&taught.distance2) {
                 *most = if *square > *most { *square } else { *most };
             }
         }
         for i in 0..TARGETS {
             let variance = power.variance[i];
-            let shared = variance / (1.0 + variance * all.level[i]);
-            let [x, y] = [all.gradient[0][i], all.gradient[1][i]];
-            all.place[0][i] -= x * x * shared;
-            all.place[1][i] -= x * y * shared;
-            all.place[2][i] -= y * y * shared;
+            let shared = variance / (1.0 + variance * all.sums[LEVEL][i]);
+            let [x, y] = GRADIENT.map(|k| all.sums[k][i]);
+            all.sums[PLACE[0]][i] -= x * x * shared;
+            all.sums[PLACE[1]][i] -= x * y * shared;
+            all.sums[PLACE[2]][i] -= y * y * shared;
         }
         all
     }
@@ -319,7 +319,7 @@ impl Kernel for ByFisher<'_> {
             let all = Taught::of_all(self.drones, block, &self.power.blocks[block]);
             let mut learned = [0.0; TARGETS];
             for (i, learned) in learned.iter_mut().enumerate() {
-                let [t_xx, t_xy, t_yy] = [0, 1, 2].map(|k: usize| all.place[k][i]);
+                let [t_xx, t_xy, t_yy] = PLACE.map(|k| all.sums[k][i]);
                 let [xx, xy, yy] = [xx + t_xx, xy + t_xy, yy + t_yy];
                 let determinant = xx * yy - xy * xy;
                 let axes = axes_of_inverse(xx, xy, yy, determinant);
@@ -360,7 +360,7 @@ impl Kernel for ByEntropy<'_> {
             for (i, learned) in learned.iter_mut().enumerate() {
                 // (P⁻¹ + T)⁻¹ = (I + P T)⁻¹ P.
                 let [xx, xy, yy] = [0, 1, 2].map(|k: usize| cells.covariance[k][i]);
-                let [t_xx, t_xy, t_yy] = [0, 1, 2].map(|k: usize| all.place[k][i]);
+                let [t_xx, t_xy, t_yy] = PLACE.map(|k| all.sums[k][i]);
                 let [a, b] = [1.0 + xx * t_xx + xy * t_xy, xx * t_xy + xy * t_yy];
                 let [c, d] = [xy * t_xx + yy * t_xy, 1.0 + xy * t_xy + yy * t_yy];
                 let determinant = a * d - b * c;
