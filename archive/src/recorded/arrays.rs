@@ -146,7 +146,7 @@ pub fn correct_arrays(recordings: &mut [Recording], arrays: &[ArraySection]) -> 
     corrected
 }
 
-/// Returns true if the recordings hold several beacons, none of which was chosen.
+/// Returns true if the recordings hold several beacons and no beacon was chosen.
 #[must_use]
 pub fn has_several_beacons(recordings: &[Recording]) -> bool {
     matches!(

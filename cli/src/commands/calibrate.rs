@@ -159,7 +159,7 @@ fn is_hunt(path: &Path) -> bool {
     read.is_ok() && begin.starts_with(b"{\"foxhunt_log\"")
 }
 
-/// Fits the deviations of arrays to the bearings of all beacons; an error if there is none.
+/// Fits the deviations of arrays to the bearings of all beacons; an error if no array is found.
 fn fit_all_beacons(recordings: &[Recording], config: &CalibrateConfig) -> Result<Report, CliError> {
     let mut report = Report::new(recordings, None);
     let taken = fit_arrays(recordings, None, &mut report, config);

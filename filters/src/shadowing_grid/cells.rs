@@ -6,7 +6,7 @@ use nalgebra::{Vector2, Vector3};
 /// Bits of a place on each axis: the finest cells are the extent over 2²¹.
 const BITS: u32 = 21;
 
-/// Places in the order of a cube's octants, and of theirs (Morton 1966): those of a cell follow
+/// Places in the order of a cube's octants and their octants (Morton 1966): places of a cell follow
 /// each other.
 #[derive(Clone, Debug)]
 pub(super) struct Cells {

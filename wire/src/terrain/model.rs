@@ -1,4 +1,4 @@
-//! Heights of the ground about a place, and why there are none.
+//! Heights of the ground about a place, and reasons for their absence.
 
 use std::{
     fs,

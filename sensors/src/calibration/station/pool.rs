@@ -42,7 +42,7 @@ const SCALES_DB: [f64; 2] = [0.1, 30.0];
 /// Largest share of the readings that counts as fitted.
 const MOST_FITTED: f64 = 0.75;
 
-/// Rounds of a fit: those of the lobe, boresights and gains, then those of the site.
+/// Rounds of a fit: of the lobe, boresights and gains first, then of the site.
 const ROUNDS: u32 = 55;
 const SITE_ROUNDS: u32 = 25;
 /// Rounds of a fit that begins with one of nearly all bursts.
