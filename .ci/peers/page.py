@@ -19,8 +19,9 @@ from report import wait_for
 # What the page has to keep: seconds to the first fix of docs/walk.csv and of 100,000 rows, and bytes.
 FIRST_S, MANY_S, MOST_BYTES = 2.0, 10.0, 6_000_000
 # Relative to a number's size. The functions of the C library and of WebAssembly round differently in the last bit.
-# Regions are whole cells of a grid: one at their edge is in or out by that bit.
-TOLERANCE, EDGES = 1e-9, ("border_mass", "regions_95")
+# Regions are whole cells of a grid: one at their edge is in or out by that bit. A climb to the mode of exact bearings
+# ends where a step gains nothing, which that bit moves by 7e-6 (convergence.csv).
+TOLERANCE, EDGES = 2e-5, ("border_mass", "regions_95")
 SIZES = {"desk": (1400, 900), "phone": (390, 844)}
 
 
@@ -260,8 +261,8 @@ def check_keys(browser, folder):
         seen.append(page.evaluate("document.activeElement.id || document.activeElement.textContent"))
     for control in ("choose", "work", "several", "estimator", "margin", "beacon", "flags", "run"):
         assert control in seen, (control, seen)
-    page.locator("#run").focus()
-    page.keyboard.press("Enter")
+    # From the frame of the report, where the focus may be by now.
+    page.locator("#run").press("Enter")
     wait_for(page, "foxhunt.done > 1")
     assert page.locator("#status").get_attribute("role") == "status"
     assert page.locator("#status").text_content().startswith("Done in"), page.locator("#status").text_content()
