@@ -414,7 +414,8 @@ const TABLES: [KeyTable; 26] = [
                 "attempts",
                 "",
                 "3",
-                "turns at a place without a reception before the beacon is given up",
+                "turns at a place without a reception before the beacon is given up, or a sweep \
+                 flies on",
             ),
             key("receiver_sigma_m", "m", "the place is known", "σ of a drone's own place (GNSS)"),
             key("separation_m", "m", "2", "the least distance of two drones"),
