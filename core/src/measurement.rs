@@ -1,4 +1,4 @@
-//! What a receiver measures of a target: models, their likelihoods, and outliers.
+//! Measurements of a target by a receiver: models, their likelihoods, and outliers.
 
 use nalgebra::{SMatrix, SVector};
 

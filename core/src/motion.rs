@@ -55,8 +55,8 @@ pub trait MotionModel<const N: usize> {
         numeric_jacobian(state, |x| self.propagate(x, dt), |a, b| Axis::difference(&axes, a, b))
     }
 
-    /// x ← f(x, Δt) + L ξ for many states at once, held as one column for each component, as are
-    /// their ξ; no angle is wrapped. All columns are of one length.
+    /// x ← f(x, Δt) + L ξ for many states at once, held as one column for each component, as
+    /// are their ξ; no angle is wrapped. All columns are of one length.
     ///
     /// One state after the other unless overridden. An override is a plain loop over the columns,
     /// and `#[inline(always)]`: a caller may then compile it for wider vectors.
@@ -191,11 +191,11 @@ impl MotionModel<4> for ConstantVelocity {
     }
 }
 
-/// A turn at a nearly constant rate in the plane, x = (E, N, Ė, Ṅ, ω), ω in radians per second and
-/// positive counter-clockwise (Bar-Shalom, Li & Kirubarajan 2001, §11.7.1).
+/// A turn at a nearly constant rate in the plane, x = (E, N, Ė, Ṅ, ω), ω in radians per second
+/// and positive counter-clockwise (Bar-Shalom, Li & Kirubarajan 2001, §11.7.1).
 ///
-/// The velocity turns by ω Δt and the position follows its arc; a rate of zero is a straight line.
-/// White acceleration drives position and velocity as in
+/// The velocity turns by ω Δt and the position follows its arc; a rate of zero is a straight
+/// line. White acceleration drives position and velocity as in
 /// [`ConstantVelocity`], the rate does a random walk of its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CoordinatedTurn {

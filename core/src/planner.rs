@@ -101,9 +101,9 @@ pub trait FormationPlanner {
         self.plan(target.belief, stations)
     }
 
-    /// Returns true if the plan goes on where nothing was received: after the last attempt at a place,
-    /// the next plan is made with the belief as it was. False unless overridden, because a planner
-    /// that follows an estimate takes one that did not move for one that has settled.
+    /// Returns true if the plan goes on where nothing was received: after the last attempt at a
+    /// place, the next plan is made with the belief as it was. False unless overridden, because a
+    /// planner that follows an estimate takes one that did not move for one that has settled.
     fn goes_on_without_signal(&self) -> bool {
         false
     }

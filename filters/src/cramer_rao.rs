@@ -86,7 +86,7 @@ impl<const N: usize> PosteriorCramerRao<N> {
     ///
     /// # Errors
     ///
-    /// When the prior is not finite or its covariance not symmetric and positive definite.
+    /// An error when the prior is not finite or its covariance not symmetric and positive definite.
     pub fn new(prior: &Estimate<N>) -> Result<Self, EstimatorError> {
         let prior = Gaussian::new(*prior, Role::Prior)?;
         let white = prior
@@ -171,7 +171,8 @@ impl<const N: usize> PosteriorCramerRao<N> {
     ///
     /// # Errors
     ///
-    /// When there is no trajectory or a Jacobian is not finite. The bound is then left as it was.
+    /// An error when there is no trajectory or a Jacobian is not finite. The bound is then left as
+    /// it was.
     pub fn update<const M: usize>(
         &mut self,
         model: &(impl MeasurementModel<N, M> + ?Sized),
@@ -187,8 +188,8 @@ impl<const N: usize> PosteriorCramerRao<N> {
     ///
     /// # Errors
     ///
-    /// When there is no trajectory, or as [`FisherQuadrature::information`]. The bound is then
-    /// left as it was.
+    /// An error when there is no trajectory, or as [`FisherQuadrature::information`]. The bound is
+    /// then left as it was.
     pub fn update_numerically<const M: usize>(
         &mut self,
         model: &(impl MeasurementModel<N, M> + ?Sized),
@@ -241,8 +242,8 @@ impl<const N: usize> PosteriorCramerRao<N> {
 }
 
 /// The Fisher information of a measurement about the state by numerical integration, for any
-/// likelihood: ∫ ∇ln p(z | x) ∇ln p(z | x)ᵀ p(z | x) dz (Van Trees 1968, §2.4.2), by the midpoint
-/// rule over z and central differences over x.
+/// likelihood: ∫ ∇ln p(z | x) ∇ln p(z | x)ᵀ p(z | x) dz (Van Trees 1968, §2.4.2), by the
+/// midpoint rule over z and central differences over x.
 ///
 /// An angle is integrated over its whole turn, a linear component over `reach` standard
 /// deviations of the observation's noise to each side of what is expected. For a smooth density

@@ -99,10 +99,10 @@ pub struct FieldModel {
 /// A Gaussian process through the levels that were read along a path (Rasmussen & Williams 2006;
 /// kriging with an unknown mean): what the level is at any place, and where it is highest.
 ///
-/// A reading is y = β + f(p) + e with f of Matérn's correlation of smoothness 3/2 and length ℓ, e
-/// its own, both together of variance σ². ℓ and e's share of the variance have the largest marginal
-/// likelihood on a small grid; they are then taken for known, so that the standard deviation is
-/// somewhat too narrow where there are few readings.
+/// A reading is y = β + f(p) + e with f of Matérn's correlation of smoothness 3/2 and length ℓ,
+/// e its own, both together of variance σ². ℓ and e's share of the variance have the largest
+/// marginal likelihood on a small grid; they are then taken for known, so that the standard
+/// deviation is somewhat too narrow where there are few readings.
 ///
 /// It assumes no law of propagation and no antenna, only that the level varies smoothly with the
 /// place over ground. That makes it a baseline: it cannot know of a transmitter that lies outside
@@ -178,8 +178,8 @@ impl FieldMap {
 
     /// The levels at some places together: their means and their covariance. With white the
     /// columns of L⁻¹ C(readings, places), that is
-    /// σ² ((1 − ν) k − whiteᵀ white + open openᵀ), open = (1 − whiteᵀ u) / √(u·u) being what the
-    /// unknown mean leaves open (Rasmussen & Williams 2006, eq. 2.42).
+    /// σ² ((1 − ν) k − whiteᵀ white + open openᵀ), open = (1 − whiteᵀ u) / √(u·u)
+    /// being what the unknown mean leaves open (Rasmussen & Williams 2006, eq. 2.42).
     fn levels(&self, at: &[Vector2<f64>]) -> (Vec<f64>, Mat<f64>) {
         let Fit { correlation, model, residual, .. } = &self.fit;
         let share = 1.0 - model.noise_share;
@@ -287,9 +287,9 @@ struct Fit {
 }
 
 impl Fit {
-    /// The mean β has a flat prior and σ the prior 1/σ; both are integrated out of the likelihood
-    /// |C|^−½ (u·u)^−½ SSR^(−(n−1)/2) with u = L⁻¹ 1 (Handcock & Stein 1993, eq. 8); `None` where C
-    /// has no factor or the readings no spread.
+    /// The mean β has a flat prior and σ the prior 1/σ; both are integrated out of the
+    /// likelihood |C|^−½ (u·u)^−½ SSR^(−(n−1)/2) with u = L⁻¹ 1 (Handcock & Stein 1993,
+    /// eq. 8); `None` where C has no factor or the readings no spread.
     fn new(
         places: &[Vector2<f64>],
         values: &[f64],
@@ -379,8 +379,8 @@ fn highest(count: usize, level: impl Fn(usize) -> f64) -> usize {
     (0..count).max_by(|a, b| level(*a).total_cmp(&level(*b))).unwrap_or_default()
 }
 
-/// Matérn's correlation of smoothness 3/2, (1 + √3 d/ℓ) exp(−√3 d/ℓ) (Rasmussen & Williams 2006,
-/// eq. 4.17): a field that has slopes and no more, as a level near its transmitter.
+/// Matérn's correlation of smoothness 3/2, (1 + √3 d/ℓ) exp(−√3 d/ℓ) (Rasmussen &
+/// Williams 2006, eq. 4.17): a field that has slopes and no more, as a level near its transmitter.
 fn matern(a: &Vector2<f64>, b: &Vector2<f64>, length_m: f64) -> f64 {
     let scaled = libm::sqrt(3.0) * (a - b).norm() / length_m;
     (1.0 + scaled) * libm::exp(-scaled)

@@ -100,8 +100,8 @@ pub struct Innovation<const M: usize> {
     pub expected: SVector<f64, M>,
     /// S = Pzz + R; a missing component is decoupled and of unit variance.
     pub covariance: Covariance<M>,
-    /// yᵀ S⁻¹ y; χ² with as many degrees of freedom as components are present, if the filter is
-    /// consistent (Bar-Shalom, Li & Kirubarajan 2001, §5.4.2; "NEES" in Pritzl 2018, eq. 4.17).
+    /// yᵀ S⁻¹ y; χ² with as many degrees of freedom as components are present, if the filter
+    /// is consistent (Bar-Shalom, Li & Kirubarajan 2001, §5.4.2; "NEES" in Pritzl 2018, eq. 4.17).
     pub nis: f64,
 }
 
@@ -164,8 +164,8 @@ impl<const M: usize> Innovation<M> {
         nis.is_finite().then_some(Self { residual, expected, covariance, nis })
     }
 
-    /// H⁻¹ y with H Hᵀ = S: independent standard normal numbers if the filter is consistent, 0 for
-    /// a missing component. `None` where S is not positive definite.
+    /// H⁻¹ y with H Hᵀ = S: independent standard normal numbers if the filter is consistent, 0
+    /// for a missing component. `None` where S is not positive definite.
     #[must_use]
     pub fn normalised(&self) -> Option<SVector<f64, M>> {
         self.covariance.cholesky()?.unpack().solve_lower_triangular(&self.residual)

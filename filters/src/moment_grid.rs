@@ -77,7 +77,7 @@ where
     ///
     /// # Errors
     ///
-    /// When the prior is not finite and positive definite, or σ not a positive number.
+    /// An error when the prior is not finite and positive definite, or σ not a positive number.
     pub fn new(
         prior: Estimate<2>,
         moment_sigma: f64,

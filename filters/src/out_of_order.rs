@@ -112,7 +112,7 @@ impl<E, const M: usize> OutOfOrder<E, M> {
     ///
     /// # Errors
     ///
-    /// When a predicted covariance is not positive definite.
+    /// An error when a predicted covariance is not positive definite.
     pub fn smoothed<const N: usize>(
         &self,
         motion: &impl MotionModel<N>,
@@ -266,9 +266,9 @@ fn order<const M: usize>(a: &Observation<M>, b: &Observation<M>) -> Ordering {
 /// Striebel smoother, linearised about the filtered means (Särkkä 2013, eqs. 8.6 and 9.2).
 ///
 /// `filtered` are the times in seconds, ascending, and the Gaussian posteriors of a filter with
-/// this motion at them. With F and Q those of the step from one to the next and P⁻ = F P Fᵀ + Q,
-/// G = P Fᵀ P⁻⁻¹, the mean is x̂ + G (x̂ˢ₊ ⊖ f(x̂)) and the covariance, as a sum of squares,
-/// (I − G F) P (I − G F)ᵀ + G (Q + Pˢ₊) Gᵀ. The last one stays as it is.
+/// this motion at them. With F and Q those of the step from one to the next and P⁻ = F P Fᵀ +
+/// Q, G = P Fᵀ P⁻⁻¹, the mean is x̂ + G (x̂ˢ₊ ⊖ f(x̂)) and the covariance, as a sum
+/// of squares, (I − G F) P (I − G F)ᵀ + G (Q + Pˢ₊) Gᵀ. The last one stays as it is.
 ///
 /// # Errors
 ///

@@ -241,11 +241,11 @@ fn starts(ranges: &[SlantRange], target_up: f64) -> Result<Vec<State<2>>, BatchE
 /// Locates a target at the height `target_up` in metres from range differences to one reference
 /// receiver, in closed form: spherical intersection (Schau & Robinson 1987).
 ///
-/// Given the distance r₀ from the reference, the squares of the ranges are linear in the place, so
-/// that least squares have x = a + b r₀; the reference's own sphere makes a quadratic equation for
-/// r₀ of it. Both of its roots may be positive, and noise may leave none: then the real part of the
-/// complex pair stands in, or the height. From three differences on, r₀ is also solved for as an
-/// unknown of its own (spherical interpolation, Smith & Abel 1987).
+/// Given the distance r₀ from the reference, the squares of the ranges are linear in the place,
+/// so that least squares have x = a + b r₀; the reference's own sphere makes a quadratic equation
+/// for r₀ of it. Both of its roots may be positive, and noise may leave none: then the real part
+/// of the complex pair stands in, or the height. From three differences on, r₀ is also solved for
+/// as an unknown of its own (spherical interpolation, Smith & Abel 1987).
 ///
 /// The places come with the best fitting one first. They are starts for
 /// [`BatchSolver`] with a model of range differences, which then reaches the
@@ -254,8 +254,8 @@ fn starts(ranges: &[SlantRange], target_up: f64) -> Result<Vec<State<2>>, BatchE
 /// # Errors
 ///
 /// [`BatchError::TooFew`] below two differences; [`BatchError::Value`] for a number that is not
-/// finite or a σ that is not positive; [`BatchError::Flat`] when all receivers lie on one line with
-/// the reference.
+/// finite or a σ that is not positive; [`BatchError::Flat`] when all receivers lie on one line
+/// with the reference.
 pub fn spherical_intersection(
     reference: Vector3<f64>,
     differences: &[SlantRangeDifference],

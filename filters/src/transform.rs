@@ -85,8 +85,8 @@ pub trait Map<const A: usize, const B: usize> {
 /// The image of a Gaussian x ~ N(x̂, L Lᵀ) under a map.
 ///
 /// The image's covariance is not held as such but as what a linear regression on x explains and
-/// what it leaves: Pyy = Vᵀ V + W Wᵀ. From these two every posterior follows by sums of squares,
-/// without a difference that could lose definiteness.
+/// what it leaves: Pyy = Vᵀ V + W Wᵀ. From these two every posterior follows by sums of
+/// squares, without a difference that could lose definiteness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Image<const A: usize, const B: usize> {
     /// The mean ŷ.
@@ -155,17 +155,17 @@ impl Transform for Taylor {
 
 /// The scaled unscented transform (Wan & van der Merwe 2000): the unscented Kalman filter.
 ///
-/// The points are the mean x̂ and x̂ ± c lᵢ, with lᵢ the columns of L and c² = α² (n + κ). With the
-/// slopes dᵢ = (δᵢ⁺ − δᵢ⁻) / 2c and the curvatures sᵢ = (δᵢ⁺ + δᵢ⁻) / 2c² of the deviations δᵢ± =
-/// f(x̂ ± c lᵢ) ⊖ f(x̂), their sum s and mean s̄, the textbook's weighted sums (Pritzl 2018,
-/// eqs. 4.7-4.9 and 4.14-4.18) are, term by term,
+/// The points are the mean x̂ and x̂ ± c lᵢ, with lᵢ the columns of L and c² = α² (n +
+/// κ). With the slopes dᵢ = (δᵢ⁺ − δᵢ⁻) / 2c and the curvatures sᵢ = (δᵢ⁺ +
+/// δᵢ⁻) / 2c² of the deviations δᵢ± = f(x̂ ± c lᵢ) ⊖ f(x̂), their sum s and mean
+/// s̄, the textbook's weighted sums (Pritzl 2018, eqs. 4.7-4.9 and 4.14-4.18) are, term by term,
 ///
 /// - ŷ = f(x̂) + s,
 /// - V = L⁻¹ Pxy has the rows dᵢᵀ,
 /// - Pyy − Vᵀ V = c² Σ (sᵢ − s̄)(sᵢ − s̄)ᵀ + (β + α² κ / n) s sᵀ.
 ///
-/// Written so there is no weight of −10⁶ at the centre to cancel against, and no covariance that
-/// rounding could make indefinite: [`check`](Transform::check) requires n + κ > 0 and
+/// Written so there is no weight of −10⁶ at the centre to cancel against, and no covariance
+/// that rounding could make indefinite: [`check`](Transform::check) requires n + κ > 0 and
 /// β + α² κ / n ≥ 0.
 ///
 /// The 2n + 1 points are a centre and n pairs, so their number needs no arithmetic on a const
@@ -280,9 +280,9 @@ impl From<f64> for Kappa {
 /// The third-degree spherical-radial cubature rule (Arasaratnam & Haykin 2009, eqs. 28-30): the
 /// cubature Kalman filter.
 ///
-/// 2n points x̂ ± √n lᵢ of the weight 1 / 2n, with lᵢ the columns of L; exact for polynomials of
-/// degree 3. There is nothing to choose and no weight is negative. The image of the mean has no
-/// weight: angles are taken about it, and it serves only that.
+/// 2n points x̂ ± √n lᵢ of the weight 1 / 2n, with lᵢ the columns of L; exact for
+/// polynomials of degree 3. There is nothing to choose and no weight is negative. The image of the
+/// mean has no weight: angles are taken about it, and it serves only that.
 ///
 /// The moments are the same as of [`Unscented`] with α = 1, β = 0, κ = 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -308,8 +308,8 @@ impl Transform for Cubature {
     }
 }
 
-/// A rule of symmetric pairs of points x̂ ± c lᵢ about the mean, with lᵢ the columns of L; what
-/// the [`Unscented`] and the [`Cubature`] transform share.
+/// A rule of symmetric pairs of points x̂ ± c lᵢ about the mean, with lᵢ the columns of L;
+/// what the [`Unscented`] and the [`Cubature`] transform share.
 ///
 /// Every deviation is taken about the image of the mean and wrapped there, once: δᵢ± =
 /// f(x̂ ± c lᵢ) ⊖ f(x̂). With
@@ -321,9 +321,11 @@ impl Transform for Cubature {
 ///
 /// - ŷ = f(x̂) + s,
 /// - V = L⁻¹ Pxy has the rows dᵢᵀ,
-/// - Pyy − Vᵀ V = c² Σ (sᵢ − s̄)(sᵢ − s̄)ᵀ + k s sᵀ = Σ wᵢ wᵢᵀ, wᵢ = c (sᵢ − s̄) + √(k / n) s,
+/// - Pyy − Vᵀ V = c² Σ (sᵢ − s̄)(sᵢ − s̄)ᵀ + k s sᵀ = Σ wᵢ wᵢᵀ, wᵢ = c
+///   (sᵢ − s̄) + √(k / n) s,
 ///
-/// with k ≥ 0 the kurtosis; in the last sum the mixed terms vanish, because they do for sᵢ − s̄.
+/// with k ≥ 0 the kurtosis; in the last sum the mixed terms vanish, because they do for sᵢ −
+/// s̄.
 struct Pairs {
     /// c².
     square: f64,
@@ -363,9 +365,9 @@ impl Pairs {
         Image { mean: centre + curvature, whitened_cross, unexplained }
     }
 
-    /// The moments, by the textbook's weights 1 / 2c² of a pair: with the odd parts oᵢ = c dᵢ and
-    /// the even parts eᵢ = c² sᵢ, Pxy = Σ c lᵢ oᵢᵀ / c² and Pyy = Σ (oᵢ oᵢᵀ + eᵢ eᵢᵀ) / c² +
-    /// (k − c² / n) s sᵀ.
+    /// The moments, by the textbook's weights 1 / 2c² of a pair: with the odd parts oᵢ = c dᵢ
+    /// and the even parts eᵢ = c² sᵢ, Pxy = Σ c lᵢ oᵢᵀ / c² and Pyy = Σ (oᵢ oᵢᵀ
+    /// + eᵢ eᵢᵀ) / c² + (k − c² / n) s sᵀ.
     #[inline(always)]
     fn moments<const A: usize, const B: usize>(
         &self,

@@ -202,7 +202,7 @@ impl Shape for Line {
 
 /// Given places about the centre, in the order of the drones.
 ///
-/// Where there are fewer drones, the last places stay empty. Where there are more, the whole
+/// With fewer drones than places, the last places stay empty. With more drones, the whole
 /// pattern is laid out again beside itself, East, West, farther East and so on, by its width and
 /// the least distance in it, so that no two drones come closer than two of the pattern are.
 ///
@@ -348,10 +348,8 @@ mod tests {
         let square = Polygon { circumradius: 2.0 };
         let centre = Vector2::new(10.0, -5.0);
         for i in 0..4 {
-            let (a, b) = (
-                square.vertex(&centre, 0.4, 3.0, i, 4),
-                square.vertex(&centre, 0.4, 3.0, (i + 1) % 4, 4),
-            );
+            let a = square.vertex(&centre, 0.4, 3.0, i, 4);
+            let b = square.vertex(&centre, 0.4, 3.0, (i + 1) % 4, 4);
             assert!(((a - b).norm() - libm::sqrt(8.0)).abs() < 1e-12);
             assert!(((a.xy() - centre).norm() - 2.0).abs() < 1e-12);
             assert_eq!(Shape::vertex(&square, &centre, 0.4, 3.0, i, 4), a);

@@ -103,8 +103,9 @@ impl<P: ?Sized + Propagation> Propagation for &P {
 
 /// Free space: P = Pt + Dt + Dr + 20 log₁₀(λ / 4πd) (Friis 1946; Pritzl 2018, eq. 3.4).
 ///
-/// It holds in the far field, d ≫ λ and d ≫ the antennas; nearer than λ/4π it would have more
-/// received than sent. (The text beside Pritzl's eq. 3.4 has the inequality the wrong way round.)
+/// It holds in the far field, d ≫ λ and d ≫ the antennas; nearer than λ/4π it would have
+/// more received than sent. (The text beside Pritzl's eq. 3.4 has the inequality the wrong way
+/// round.)
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Friis {
     power_dbm: f64,
@@ -434,8 +435,8 @@ fn clamp(range: f64) -> (f64, bool) {
     (range.clamp(*RANGES.start(), *RANGES.end()), RANGES.contains(&range))
 }
 
-/// P₁ − 10 γ log₁₀ d of many ranges, in the place of their squares, from the power P₁ at one metre
-/// and γ.
+/// P₁ − 10 γ log₁₀ d of many ranges, in the place of their squares, from the power P₁ at
+/// one metre and γ.
 #[inline(always)]
 fn many_log_distance(squares: &mut [f64], at_one_metre: f64, exponent: f64) {
     let scale = 5.0 / LN_10 * exponent;

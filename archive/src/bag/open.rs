@@ -6,7 +6,7 @@ use super::{BagError, contents::Bag};
 ///
 /// # Errors
 ///
-/// When the file cannot be read.
+/// An error when the file cannot be read.
 pub fn is_bag(path: &Path) -> io::Result<bool> {
     use io::Read as _;
 

@@ -118,7 +118,7 @@ impl From<fmt::Error> for Failure {
 ///
 /// # Errors
 ///
-/// When a filter refuses a step, or a mean is off the vectors' by more than 1 µm.
+/// An error when a filter refuses a step, or a mean is off the vectors' by more than 1 µm.
 pub fn run_ekf(out: &mut impl Write, lap: impl FnMut() -> u32) -> Result<Cost, Failure> {
     run("ekf", Taylor, |step| step.ekf, out, lap)
 }

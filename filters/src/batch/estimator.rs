@@ -97,7 +97,7 @@ where
     ///
     /// # Errors
     ///
-    /// When the prior is not finite or its covariance not symmetric and positive definite;
+    /// An error when the prior is not finite or its covariance not symmetric and positive definite;
     /// [`EstimatorError::Parameter`] when the drift is negative or not finite.
     pub fn new(
         motion: RandomWalk<N>,

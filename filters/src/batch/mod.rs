@@ -90,8 +90,8 @@ pub enum BatchError {
 
 /// The loss of an observation's whitened residual, by its squared norm q: half of ρ(q).
 ///
-/// The robust ones are minimised by reweighting: each observation counts ρ′(q). With one component
-/// present, √q is the residual in standard deviations.
+/// The robust ones are minimised by reweighting: each observation counts ρ′(q). With one
+/// component present, √q is the residual in standard deviations.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]

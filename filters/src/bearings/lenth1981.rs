@@ -205,8 +205,8 @@ pub struct BearingFix {
     /// The place with its covariance, East and North in metres. Where κ was estimated, this is
     /// the covariance of the paper, for many bearings; see [`ellipse`](Self::ellipse).
     pub position: Estimate<2>,
-    /// The concentration κ of the errors, about 1/σ² in rad⁻². Bearings that meet in a point leave
-    /// it unbounded; it is then given as 10¹², σ = 1 µrad.
+    /// The concentration κ of the errors, about 1/σ² in rad⁻². Bearings that meet in a point
+    /// leave it unbounded; it is then given as 10¹², σ = 1 µrad.
     pub kappa: f64,
     /// Weight of each bearing, in [0, 1].
     pub weights: Vec<f64>,

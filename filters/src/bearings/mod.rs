@@ -24,8 +24,8 @@ pub struct BearingLine {
 }
 
 impl BearingLine {
-    /// The line's unit normal (sin θ, −cos θ): the signed distance of a place from the line is its
-    /// product with the way from the receiver.
+    /// The line's unit normal (sin θ, −cos θ): the signed distance of a place from the line is
+    /// its product with the way from the receiver.
     fn normal(&self) -> Vector2<f64> {
         Vector2::new(libm::sin(self.bearing), -libm::cos(self.bearing))
     }

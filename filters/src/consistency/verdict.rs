@@ -332,8 +332,8 @@ mod tests {
 
     #[test]
     fn the_intervals_of_the_book() {
-        // Bar-Shalom, Li & Kirubarajan 2001, p. 236: [74.22, 129.56] for χ²₁₀₀, whether of 50 runs
-        // in the plane or of 100 scalar innovations; χ²₂₀₀ likewise.
+        // Bar-Shalom, Li & Kirubarajan 2001, p. 236: [74.22, 129.56] for χ²₁₀₀, whether of
+        // 50 runs in the plane or of 100 scalar innovations; χ²₂₀₀ likewise.
         for (count, degrees, sums) in
             [(50, 2, [74.22, 129.56]), (100, 1, [74.22, 129.56]), (100, 2, [162.73, 241.06])]
         {

@@ -82,7 +82,8 @@ impl DirectionalGrid {
     ///
     /// # Errors
     ///
-    /// When the prior is not finite and positive definite, or the configuration out of range.
+    /// An error when the prior is not finite and positive definite, or the configuration out of
+    /// range.
     pub fn new(
         prior: Estimate<2>,
         config: DirectionalGridConfig,

@@ -83,7 +83,7 @@ where
     ///
     /// # Errors
     ///
-    /// When the prior is not finite or its covariance not symmetric and positive definite.
+    /// An error when the prior is not finite or its covariance not symmetric and positive definite.
     pub fn new(motion: F, measurement: H, prior: Estimate<N>) -> Result<Self, EstimatorError>
     where
         T: Default,
@@ -358,7 +358,7 @@ impl<H: MeasurementModel<2, M>, const M: usize> Ekf<RandomWalk<2>, H, 2, M> {
     ///
     /// # Errors
     ///
-    /// When the prior is not finite or its covariance not symmetric and positive definite.
+    /// An error when the prior is not finite or its covariance not symmetric and positive definite.
     pub fn pritzl2018(measurement: H, prior: Estimate<2>) -> Result<Self, EstimatorError> {
         let open: Self = Kalman::new(RandomWalk::uniform(DRIFT), measurement, prior)?;
         Ok(open.with_gate(Gate::pritzl2018()))
@@ -366,8 +366,8 @@ impl<H: MeasurementModel<2, M>, const M: usize> Ekf<RandomWalk<2>, H, 2, M> {
 }
 
 impl<H: MeasurementModel<2, M>, const M: usize> Ukf<RandomWalk<2>, H, 2, M> {
-    /// The reference's filter (Pritzl 2018, §4.4): α = 0.001, β = 2, κ = 3 − n; a still target
-    /// with the process noise q = 0.1957 m per step; [`Gate::pritzl2018`].
+    /// The reference's filter (Pritzl 2018, §4.4): α = 0.001, β = 2, κ = 3 − n; a still
+    /// target with the process noise q = 0.1957 m per step; [`Gate::pritzl2018`].
     ///
     /// Its time counts steps: `predict(1.0)` before every update that is executed, the first
     /// included. It starts from P = 70 m² I about the centroid of the drones.
@@ -378,7 +378,7 @@ impl<H: MeasurementModel<2, M>, const M: usize> Ukf<RandomWalk<2>, H, 2, M> {
     ///
     /// # Errors
     ///
-    /// When the prior is not finite or its covariance not symmetric and positive definite.
+    /// An error when the prior is not finite or its covariance not symmetric and positive definite.
     pub fn pritzl2018(measurement: H, prior: Estimate<2>) -> Result<Self, EstimatorError> {
         let open: Self = Kalman::new(RandomWalk::uniform(DRIFT), measurement, prior)?;
         Ok(open.with_transform(Unscented::pritzl2018())?.with_gate(Gate::pritzl2018()))

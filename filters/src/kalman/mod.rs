@@ -170,9 +170,9 @@ impl<H: MeasurementModel<N, M>, const N: usize, const M: usize> Map<N, M> for At
 
 /// The regression of the state on one observation, in square roots.
 ///
-/// With G Gᵀ = R + W Wᵀ and x = x̂ + L ξ, ξ ~ N(0, I), the observation is G⁻¹ y = B ξ plus white
-/// noise, B = G⁻¹ Vᵀ; and the covariance of y is S = R + W Wᵀ + Vᵀ V = G (I + B Bᵀ) Gᵀ. No square
-/// is subtracted and S is never formed.
+/// With G Gᵀ = R + W Wᵀ and x = x̂ + L ξ, ξ ~ N(0, I), the observation is G⁻¹ y = B ξ
+/// plus white noise, B = G⁻¹ Vᵀ; and the covariance of y is S = R + W Wᵀ + Vᵀ V = G (I + B
+/// Bᵀ) Gᵀ. No square is subtracted and S is never formed.
 ///
 /// Missing components are struck out of V, W and y, and stand in R as a unit row.
 #[derive(Clone, Copy)]
@@ -246,8 +246,8 @@ impl<const N: usize, const M: usize> Regression<N, M> {
         Innovation { residual, expected, covariance, nis: self.nis() }
     }
 
-    /// The posterior's mean x̂ + L E[ξ] and factor L T D^-½, one form for all transforms: with the
-    /// covariance T D⁻¹ Tᵀ of ξ it is, by Woodbury's identity,
+    /// The posterior's mean x̂ + L E[ξ] and factor L T D^-½, one form for all transforms: with
+    /// the covariance T D⁻¹ Tᵀ of ξ it is, by Woodbury's identity,
     ///
     /// P⁺ = P − Pxz S⁻¹ Pxzᵀ = L (I + Bᵀ B)⁻¹ Lᵀ = L T D⁻¹ Tᵀ Lᵀ;
     ///
@@ -264,10 +264,10 @@ impl<const N: usize, const M: usize> Regression<N, M> {
 /// The update of a prior N(x̂, L₀ L₀ᵀ), linearised about any Gaussian: statistical linear
 /// regression (García-Fernández, Svensson, Morelande & Särkkä 2015).
 ///
-/// About N(m, L Lᵀ) with the [`Image`] (z̄, V, W) the measurement is z ≈ A x + b + e, e ~ N(0, Ω),
-/// with A = Vᵀ L⁻¹, b = z̄ − A m, and Ω = W Wᵀ as it stands. Under the prior this is again an
-/// image, of the mean z̄ + A (x̂ − m), the whitened cross-covariance L₀ᵀ Aᵀ, and the same W; so
-/// gain, missing components and posterior are as in every other update.
+/// About N(m, L Lᵀ) with the [`Image`] (z̄, V, W) the measurement is z ≈ A x + b + e, e ~ N(0,
+/// Ω), with A = Vᵀ L⁻¹, b = z̄ − A m, and Ω = W Wᵀ as it stands. Under the prior this
+/// is again an image, of the mean z̄ + A (x̂ − m), the whitened cross-covariance L₀ᵀ Aᵀ,
+/// and the same W; so gain, missing components and posterior are as in every other update.
 struct Linearisation<'a, T, H, const N: usize, const M: usize> {
     transform: &'a T,
     measurement: &'a H,

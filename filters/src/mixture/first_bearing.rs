@@ -137,9 +137,9 @@ where
 /// bearing, their ranges in geometric progression, so that each has the same coefficient of
 /// variation and its filter the same nonlinearity (Peach 1995; Arulampalam & Ristic 2000).
 ///
-/// With ρ = (r_max / r_min)^(1/k), component i covers r_min ρ^(i−1) … r_min ρ^i: its range has the
-/// mean of that interval and its width / √12 as standard deviation. The bearing that this was made
-/// of must not be fused again.
+/// With ρ = (r_max / r_min)^(1/k), component i covers r_min ρ^(i−1) … r_min ρ^i: its range
+/// has the mean of that interval and its width / √12 as standard deviation. The bearing that this
+/// was made of must not be fused again.
 ///
 /// ```
 /// use foxhunt_core::{Estimate, Pose, State};
@@ -266,7 +266,8 @@ pub fn polar_moments(
     let shrunk = libm::exp(-0.5 * variance);
     let twice = libm::exp(-2.0 * variance);
     // Along the mean direction and across it. The difference of the first is that of a thin
-    // fan's length, spelled out so that nothing cancels: E[r²] (1 + e^(−2σ²)) / 2 − r² e^(−σ²).
+    // fan's length, spelled out so that nothing cancels: E[r²] (1 + e^(−2σ²)) / 2 − r²
+    // e^(−σ²).
     let fan = libm::expm1(-variance);
     let along =
         0.5 * length * length * fan * fan + 0.5 * sigma_length * sigma_length * (1.0 + twice);

@@ -82,8 +82,8 @@ impl Transition {
     }
 
     /// exp(G Δt) by uniformisation (Jensen 1953): with the fastest rate λ and the stochastic
-    /// U = I + G / λ it is Σ e^(−λΔt) (λΔt)ᵏ / k! Uᵏ, a sum of non-negative terms; over a time in
-    /// which λ Δt ≤ 1, then squared as often as that was halved.
+    /// U = I + G / λ it is Σ e^(−λΔt) (λΔt)ᵏ / k! Uᵏ, a sum of non-negative terms; over
+    /// a time in which λ Δt ≤ 1, then squared as often as that was halved.
     fn exponential(&self, dt: f64) -> Vec<f64> {
         let n = self.modes;
         let fastest = (0..n).map(|i| -self.matrix[i * n + i]).fold(0.0, f64::max);
@@ -347,7 +347,8 @@ mod tests {
 
     #[test]
     fn two_modes_relax_exponentially() {
-        // P₁₁(t) = π₁ + (1 − π₁) e^(−(a + b) t) with a = 1/10, b = 1/40, π₁ = b / (a + b).
+        // P₁₁(t) = π₁ + (1 − π₁) e^(−(a + b) t) with a = 1/10, b = 1/40, π₁ = b /
+        // (a + b).
         let chain = Transition::sojourn(&[10.0, 40.0]).expect("positive");
         for dt in [1e-6, 0.5, 8.0, 300.0, 1e300] {
             let over = chain.over(dt);

@@ -31,8 +31,8 @@ pub trait Reinitialise<const N: usize> {
     ///
     /// # Errors
     ///
-    /// When it is not finite or its covariance not symmetric and positive definite; the belief is
-    /// then left as it was.
+    /// An error when it is not finite or its covariance not symmetric and positive definite; the
+    /// belief is then left as it was.
     fn reinitialise(&mut self, estimate: &Estimate<N>) -> Result<(), EstimatorError>;
 }
 
@@ -223,7 +223,7 @@ fn correct<E: Estimator<N, M>, const N: usize, const M: usize>(
 ///
 /// # Errors
 ///
-/// When what comes out is not finite.
+/// An error when what comes out is not finite.
 fn combine<const N: usize>(
     parts: impl Iterator<Item = (f64, Estimate<N>)> + Clone,
     axes: &[Axis; N],
@@ -253,8 +253,8 @@ fn combine<const N: usize>(
     Ok(Estimate { mean: Axis::difference(axes, &mean, &State::zeros()), covariance })
 }
 
-/// yᵀ S⁻¹ y with the moments of a mixture's innovation, deviations taken about the observation.
-/// `None` where they are not finite.
+/// yᵀ S⁻¹ y with the moments of a mixture's innovation, deviations taken about the
+/// observation. `None` where they are not finite.
 fn nis_of_mixture<const M: usize>(
     parts: impl Iterator<Item = (f64, Innovation<M>)> + Clone,
     observation: &Observation<M>,

@@ -142,7 +142,8 @@ impl Weights {
     ///
     /// # Errors
     ///
-    /// When a likelihood is NaN or infinite, or none is positive; `self` is then of no use.
+    /// An error when a likelihood is NaN or infinite, or none is positive; `self` is then of no
+    /// use.
     fn condition(&mut self, prior: &Self, threads: Threads) -> Result<f64, EstimatorError> {
         self.condition_on(prior, &Given, |work| threads.run(work), threads)
     }

@@ -54,7 +54,7 @@ where
     ///
     /// # Errors
     ///
-    /// When the prior is not finite or its covariance not symmetric and positive definite;
+    /// An error when the prior is not finite or its covariance not symmetric and positive definite;
     /// [`EstimatorError::Parameter`] when there are not at least N + 1 particles.
     pub fn new(
         motion: F,
@@ -391,7 +391,8 @@ impl<const N: usize, const K: usize> Particle<N, K> {
     ///
     /// # Errors
     ///
-    /// When what is sampled moves with the nuisance or shares its noise: it would depend on it.
+    /// An error when what is sampled moves with the nuisance or shares its noise: it would depend
+    /// on it.
     fn moved(
         &self,
         motion: &impl MotionModel<N>,

@@ -87,7 +87,8 @@ pub struct GnssFix {
 ///                 self.messages += u64::from(place.is_some());
 ///                 self.refused += u64::from(place.is_none());
 ///                 if place.is_some() {
-///                     emit(GnssFix { place, quality: FixQuality::Autonomous, ..GnssFix::default() });
+///                     let quality = FixQuality::Autonomous;
+///                     emit(GnssFix { place, quality, ..GnssFix::default() });
 ///                 }
 ///             } else if self.line.len() < 100 {
 ///                 self.line.push(byte);

@@ -263,7 +263,10 @@ pub enum GnssError {
     #[error("the GNSS receiver: {0}")]
     Stream(#[from] io::Error),
     /// It has had no fix until now.
-    #[error("the GNSS receiver has no fix yet{}", satellites.map_or(String::new(), |n| format!("; it uses {n} satellites")))]
+    #[error(
+        "the GNSS receiver has no fix yet{}",
+        satellites.map_or(String::new(), |n| format!("; it uses {n} satellites"))
+    )]
     NoFix {
         /// Number of satellites that it uses, where it reports that.
         satellites: Option<u32>,

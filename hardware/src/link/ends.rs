@@ -100,7 +100,8 @@ impl<L: DroneLink + ?Sized> DroneLink for Box<L> {
 ///
 ///     fn receive(&mut self) -> Result<Option<(usize, Report)>, LinkError> {
 ///         let received = self.link.receive()?;
-///         if let Some(count) = received.as_ref().and_then(|(drone, _)| self.reports.get_mut(*drone)) {
+///         let drone = received.as_ref().map(|(drone, _)| *drone);
+///         if let Some(count) = drone.and_then(|drone| self.reports.get_mut(drone)) {
 ///             *count += 1;
 ///         }
 ///         Ok(received)

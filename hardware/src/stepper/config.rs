@@ -258,7 +258,7 @@ pub(super) struct Gearing {
 impl Gearing {
     /// The step next to an angle in radians, halves away from zero; `None` for more than a million
     /// turns or no number.
-    #[expect(clippy::cast_possible_truncation, reason = "below 2⁵² after scaling, whole turns few")]
+    #[expect(clippy::cast_possible_truncation, reason = "whole steps below 2⁵²")]
     pub(super) fn steps(self, angle: f64) -> Option<i64> {
         let turns = angle / TAU;
         if turns.is_nan() || turns.abs() > MOST_TURNS {

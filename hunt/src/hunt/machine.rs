@@ -826,8 +826,8 @@ impl Hunt {
         self.decided(time, decided)
     }
 
-    /// Listens once more where nothing was received. After the last attempt goes on with a plan that
-    /// needs no signal, or gives the present beacon up.
+    /// Listens once more where nothing was received. After the last attempt goes on with a plan
+    /// that needs no signal, or gives the present beacon up.
     fn listen_again(&mut self, time: f64) -> Result<(), HuntError> {
         self.attempts += 1;
         if self.attempts < self.config.attempts {

@@ -47,11 +47,11 @@ impl Antenna for Dipole {
     }
 }
 
-/// A dipole or a sensing antenna over a loop: the field (1 + b cos ψ) / (1 + b) at the angle ψ from
-/// boresight, a limaçon; with b = 1 the cardioid (Jenkins 1991, §3.4).
+/// A dipole or a sensing antenna over a loop: the field (1 + b cos ψ) / (1 + b) at the angle ψ
+/// from boresight, a limaçon; with b = 1 the cardioid (Jenkins 1991, §3.4).
 ///
-/// Lossless: its gain is its directivity, (1 + b)² / (1 + b²/3), 4.77 dBi with b = 1. Rotationally
-/// symmetric about the boresight; the null is cut off 60 dB below the maximum.
+/// Lossless: its gain is its directivity, (1 + b)² / (1 + b²/3), 4.77 dBi with b = 1.
+/// Rotationally symmetric about the boresight; the null is cut off 60 dB below the maximum.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cardioid {
     /// b.
@@ -94,11 +94,11 @@ impl Antenna for Cardioid {
 
 /// A patch or panel by its data sheet: beamwidths in both planes and front-to-back ratio.
 ///
-/// The power in each principal plane is ((1 + cos ψ) / 2)ⁿ at the angle ψ from boresight, with n
-/// such that it halves at half the beamwidth. Between the planes it is cos² χ of the one and sin² χ
-/// of the other at the angle χ round the boresight, as the fields of a cosⁿ source are (Balanis
-/// 2016, §15.4.1, after Rahmat-Samii); with a back lobe 10^(−F/10) ((1 − cos ψ) / 2)³.
-/// Lossless: its gain is its directivity. Cut off 60 dB below the maximum.
+/// The power in each principal plane is ((1 + cos ψ) / 2)ⁿ at the angle ψ from boresight, with
+/// n such that it halves at half the beamwidth. Between the planes it is cos² χ of the one and
+/// sin² χ of the other at the angle χ round the boresight, as the fields of a cosⁿ source are
+/// (Balanis 2016, §15.4.1, after Rahmat-Samii); with a back lobe 10^(−F/10) ((1 − cos ψ) /
+/// 2)³. Lossless: its gain is its directivity. Cut off 60 dB below the maximum.
 ///
 /// ```
 /// use foxhunt_sensors::{Antenna, Patch};
@@ -250,10 +250,11 @@ fn back_lobe(forward: f64, power: f64) -> f64 {
 }
 
 /// The power of a half-wave dipole along Up, relative to that at the horizon:
-/// (cos(π/2 · sin e) / cos e)² (Balanis 2016, eq. 4-84, with the angle from the axis π/2 − e).
+/// (cos(π/2 · sin e) / cos e)² (Balanis 2016, eq. 4-84, with the angle from the axis π/2 −
+/// e).
 fn half_wave_dipole(elevation: f64) -> f64 {
-    // cos(π/2 · sin e) = sin(π/2 · (1 − |sin e|)), and 1 − |sin e| = cos² e / (1 + |sin e|): no
-    // cancellation at the poles.
+    // cos(π/2 · sin e) = sin(π/2 · (1 − |sin e|)), and 1 − |sin e| = cos² e / (1 + |sin
+    // e|): no cancellation at the poles.
     let cos = libm::cos(elevation);
     let sin = libm::fabs(libm::sin(elevation));
     if cos.abs() < f64::MIN_POSITIVE {

@@ -241,8 +241,8 @@ pub(super) fn mean_over_sphere(of: impl Fn(f64, f64) -> f64) -> f64 {
     (-90..90).map(band).sum()
 }
 
-/// 10 log₁₀(4π U_max / ∮ U dΩ) (IEEE Std 145-2013; Balanis 2016, eq. 2-22), with the radiation
-/// intensity U in proportion to the gain.
+/// 10 log₁₀(4π U_max / ∮ U dΩ) (IEEE Std 145-2013; Balanis 2016, eq. 2-22), with the
+/// radiation intensity U in proportion to the gain.
 fn directivity_dbi(lobe: &MainLobe, gain_dbi: impl Fn(f64, f64) -> f64) -> f64 {
     let largest = lobe.gain_dbi;
     // Relative to the maximum, so that no level overflows.
@@ -255,7 +255,8 @@ pub(super) fn linear(gain_db: f64) -> f64 {
 }
 
 /// Gain of an antenna for a direct wave and its reflections, in dB over the direct wave at an
-/// isotropic antenna: 20 log₁₀ |g(a) + Σ Γᵢ e^(jφᵢ) g(aᵢ)| with the amplitude g = 10^(G/20).
+/// isotropic antenna: 20 log₁₀ |g(a) + Σ Γᵢ e^(jφᵢ) g(aᵢ)| with the amplitude g =
+/// 10^(G/20).
 ///
 /// The antenna's own phase is taken for the same in all directions; patterns do not hold it.
 #[must_use]

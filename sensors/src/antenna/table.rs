@@ -256,12 +256,12 @@ impl Antenna for PatternTable3d {
 /// An antenna known by its two principal cuts, as data sheets and vendor files have them.
 ///
 /// Between the cuts it is their weighted sum in dB (Vasiliadis, Dimitriou & Sergiadis 2005, with
-/// their k = 2): G = (w₁ H + w₂ V) / √(w₁² + w₂²), w₁ = v (1 − h), w₂ = h (1 − v), with H and V the
-/// cuts relative to the maximum in dB and h and v the cuts as factors of power. On either cut it is
-/// that cut, where they agree that the maximum lies. Only the half of the vertical cut before the
-/// antenna enters. For two antennas of which the whole pattern is known (NEC models of a panel and
-/// a five-element Yagi) it errs by 0.6 and 2.0 dB rms over the front half of the sphere, by 3.2 and
-/// 5.5 dB over all of it.
+/// their k = 2): G = (w₁ H + w₂ V) / √(w₁² + w₂²), w₁ = v (1 − h), w₂ = h (1 −
+/// v), with H and V the cuts relative to the maximum in dB and h and v the cuts as factors of
+/// power. On either cut it is that cut, where they agree that the maximum lies. Only the half of
+/// the vertical cut before the antenna enters. For two antennas of which the whole pattern is known
+/// (NEC models of a panel and a five-element Yagi) it errs by 0.6 and 2.0 dB rms over the front
+/// half of the sphere, by 3.2 and 5.5 dB over all of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PrincipalCuts {
     /// Cut over azimuth, relative to the maximum.
@@ -419,8 +419,8 @@ mod tests {
 
     #[test]
     fn between_rows_it_follows_the_formula() {
-        // The fourth derivative is below 2000 dB/rad⁴ at the side lobes; times 5/384 of the step to
-        // its fourth power.
+        // The fourth derivative is below 2000 dB/rad⁴ at the side lobes; times 5/384 of the step
+        // to its fourth power.
         let patch = PatternTable::reference_patch();
         for i in 0..1000 {
             let a = f64::from(i) * 0.00637 - 3.0;

@@ -145,20 +145,20 @@ impl<X: BearingExtractor> BearingExtractor for Calibrated<X> {
 /// itself.
 ///
 /// The values are for turns of eight boresights or more. Bearings taken by telemetrists err by
-/// published means of |error|, of which σ is √(π/2) as much; for streets and rooms σ is the azimuth
-/// spread of arrival, as if the direction that is found were drawn from where the power comes from
-/// (line of sight or not, root of the mean square), so that they are upper bounds.
+/// published means of |error|, of which σ is √(π/2) as much; for streets and rooms σ is the
+/// azimuth spread of arrival, as if the direction that is found were drawn from where the power
+/// comes from (line of sight or not, root of the mean square), so that they are upper bounds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Site {
     /// Pasture and grassland: 6°, of a mean of 4.9° at 900 m (Grovenburg et al. 2013, Wildlife
     /// Biology 19(1), adult collars).
     Open,
-    /// Woods and hills: 16°, of a mean of 12.6° (Hystrix 23(2), 12–18, 2012, roe deer in central
-    /// Italy).
+    /// Woods and hills: 16°, of a mean of 12.6° (Hystrix 23(2), 12–18, 2012, roe deer in
+    /// central Italy).
     Forest,
-    /// Streets: 54°, of 49° with a line of sight and 59° without (3GPP TR 38.901, table 7.5-6, UMi
-    /// street canyon, ASA at 2 GHz, which it has for all below).
+    /// Streets: 54°, of 49° with a line of sight and 59° without (3GPP TR 38.901, table 7.5-6,
+    /// UMi street canyon, ASA at 2 GHz, which it has for all below).
     Street,
     /// Rooms: 51°, of 42° and 59° (the same table, indoor office, ASA at 6 GHz, which it has for
     /// all below).
@@ -214,12 +214,12 @@ impl FromStr for Site {
     }
 }
 
-/// An extractor whose σ holds the site's effect on bearings, σ² → σ² + site², for recordings
-/// without a calibration.
+/// An extractor whose σ holds the site's effect on bearings, σ² → σ² + site², for
+/// recordings without a calibration.
 ///
 /// A turn of fewer than eight boresights, those counted that are 22.5° apart or more, shows less
-/// of what arrives from elsewhere, and σ of the site is √(8/n) times as much: a pattern of some 90°
-/// of beamwidth has about three harmonics, and so about that many independent looks. Competing
+/// of what arrives from elsewhere, and σ of the site is √(8/n) times as much: a pattern of some
+/// 90° of beamwidth has about three harmonics, and so about that many independent looks. Competing
 /// directions are widened alike.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AtSite<X> {

@@ -83,8 +83,8 @@ impl Deviation {
     }
 
     /// Returns the factor from an error of a measured direction to that of the corrected one,
-    /// |1 − Δ′(θ)|. It is above 1 where the deviation falls as the measured direction rises: there
-    /// several true directions look alike.
+    /// |1 − Δ′(θ)|. It is above 1 where the deviation falls as the measured direction rises:
+    /// there several true directions look alike.
     #[must_use]
     pub fn stretch_at(&self, direction: f64) -> f64 {
         stretch(&self.terms, &row(direction))
@@ -147,8 +147,8 @@ const LEAST_SIGMA: f64 = 1e-5;
 /// The coefficients have the prior N(0, (τ/k)²), so that a gap between the directions is bridged
 /// smoothly and is uncertain by as much as the deviation varies. The number of harmonics and τ are
 /// those of the largest evidence (MacKay 1992), σ integrated out; harmonics are taken if that is
-/// 20 times the evidence of a constant. Bearings beyond 4 σ, found with the weights of a Student's t,
-/// are left out.
+/// 20 times the evidence of a constant. Bearings beyond 4 σ, found with the weights of a Student's
+/// t, are left out.
 ///
 /// # Errors
 ///

@@ -63,8 +63,8 @@ fn p_value(r: f64, points: f64) -> Option<f64> {
     two_sided(freedom, t)
 }
 
-/// The sum of squares in dB² that the best pattern of four harmonics leaves of levels in dB, each at
-/// a boresight in radians; infinite where no pattern can be fitted.
+/// The sum of squares in dB² that the best pattern of four harmonics leaves of levels in dB, each
+/// at a boresight in radians; infinite where no pattern can be fitted.
 ///
 /// Levels and boresights belong together in their order; the rest of the longer list does not
 /// count.

@@ -10,8 +10,8 @@ use nalgebra::{SMatrix, Vector1, Vector3};
 use super::{BLOCK, LevelResiduals, Sight};
 use crate::{LogDistance, Propagation};
 
-/// The level at the receiver less the level at a reference receiver: z = P(d) − P(d₀) = −10 γ
-/// log₁₀(d / d₀) in dB.
+/// The level at the receiver less the level at a reference receiver: z = P(d) − P(d₀) = −10
+/// γ log₁₀(d / d₀) in dB.
 ///
 /// The transmitter's power cancels out, and with it whatever alters both levels alike; only the
 /// exponent must be known (Pritzl 2018, ch. 8; Wang, Chen & Yin 2009). σ is √2 times that of one

@@ -193,8 +193,8 @@ where
 /// pulse of a tag: the law of propagation plus the antenna's gain towards the target over its mean
 /// over a level turn, z = P(d) + G(α, ε) − Ḡ.
 ///
-/// So P is the mean level over a turn, as in [`Rss`](super::Rss). The antenna turns about the body's
-/// vertical axis; azimuth and elevation are those in the body's frame, attitude included.
+/// So P is the mean level over a turn, as in [`Rss`](super::Rss). The antenna turns about the
+/// body's vertical axis; azimuth and elevation are those in the body's frame, attitude included.
 ///
 /// ```
 /// use foxhunt_core::{Pose, nalgebra::Vector2};

@@ -91,10 +91,10 @@ impl Sight {
         if x.abs() + y.abs() < 1e300 { elementary::atan2(y, x) } else { libm::atan2(y, x) }
     }
 
-    /// Changes of ln d² and of the bearing when the target moves by `east` and `north`, each as its
-    /// odd and its even part in the offset. `None` where the places had better be looked at one by
-    /// one: near overhead, beyond the largest numbers, and where the target goes more than half as
-    /// far as it is away over ground.
+    /// Changes of ln d² and of the bearing when the target moves by `east` and `north`, each as
+    /// its odd and its even part in the offset. `None` where the places had better be looked at one
+    /// by one: near overhead, beyond the largest numbers, and where the target goes more than half
+    /// as far as it is away over ground.
     ///
     /// With m the square of the offset δ, f = 2 d·δ and s = d², ln d² changes by
     /// ln((s + m ± f) / s), so the parts are artanh(f / (s + m)) and
@@ -154,8 +154,8 @@ impl Sight {
         Some(([2.0 * self.0.x, 2.0 * self.0.y], square))
     }
 
-    /// ∂bearing/∂(East, North): zero overhead, where no bearing is defined, and where the square
-    /// of the range overflows, where it turns by nothing.
+    /// ∂bearing/∂(East, North): zero overhead, where no bearing is defined, and where the
+    /// square of the range overflows, where it turns by nothing.
     #[inline]
     fn bearing_slope(&self) -> [f64; 2] {
         let ground = self.ground_squared();

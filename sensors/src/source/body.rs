@@ -51,8 +51,8 @@ impl Default for BodyConfig {
 
 impl BodyConfig {
     /// A steady turn in flight, too, with a request as soon as the last is settled (Isaacs et al.
-    /// 2014, §III), at 90° per second, as the document prints no rate; 128 positions, 50 ms for an
-    /// answer, 12 s for a turn, which takes 4 s; an antenna along the nose; a power that is
+    /// 2014, §III), at 90° per second, as the document prints no rate; 128 positions, 50 ms for
+    /// an answer, 12 s for a turn, which takes 4 s; an antenna along the nose; a power that is
     /// measured at the request.
     #[must_use]
     pub const fn isaacs2014() -> Self {

@@ -28,8 +28,8 @@ pub type SharedTerrain = alloc::sync::Arc<dyn Terrain + Send + Sync>;
 
 /// The loss by diffraction over the terrain between two antennas, beyond that over level ground.
 ///
-/// The profile is replaced by Bullington's equivalent knife edge, L = J(ν) + (1 − e^(−J/6)) (10 +
-/// 0.02 d) with d in km (ITU-R P.526-15, §4.5.1). The loss over level ground under the same
+/// The profile is replaced by Bullington's equivalent knife edge, L = J(ν) + (1 − e^(−J/6))
+/// (10 + 0.02 d) with d in km (ITU-R P.526-15, §4.5.1). The loss over level ground under the same
 /// antennas is subtracted, as in the delta-Bullington method (§4.5.2): a law of propagation that
 /// was measured over open ground has that loss already. So terrain that rises evenly from one
 /// antenna to the other takes nothing, and no terrain adds to a level.

@@ -165,8 +165,8 @@ impl Channeliser {
 /// The noise's level in each channel over frequency, by ordered statistics that leave pulses and
 /// carriers out (OS-CFAR: Rohling 1983).
 ///
-/// Of each bin the lower quartile over time counts, over the last blocks; of that the mean of the
-/// middle half over neighbouring bins. A pulse is rare in time, a carrier in frequency.
+/// The lower quartile of each bin over the last blocks counts; the level is the mean of the middle
+/// half of these over neighbouring bins. A pulse is rare in time, a carrier in frequency.
 pub(super) struct Noise {
     fft: Arc<dyn Fft<f32>>,
     scratch: Vec<Complex32>,

@@ -228,14 +228,14 @@ impl Detection {
 /// The rate at which noise alone exceeds a threshold somewhere, when a pulse-long window slides
 /// over all times and frequencies.
 ///
-/// The statistic is a window's energy over the noise's, X = |Σ x e^{−iωt}|² / (n N), exponential
-/// under noise. Its maxima above a high T come at a rate that the correlation of neighbours gives:
-/// in frequency |r| ≈ 1 − (π w δ)²/6, smooth, with √(πT/3) w upcrossings a hertz (Rice 1944); in
-/// time |r| = 1 − |τ|/w, with 2T/w a second (Pickands 1969), less by ν(√(4T/n)) as windows begin at
-/// samples only, n to a window (Siegmund 1985). So λ = B · 2 √(π/3) T^{3/2} ν P(X > T), whatever
-/// the width. The noise's level is an estimate worth k exponentials, so that P(X > T) is
-/// (1 + T/k)^−k (Finn & Johnson 1968). Rates of several widths add, which is above the truth as
-/// widths share noise.
+/// The statistic is a window's energy over the noise's, X = |Σ x e^{−iωt}|² / (n N),
+/// exponential under noise. Its maxima above a high T come at a rate that the correlation of
+/// neighbours gives: in frequency |r| ≈ 1 − (π w δ)²/6, smooth, with √(πT/3) w
+/// upcrossings a hertz (Rice 1944); in time |r| = 1 − |τ|/w, with 2T/w a second (Pickands 1969),
+/// less by ν(√(4T/n)) as windows begin at samples only, n to a window (Siegmund 1985). So λ = B
+/// · 2 √(π/3) T^{3/2} ν P(X > T), whatever the width. The noise's level is an estimate worth k
+/// exponentials, so that P(X > T) is (1 + T/k)^−k (Finn & Johnson 1968). Rates of several widths
+/// add, which is above the truth as widths share noise.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct FalseAlarms {
     band_hz: f64,

@@ -456,8 +456,8 @@ fn beside(peak: &Peak) -> impl Iterator<Item = Peak> {
 
 /// The worth of a statistic over cells beside it. If their median is that of noise, the statistic
 /// itself; otherwise there is a burst over all frequencies, which is its noise. Few cells give its
-/// level: an exponential over the mean of k has (1 + x/k)^−k where one over its own level has e^−x.
-/// A median of 2k is worth about k.
+/// level: an exponential over the mean of k has (1 + x/k)^−k where one over its own level has
+/// e^−x. A median of 2k is worth about k.
 fn over_burst(statistic: f64, cells: &mut [f64]) -> f64 {
     let count = float(cells.len());
     let known = 0.5 * count;
@@ -488,8 +488,8 @@ mod tests {
             if range.contains(&n) {
                 let angle = TAU * 0.1 * float(n);
                 #[expect(clippy::cast_possible_truncation, reason = "samples are f32")]
-                let (sin, cos) = (angle.sin() as f32, angle.cos() as f32);
-                *sample = Complex32::new(cos, sin) * amplitude;
+                let turned = Complex32::new(angle.cos() as f32, angle.sin() as f32);
+                *sample = turned * amplitude;
             }
         }
         samples

@@ -21,8 +21,8 @@ const PULSES: &str = "a pulse file: time_s, frequency_hz, width_s, power_dbm, sn
 
 /// Headers of tables of tags.
 const TAGS: &str = "a table of tags: name, interval_s and at will frequency_hz, width_s, \
-                      gaps_ms, other_interval_s (foxhunt); tagID, nomFreq, offsetFreq, period, pulseLen, \
-                      param1, param2, param3 (SensorGnome)";
+                    gaps_ms, other_interval_s (foxhunt); tagID, nomFreq, offsetFreq, period, \
+                    pulseLen, param1, param2, param3 (SensorGnome)";
 
 /// The reason why pulses cannot be read or associated.
 #[derive(Debug, thiserror::Error)]

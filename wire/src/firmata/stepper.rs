@@ -192,11 +192,11 @@ impl Decimal {
     pub const MAX: Self = Self { negative: false, significand: 8_388_607, exponent: 4 };
 
     /// The number of at most as many digits as fit whose magnitude is next below that of `value`;
-    /// `None` where it is not finite or more than [`MAX`](Self::MAX). Magnitudes below 10⁻¹¹ become
-    /// 0.
+    /// `None` where it is not finite or more than [`MAX`](Self::MAX). Magnitudes below 10⁻¹¹
+    /// become 0.
     ///
-    /// The digits equal firmata-io's. A significand of exactly 2²³, which that library sends as 0,
-    /// loses a digit here, and exponents that it wraps are kept in their range.
+    /// The digits equal firmata-io's. A significand of exactly 2²³, which that library sends as
+    /// 0, loses a digit here, and exponents that it wraps are kept in their range.
     #[must_use]
     #[expect(
         clippy::cast_possible_truncation,

@@ -20,8 +20,8 @@ pub struct SikStatus {
     pub remnoise: u8,
 }
 
-/// The power in dBm of a SiK radio's number: a step is 1/1.9 dB above −127 dBm (`SiLabs` Si1000, as
-/// in `ArduPilot`'s documentation); `None` for 255, which stands for no reading.
+/// The power in dBm of a SiK radio's number: a step is 1/1.9 dB above −127 dBm (`SiLabs` Si1000,
+/// as in `ArduPilot`'s documentation); `None` for 255, which stands for no reading.
 #[must_use]
 pub fn sik_dbm(number: u8) -> Option<f64> {
     (number < u8::MAX).then(|| f64::from(number) / 1.9 - 127.0)

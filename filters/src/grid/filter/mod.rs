@@ -101,7 +101,7 @@ where
     ///
     /// # Errors
     ///
-    /// When the prior is not finite or its covariance not symmetric and positive definite;
+    /// An error when the prior is not finite or its covariance not symmetric and positive definite;
     /// [`EstimatorError::Parameter`] names a setting that is out of its range, or a motion of the
     /// components beside the place that a grid has no cells for: they may only walk at random.
     pub fn new(
@@ -230,7 +230,7 @@ fn prior_columns<const N: usize>(
 ///
 /// # Errors
 ///
-/// When the further components do not walk at random, as a velocity does not.
+/// An error when the further components do not walk at random, as a velocity does not.
 fn slope_of_place<const N: usize>(
     motion: &impl MotionModel<N>,
     state: &State<N>,

@@ -79,7 +79,7 @@ where
     ///
     /// # Errors
     ///
-    /// When the prior is not finite or its covariance not symmetric and positive definite;
+    /// An error when the prior is not finite or its covariance not symmetric and positive definite;
     /// [`EstimatorError::Parameter`] when there are not at least N + 1 particles.
     pub fn new(
         motion: F,

@@ -1,5 +1,5 @@
-//! The worked example of Lenth 1981, table 2, and what it does not show; the closed forms, what they
-//! cost, and what takes their bias off.
+//! The worked example of Lenth 1981, table 2, and what it does not show; the closed forms, what
+//! they cost, and what takes their bias off.
 
 use std::path::PathBuf;
 

@@ -381,7 +381,8 @@ fn observation(z: f64) -> Observation<1> {
     Observation::new(0.0, Pose::default(), Vector1::new(z), Matrix1::new(1.0)).expect("proper")
 }
 
-/// A prior N(0, 4), a level of 0.5 and one that lay below −1, both of σ 1: the mode by bisection.
+/// A prior N(0, 4), a level of 0.5 and one that lay below −1, both of σ 1: the mode by
+/// bisection.
 #[test]
 fn silence_moves_the_optimum() {
     let prior = Estimate::isotropic(Vector2::zeros(), 2.0);

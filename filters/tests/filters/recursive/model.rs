@@ -1,5 +1,6 @@
-//! What the tests share: the measurement model of the reference (filters know no sensors), runs and
-//! posteriors of it, and exact vectors, read from `vectors/` at the root of the repository.
+//! Parts that the tests share: the measurement model of the reference (filters know no sensors),
+//! runs and posteriors of it, and exact vectors, read from `vectors/` at the root of the
+//! repository.
 
 use foxhunt_core::{
     Correction, Estimate, Estimator, MeasurementModel, Observation, Pose, Quantity, RandomWalk,
@@ -194,8 +195,8 @@ fn twenty_thousand_particles_reach_the_exact_posterior() {
             let whitened: Vector2<f64> = root
                 .solve_lower_triangular(&(filter.estimate().mean - vector(&exact["mean"])))
                 .expect("a proper posterior");
-            // √(n / ESS) is the growth of the cloud's own error √(P / n): 0.02 to 0.05 here. The
-            // rest of the bound is the kernel's, which smooths what is not Gaussian.
+            // √(n / ESS) is the growth of the cloud's own error √(P / n): 0.02 to 0.05 here.
+            // The rest of the bound is the kernel's, which smooths what is not Gaussian.
             assert!(whitened.norm() < 0.2, "{name}, step {i}: mean off by {}", whitened.norm());
             let error = log_evidence - number(&exact["log_evidence"]);
             assert!(error.abs() < 0.2, "{name}, step {i}: log-evidence off by {error}");

@@ -72,8 +72,8 @@ pub struct CoverageConfig {
 }
 
 impl Default for CoverageConfig {
-    /// The reference's sweep (Pritzl 2018, §7.4): rows 38 / 3 m apart, places on them 53 / 3 m, 6 m
-    /// from the sides.
+    /// The reference's sweep (Pritzl 2018, §7.4): rows 38 / 3 m apart, places on them 53 / 3 m, 6
+    /// m from the sides.
     fn default() -> Self {
         Self {
             row_spacing_m: 38.0 / 3.0,

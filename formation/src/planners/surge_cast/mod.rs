@@ -56,8 +56,8 @@ pub struct SurgeCastConfig {
 
 impl Default for SurgeCastConfig {
     /// Surges of 20 m; casts of 8 m, each 1.5 times the one before, 4 in a row; a fall of 2 dB;
-    /// a formation of 6 m (Pritzl 2018, §5.2); circles at 6 m in steps of 30°; and the defaults of
-    /// [`AltitudeRule`] and [`SettlingRule`].
+    /// a formation of 6 m (Pritzl 2018, §5.2); circles at 6 m in steps of 30°; and the defaults
+    /// of [`AltitudeRule`] and [`SettlingRule`].
     fn default() -> Self {
         Self {
             surge_m: 20.0,

@@ -49,7 +49,8 @@ pub(super) fn moves(hypotheses: &Hypotheses<'_>) -> Option<Remark> {
         "transmitter-moves",
         format!(
             "the levels fit a transmitter that moves far better, by some {:.2} m/s to \
-             {compass:.0}° ({:.0} m in all): the place is of none of its times; follow it with --track",
+             {compass:.0}° ({:.0} m in all): the place is of none of its times; follow it with \
+             --track",
             velocity.norm(),
             velocity.norm() * hypotheses.duration_s,
         ),

@@ -34,10 +34,10 @@ const WINDOW: u16 = 7;
 
 /// The boresight whose readings are the strongest on average (Isaacs et al. 2014, §II).
 ///
-/// Boresights that tie are averaged circularly. σ is the root mean square angle between the bearing
-/// and the strongest twentieth of the boresights, at least four: under noise one of them might as
-/// well have come out on top. The level is the mean over the measured positions; the confidence is
-/// [`resultant_confidence`].
+/// Boresights that tie are averaged circularly. σ is the root mean square angle between the
+/// bearing and the strongest twentieth of the boresights, at least four: under noise one of them
+/// might as well have come out on top. The level is the mean over the measured positions; the
+/// confidence is [`resultant_confidence`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Maximum {
     rss_sigma_db: f64,
@@ -239,8 +239,9 @@ impl BearingExtractor for FirstHarmonic {
 ///
 /// The parabola is laid by least squares about the maximum of the moving mean, then once more about
 /// its own top. σ is that of the regression, from the readings' scatter or from its residuals,
-/// whichever is larger. A lobe that a second path distorts stays a parabola: σ does not know of it.
-/// The level is the mean over the measured positions; the confidence is [`resultant_confidence`].
+/// whichever is larger. A lobe that a second path distorts stays a parabola: σ does not know of
+/// it. The level is the mean over the measured positions; the confidence is
+/// [`resultant_confidence`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MainLobeFit {
     half_width: f64,

@@ -475,8 +475,8 @@ fn blurred(lobe: &impl Fn(f64) -> f64, angle: f64, sigma: f64) -> Gain {
     Gain { mean_db, variance: (squares / ones - mean_db * mean_db).max(0.0) }
 }
 
-/// The gain in dB about that on boresight, `angle` radians off it: a lobe ((1 + cos a)/2)ⁿ of this
-/// half-power beamwidth in radians over a back lobe that is the same everywhere.
+/// The gain in dB about that on boresight, `angle` radians off it: a lobe ((1 + cos a)/2)ⁿ of
+/// this half-power beamwidth in radians over a back lobe that is the same everywhere.
 ///
 /// Pattern of a short Yagi in its place: the side lobes of its free-space pattern drown in what the
 /// site scatters.

@@ -162,11 +162,11 @@ pub(super) struct Trials {
 /// a ceiling. Its distribution at one place is the K-fold convolution, averaged over the error of
 /// the noise's level, a Γ variable of k degrees. Maxima over a field of such places come at the
 /// rate P(S > T) times the rates at which the field decorrelates, h the distribution's decay: in
-/// time 2h(T − K)/w a second (rough: Pickands 1969), less by ν(h√(4T/n)) as windows begin n to a
-/// length only (Siegmund 1985); in frequency h√(πT/3) w a hertz (smooth: Rice 1944); over drifts
-/// alike; an interval's step moves pulses as a step in time does, x² = h² 4T times the mean of
-/// their shifts over w, and counts for ½x²ν(x) trials. Without the ceiling and for K = 1 that is
-/// the rate of single pulses.
+/// time 2h(T − K)/w a second (rough: Pickands 1969), less by ν(h√(4T/n)) as windows begin n to
+/// a length only (Siegmund 1985); in frequency h√(πT/3) w a hertz (smooth: Rice 1944); over
+/// drifts alike; an interval's step moves pulses as a step in time does, x² = h² 4T times the
+/// mean of their shifts over w, and counts for ½x²ν(x) trials. Without the ceiling and for K = 1
+/// that is the rate of single pulses.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct TrainAlarms {
     trials: Trials,

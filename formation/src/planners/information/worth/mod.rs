@@ -76,8 +76,8 @@ const LEVEL: usize = 5;
 /// off that for the power in doubt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Taught {
-    /// Sums over drones, by [`PLACE`], [`GRADIENT`] and [`LEVEL`]: in one array they are added as one
-    /// column, which takes a fifth fewer instructions than three.
+    /// Sums over drones, by [`PLACE`], [`GRADIENT`] and [`LEVEL`]: in one array they are added as
+    /// one column, which takes a fifth fewer instructions than three.
     sums: [Column; 6],
     /// The square of the distance over ground.
     distance2: Column,

@@ -255,7 +255,8 @@ fn both_ways_agree_on_a_gaussian() {
     let belief = Cells::new(moments, vec![cell], true);
     let places = [Vector3::new(-9.0, 4.0, 3.0), Vector3::new(5.0, 20.0, 2.0)];
     let power = Power::of(&turn, &belief, &[Vector3::new(40.0, 0.0, 4.0)], 5.0);
-    let (mut fisher, mut entropy) = (ExpectedPosterior::default(), ExpectedPosterior::default());
+    let mut fisher = ExpectedPosterior::default();
+    let mut entropy = ExpectedPosterior::default();
     let prior = covariance.cholesky().expect("definite").solve(&Matrix2::identity());
     fisher.by_fisher(&turn, &belief, &power, &prior, &places);
     entropy.by_entropy(&turn, &belief, &power, &places);

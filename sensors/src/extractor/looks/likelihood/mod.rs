@@ -40,8 +40,8 @@ const NOTHING: f64 = 0.01;
 /// Number of residuals of the promised size that are added.
 const PROMISED: f64 = 4.0;
 
-/// Least σ of a bearing, in radians: half a thousandth of a degree, so that no observation has a σ
-/// of zero.
+/// Least σ of a bearing, in radians: half a thousandth of a degree, so that no observation has a
+/// σ of zero.
 const LEAST_SIGMA: f64 = 1e-5;
 
 /// The moving mean's window for the confidence, that of the reference extractor.
@@ -286,7 +286,8 @@ impl Moments {
 }
 
 /// The Fisher information about its mean of a reading whose mean lies `above` σ above the floor,
-/// censored below it, over that of one that is always received: P(z > −x) − x φ(x) + φ(x)²/Φ(−x).
+/// censored below it, over that of one that is always received: P(z > −x) − x φ(x) +
+/// φ(x)²/Φ(−x).
 fn uncensored(above: f64) -> f64 {
     let below = normal_cdf(-above);
     if below < 1e-12 {
@@ -296,9 +297,9 @@ fn uncensored(above: f64) -> f64 {
     1.0 - below - above * density + density * density / below
 }
 
-/// The bearing of a least-squares fit is Σ wᵢ sᵢ eᵢ / Σ wᵢ sᵢ², with the slopes sᵢ of the gain: its
-/// variance for residuals with the autocorrelation that these have, up to where that first
-/// vanishes, over its variance for independent ones.
+/// The bearing of a least-squares fit is Σ wᵢ sᵢ eᵢ / Σ wᵢ sᵢ², with the slopes sᵢ
+/// of the gain: its variance for residuals with the autocorrelation that these have, up to where
+/// that first vanishes, over its variance for independent ones.
 fn correlated<A: Antenna>(fit: &Fit<'_, A>, offset: f64, residuals: &[f64]) -> f64 {
     let slopes = fit.slopes(offset);
     let weight: f64 = fit.variances.iter().map(|v| 1.0 / v).sum();

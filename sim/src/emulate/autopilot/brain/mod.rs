@@ -36,7 +36,7 @@ const CHUNK: usize = 50;
 
 /// An autopilot on a drone of a world, behind a stream of bytes.
 ///
-/// What is imitated of ArduCopter: it sends nothing but heartbeats until it is requested; a
+/// It imitates ArduCopter: it sends nothing but heartbeats until it is requested; a
 /// take-off is refused unless it is armed in GUIDED and knows where it is; the first set-point in
 /// GUIDED, and after a take-off, has it fly at WPNAV_SPEED, whatever was ordered before, and a
 /// speed is refused in other modes; it can be armed in STABILIZE without knowing; motors that do
