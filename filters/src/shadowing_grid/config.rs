@@ -33,6 +33,20 @@ pub enum Slope {
     Known(f64),
     /// Values it may have, each with its prior weight; the weights need not sum to 1.
     Nodes(Vec<(f64, f64)>),
+    /// A Gaussian truncated to `lower` … `upper`, as [`Slope::gaussian`] makes it: summed over
+    /// nodes `step` apart, and over closer ones where the readings know it better than that.
+    Gaussian {
+        /// Mean before the limits cut it off.
+        mean: f64,
+        /// Standard deviation before the limits cut it off.
+        sd: f64,
+        /// Least value.
+        lower: f64,
+        /// Greatest value.
+        upper: f64,
+        /// Distance of the nodes.
+        step: f64,
+    },
 }
 
 impl Slope {
@@ -49,26 +63,12 @@ impl Slope {
         upper: f64,
         step: f64,
     ) -> Result<Self, ShadowingGridError> {
-        finite("the slope's prior mean", mean)?;
-        positive("the slope's prior deviation", sd)?;
-        finite("the slope's lower limit", lower)?;
-        positive("the slope's step", step)?;
-        // Half a step more than configured, so that rounding does not lose the upper limit.
-        let steps = (upper - lower) / step + 0.5;
-        let countable = (0.5..10_000.0).contains(&steps);
-        let requirement = "at most 10 000 steps above the lower";
-        require(countable, "the slope's upper limit", upper, requirement)?;
-        #[expect(clippy::cast_possible_truncation, reason = "between 0 and 10 000, as checked")]
-        let last = steps as u16;
-        let node = |i| {
-            let value = lower + step * f64::from(i);
-            let deviation = (value - mean) / sd;
-            (value, libm::exp(-0.5 * deviation * deviation))
-        };
-        Ok(Self::Nodes((0..=last).map(node).collect()))
+        let prior = Self::Gaussian { mean, sd, lower, upper, step };
+        prior.check(["the slope", "the number of slopes", "the slope's weight"])?;
+        Ok(prior)
     }
 
-    /// Names what is out of range: a value, the number of nodes, or a weight.
+    /// Names what is out of range: a value, the number of nodes, a weight, or a limit.
     fn check(&self, [value, number, weight]: [&'static str; 3]) -> Result<(), ParameterError> {
         match self {
             Self::Known(known) => {
@@ -81,6 +81,15 @@ impl Slope {
                     positive(weight, node.1)?;
                 }
             }
+            Self::Gaussian { mean, sd, lower, upper, step } => {
+                finite("the slope's prior mean", *mean)?;
+                positive("the slope's prior deviation", *sd)?;
+                finite("the slope's lower limit", *lower)?;
+                positive("the slope's step", *step)?;
+                let countable = (0.5..10_000.0).contains(&steps(*lower, *upper, *step));
+                let requirement = "at most 10 000 steps above the lower";
+                require(countable, "the slope's upper limit", *upper, requirement)?;
+            }
         }
         Ok(())
     }
@@ -90,8 +99,31 @@ impl Slope {
         match self {
             Self::Known(value) => vec![(*value, 0.0)],
             Self::Nodes(nodes) => nodes.iter().map(|&(b, weight)| (b, libm::log(weight))).collect(),
+            Self::Gaussian { mean, sd, lower, upper, step } => {
+                #[expect(clippy::cast_possible_truncation, reason = "between 0 and 10 000")]
+                let last = steps(*lower, *upper, *step) as u16;
+                let node = |i| {
+                    let value = lower + step * f64::from(i);
+                    // Half of the step about a limit lies beyond it.
+                    let share = if i == 0 || i == last { 0.5 } else { 1.0 };
+                    (value, log_gaussian(value, *mean, *sd) + libm::log(share))
+                };
+                (0..=last).map(node).collect()
+            }
         }
     }
+}
+
+/// Number of steps between the limits. Half a step more than there are, so that rounding does not
+/// lose the upper limit.
+fn steps(lower: f64, upper: f64, step: f64) -> f64 {
+    (upper - lower) / step + 0.5
+}
+
+/// Logarithm of a Gaussian's density, less its constant.
+pub(super) fn log_gaussian(value: f64, mean: f64, sd: f64) -> f64 {
+    let deviation = (value - mean) / sd;
+    -0.5 * deviation * deviation
 }
 
 /// Prior of the target's place.

@@ -6,8 +6,9 @@ use nalgebra::Vector2;
 use super::{
     Intercept, ShadowingGridConfig, ShadowingGridError,
     censored::Censored,
+    coefficient::Coefficient,
     grid::{Grid, PosteriorMap},
-    marginal::Mixture,
+    marginal::{Marginal, Mixture, Moments},
     path::Segments,
     regression::{Products, Regression},
     whitener::{LANES, Neighbours, Row},
@@ -40,9 +41,8 @@ pub(super) struct Likelihood {
     calibration: Option<[f64; 2]>,
     /// One per correlation length and nugget, the nuggets of a length side by side.
     regressions: Vec<Regression>,
-    /// The values of slope and gain with their log-weights.
-    slopes: Vec<(f64, f64)>,
-    gains: Vec<(f64, f64)>,
+    slope: Coefficient,
+    gain: Coefficient,
     /// n − 1 degrees of freedom, n if the intercept is known, plus those that the prior of σ has.
     freedom: f64,
     /// SSR before any reading, by the prior of σ.
@@ -57,23 +57,22 @@ pub(super) struct Likelihood {
 pub(super) struct Posterior {
     pub(super) map: PosteriorMap,
     pub(super) intercept: Mixture,
+    pub(super) slope: Mixture,
+    pub(super) gain: Mixture,
     pub(super) sigma: Mixture,
     pub(super) shares: Shares,
 }
 
-/// The probability of each slope, gain, height and correlation.
+/// The probability of each height and correlation.
 #[derive(Clone, Debug)]
 pub(super) struct Shares {
-    pub(super) slopes: Vec<f64>,
-    pub(super) gains: Vec<f64>,
     pub(super) heights: Vec<f64>,
     pub(super) correlations: Vec<f64>,
 }
 
 impl Shares {
     fn each(&mut self) -> impl Iterator<Item = &mut f64> {
-        let coefficients = self.slopes.iter_mut().chain(&mut self.gains);
-        coefficients.chain(&mut self.heights).chain(&mut self.correlations)
+        self.heights.iter_mut().chain(&mut self.correlations)
     }
 
     /// Adds the shares of a part of all probability.
@@ -89,6 +88,8 @@ impl Shares {
 struct Conditional {
     log_mass: f64,
     intercept: Mixture,
+    slope: Marginal,
+    gain: Marginal,
     sigma: Mixture,
     shares: Shares,
 }
@@ -140,8 +141,8 @@ impl Likelihood {
             intercept_is_flat,
             calibration,
             regressions,
-            slopes: config.slope.log_nodes(),
-            gains: config.gain.log_nodes(),
+            slope: Coefficient::new(&config.slope),
+            gain: Coefficient::new(&config.gain),
             freedom,
             prior_square: prior_readings * prior_sigma * prior_sigma,
             sigma_ratio,
@@ -189,7 +190,7 @@ impl Likelihood {
         let mut mass = vec![0.0; grid.len()];
         let mut shares = self.no_shares();
         shares.heights = vec![0.0; heights.len()];
-        let (mut intercept, mut sigma) = <(Mixture, Mixture)>::default();
+        let [mut intercept, mut slope, mut gain, mut sigma] = [Mixture::default(); 4];
         for cells in &mut layers {
             for (sum, cell) in mass.iter_mut().zip(cells) {
                 let own = mass_of(cell) / total;
@@ -197,11 +198,14 @@ impl Likelihood {
                     *sum += own;
                     shares.add(own, &mut cell.shares);
                     intercept.add(own, cell.intercept.mean(), cell.intercept.variance());
+                    slope.add(own, cell.slope.mean, cell.slope.sd * cell.slope.sd);
+                    gain.add(own, cell.gain.mean, cell.gain.sd * cell.gain.sd);
                     sigma.add(own, cell.sigma.mean(), cell.sigma.variance());
                 }
             }
         }
-        Ok(Posterior { map: PosteriorMap::new(grid, mass), intercept, sigma, shares })
+        let map = PosteriorMap::new(grid, mass);
+        Ok(Posterior { map, intercept, slope, gain, sigma, shares })
     }
 
     /// The cells at one height of the target.
@@ -210,40 +214,29 @@ impl Likelihood {
         grid: &Grid,
         regressors: &impl Fn(&Vector2<f64>, &Pose) -> [f64; 2],
     ) -> Vec<Conditional> {
-        let gains = self.gains_that_matter(grid, regressors);
-        let probable = self.probable(grid, gains, regressors);
-        let mut cells = self.conditionals(grid, 1, &probable, gains, regressors);
-        if self.gains.len() > gains.len() {
-            // Readings without a word on the gain leave its prior.
-            let weights = self.gains.iter().map(|(_, log_weight)| libm::exp(*log_weight));
-            let total: f64 = weights.clone().sum();
-            let prior: Vec<f64> = weights.map(|weight| weight / total).collect();
-            let first = self.gains.first().map_or(0.0, |(_, log_weight)| *log_weight);
-            for cell in &mut cells {
-                // One gain stood for all: layers of other heights have summed over them.
-                cell.log_mass += libm::log(total) - first;
-                cell.shares.gains.clone_from(&prior);
-            }
+        // Readings without a word on the gain leave its prior.
+        let held = (!self.gain_matters(grid, regressors)).then(|| self.gain.held());
+        let gain = held.as_ref().unwrap_or(&self.gain);
+        let probable = self.probable(grid, gain, regressors);
+        let mut cells = self.conditionals(grid, 1, &probable, gain, regressors);
+        if held.is_some() {
+            let prior = self.gain.prior();
+            cells.iter_mut().for_each(|cell| cell.gain = prior);
         }
         cells
     }
 
     fn no_shares(&self) -> Shares {
-        Shares {
-            slopes: vec![0.0; self.slopes.len()],
-            gains: vec![0.0; self.gains.len()],
-            heights: Vec::new(),
-            correlations: vec![0.0; self.regressions.len()],
-        }
+        Shares { heights: Vec::new(), correlations: vec![0.0; self.regressions.len()] }
     }
 
-    /// The gains, or one of them where their regressor is the same for all receivers, as at the
-    /// target's own height: the intercept takes it up.
-    fn gains_that_matter(
+    /// Returns true unless the gain's regressor is the same for all receivers, as at the target's
+    /// own height: the intercept takes it up.
+    fn gain_matters(
         &self,
         grid: &Grid,
         regressors: &impl Fn(&Vector2<f64>, &Pose) -> [f64; 2],
-    ) -> &[(f64, f64)] {
+    ) -> bool {
         let stride = grid.len().div_ceil(LANES).max(1);
         let matters = (0..grid.len()).step_by(stride).any(|index| {
             let place = grid.centre(index);
@@ -251,18 +244,14 @@ impl Likelihood {
             let first = gains.next().unwrap_or(0.0);
             gains.any(|gain| (gain - first).abs() > SAME_GAIN)
         });
-        if matters || !self.intercept_is_flat || self.calibration.is_some() {
-            &self.gains
-        } else {
-            self.gains.get(..1).unwrap_or_default()
-        }
+        matters || !self.intercept_is_flat || self.calibration.is_some()
     }
 
     /// The correlations that matter, by a sample of the cells.
     fn probable(
         &self,
         grid: &Grid,
-        gains: &[(f64, f64)],
+        gain: &Coefficient,
         regressors: &impl Fn(&Vector2<f64>, &Pose) -> [f64; 2],
     ) -> Vec<usize> {
         let all: Vec<usize> = (0..self.regressions.len()).collect();
@@ -270,7 +259,7 @@ impl Likelihood {
         if stride < 2 || all.len() < 2 {
             return all;
         }
-        let sample = self.conditionals(grid, stride, &all, gains, regressors);
+        let sample = self.conditionals(grid, stride, &all, gain, regressors);
         let mut best = vec![f64::NEG_INFINITY; all.len()];
         for cell in &sample {
             for (best, share) in best.iter_mut().zip(&cell.shares.correlations) {
@@ -299,17 +288,17 @@ impl Likelihood {
         grid: &Grid,
         stride: usize,
         probable: &[usize],
-        gains: &[(f64, f64)],
+        gain: &Coefficient,
         regressors: &impl Fn(&Vector2<f64>, &Pose) -> [f64; 2],
     ) -> Vec<Conditional> {
         let mut conditionals = Vec::with_capacity(grid.len());
-        let has_gain = gains.len() > 1 || gains.iter().any(|&(gain, _)| gain != 0.0);
+        let has_gain = gain.len() > 1 || gain.first() != 0.0;
         let readings = self.receivers.len() + usize::from(self.calibration.is_some());
         let mut x: Vec<Row> = vec![[0.0; LANES]; readings];
         let mut g = if has_gain { x.clone() } else { Vec::new() };
         let mut white_x = x.clone();
         let mut white_g = g.clone();
-        let mut log_masses = Vec::new();
+        let mut scratch = Scratch::default();
         let mut silent: Vec<[[f64; 2]; LANES]> = Vec::new();
         let mut best = f64::NEG_INFINITY;
         let sampled = grid.len().div_ceil(stride);
@@ -347,8 +336,7 @@ impl Likelihood {
                 let origin = origins.map(|row| row[k]);
                 let silent = silent.iter().map(|both| both[k]);
                 let explained = self.explained_by(probable).zip(products);
-                let cell =
-                    self.conditional(explained, origin, silent, gains, best, &mut log_masses);
+                let cell = self.conditional(explained, origin, silent, gain, best, &mut scratch);
                 best = best.max(cell.log_mass);
                 conditionals.push(cell);
             }
@@ -387,17 +375,22 @@ impl Likelihood {
         explained: impl Iterator<Item = ((usize, &'a Regression), &'a Products)> + Clone,
         origin: [f64; 2],
         silent: impl Iterator<Item = [f64; 2]> + Clone,
-        gains: &[(f64, f64)],
+        gain: &Coefficient,
         best: f64,
-        log_masses: &mut Vec<(f64, f64)>,
+        scratch: &mut Scratch,
     ) -> Conditional {
-        log_masses.clear();
+        let Scratch { explanations, gains, slopes } = scratch;
+        explanations.clear();
         let mut peak = f64::NEG_INFINITY;
         for ((correlation, regression), products) in explained.clone() {
             let per_one = if self.intercept_is_flat { 1.0 / regression.ones_square() } else { 0.0 };
-            for &(b, b_weight) in &self.slopes {
-                for &(c, c_weight) in gains {
-                    let square = self.prior_square + regression.residual_square(products, b, c);
+            let square_of = |b, c| self.prior_square + regression.residual_square(products, b, c);
+            for &(c, c_weight) in self.gains(gain, regression, products, gains) {
+                let (b_peak, b_variance) = regression.slope_for_gain(products, c);
+                let of_slope = square_of(self.slope.clamped(b_peak), c) / self.freedom * b_variance;
+                let nodes = self.slope.around(b_peak, libm::sqrt(of_slope), slopes);
+                for &(b, b_weight) in nodes {
+                    let square = square_of(b, c);
                     let log_mass = regression.log_scale() + b_weight + c_weight
                         - 0.5 * self.freedom * libm::log(square);
                     let mut log_mass = if log_mass.is_nan() { f64::NEG_INFINITY } else { log_mass };
@@ -410,13 +403,15 @@ impl Likelihood {
                         log_mass += self.censored.log_probability(expected, deviation, correlation);
                     }
                     peak = peak.max(log_mass);
-                    log_masses.push((log_mass, square));
+                    explanations.push(Explanation { correlation, b, c, square, log_mass });
                 }
             }
         }
         let mut given = Conditional {
             log_mass: f64::NEG_INFINITY,
             intercept: Mixture::default(),
+            slope: Marginal::default(),
+            gain: Marginal::default(),
             sigma: Mixture::default(),
             shares: self.no_shares(),
         };
@@ -424,36 +419,76 @@ impl Likelihood {
             return given;
         }
         let mut total = 0.0;
-        let mut log_masses = log_masses.iter();
-        let Shares { slopes, gains: of_gains, correlations: shares, .. } = &mut given.shares;
+        let mut slope = Moments::about(self.slope.first());
+        let mut of_gain = Moments::about(gain.first());
+        let mut explanations = explanations.iter().peekable();
         for ((correlation, regression), products) in explained {
-            let Some(share) = shares.get_mut(correlation) else { break };
             let per_one = 1.0 / regression.ones_square();
-            for (&(b, _), slope) in self.slopes.iter().zip(&mut *slopes) {
-                for (&(c, _), gain) in gains.iter().zip(&mut *of_gains) {
-                    let Some(&(log_mass, square)) = log_masses.next() else { break };
-                    let weight = libm::exp(log_mass - peak);
-                    // Less than 10⁻¹⁶ of the whole even if all others were as small.
-                    if weight < 1e-20 {
-                        continue;
-                    }
-                    total += weight;
-                    *share += weight;
-                    *slope += weight;
-                    *gain += weight;
-                    // σ² is inverse gamma, of shape ν/2 and scale SSR/2; a is Student's t about â.
-                    let variance = square / (self.freedom - 2.0).max(1.0);
-                    let mean = self.sigma_ratio * libm::sqrt(square);
-                    given.sigma.add(weight, mean, variance - mean * mean);
-                    let of_intercept =
-                        if self.intercept_is_flat { variance * per_one } else { 0.0 };
-                    let best = self.intercept(regression, products, [b, c], origin);
-                    given.intercept.add(weight, best, of_intercept);
+            let share_before = total;
+            while let Some(own) = explanations.next_if(|own| own.correlation == correlation) {
+                let Explanation { b, c, square, log_mass, .. } = *own;
+                let weight = libm::exp(log_mass - peak);
+                // Less than 10⁻¹⁶ of the whole even if all others were as small.
+                if weight < 1e-20 {
+                    continue;
                 }
+                total += weight;
+                slope.add(weight, b);
+                of_gain.add(weight, c);
+                // σ² is inverse gamma, of shape ν/2 and scale SSR/2; a is Student's t about â.
+                let variance = square / (self.freedom - 2.0).max(1.0);
+                let mean = self.sigma_ratio * libm::sqrt(square);
+                given.sigma.add(weight, mean, variance - mean * mean);
+                let of_intercept = if self.intercept_is_flat { variance * per_one } else { 0.0 };
+                let best = self.intercept(regression, products, [b, c], origin);
+                given.intercept.add(weight, best, of_intercept);
+            }
+            if let Some(share) = given.shares.correlations.get_mut(correlation) {
+                *share = total - share_before;
             }
         }
         given.log_mass = peak + libm::log(total);
+        given.slope = slope.marginal();
+        given.gain = of_gain.marginal();
         given.shares.each().for_each(|share| *share /= total);
         given
     }
+
+    /// The gains to sum over under one correlation, where the slope is the best for each.
+    fn gains<'a>(
+        &self,
+        gain: &'a Coefficient,
+        regression: &Regression,
+        products: &Products,
+        nodes: &'a mut Vec<(f64, f64)>,
+    ) -> &'a [(f64, f64)] {
+        let [(b, _), mut best] = regression.best(products);
+        let slope = self.slope.clamped(b);
+        if (slope - b).abs() > 0.0 {
+            best = regression.gain_for_slope(products, slope);
+        }
+        let (c, variance) = best;
+        let square =
+            self.prior_square + regression.residual_square(products, slope, gain.clamped(c));
+        gain.around(c, libm::sqrt(square / self.freedom * variance), nodes)
+    }
+}
+
+/// One pair of coefficients under one correlation.
+#[derive(Clone, Copy, Debug)]
+struct Explanation {
+    correlation: usize,
+    b: f64,
+    c: f64,
+    /// Squared residuals with those of the prior of σ.
+    square: f64,
+    log_mass: f64,
+}
+
+/// Memory that the cells share one after another.
+#[derive(Debug, Default)]
+struct Scratch {
+    explanations: Vec<Explanation>,
+    gains: Vec<(f64, f64)>,
+    slopes: Vec<(f64, f64)>,
 }

@@ -2,7 +2,7 @@ use foxhunt_core::{Estimate, Pose};
 use nalgebra::Vector2;
 
 use super::{
-    ShadowedReading, ShadowingFix, ShadowingGridConfig, ShadowingGridError, Slope,
+    ShadowedReading, ShadowingFix, ShadowingGridConfig, ShadowingGridError,
     likelihood::{Likelihood, Posterior},
     marginal::Mixture,
     path::{Path, Segments, Summary},
@@ -198,10 +198,7 @@ impl ShadowingGrid {
             });
         }
         let best = refined.as_ref().unwrap_or(&searched);
-        let marginal = |nodes: &Slope, shares: &[f64]| {
-            let nodes = nodes.log_nodes();
-            Mixture::of(nodes.iter().map(|node| node.0).zip(shares.iter().copied())).marginal()
-        };
+        let heights = heights.iter().map(|node| node.0).zip(best.shares.heights.iter().copied());
         let nuggets = config.nuggets.len();
         let of_correlations = |belongs: &dyn Fn(usize) -> bool| -> f64 {
             let shares = best.shares.correlations.iter().enumerate();
@@ -218,9 +215,9 @@ impl ShadowingGrid {
         Ok(ShadowingFix {
             position: refined.as_ref().unwrap_or(&searched.map).estimate(),
             intercept: best.intercept.marginal(),
-            slope: marginal(&config.slope, &best.shares.slopes),
-            gain: marginal(&config.gain, &best.shares.gains),
-            height: marginal(&config.height, &best.shares.heights),
+            slope: best.slope.marginal(),
+            gain: best.gain.marginal(),
+            height: Mixture::of(heights).marginal(),
             sigma: best.sigma.marginal(),
             correlation_lengths_m: (config.correlation_lengths_m.iter().enumerate())
                 .map(of_length)

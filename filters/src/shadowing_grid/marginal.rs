@@ -53,6 +53,38 @@ impl Mixture {
     }
 }
 
+/// Weight, first and second moment of a number about a reference that is not far from it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Moments {
+    reference: f64,
+    weight: f64,
+    first: f64,
+    second: f64,
+}
+
+impl Moments {
+    /// No weight as yet.
+    pub(super) fn about(reference: f64) -> Self {
+        Self { reference, weight: 0.0, first: 0.0, second: 0.0 }
+    }
+
+    /// Adds a value: without a division, for the innermost sums.
+    pub(super) fn add(&mut self, weight: f64, value: f64) {
+        let deviation = value - self.reference;
+        let moment = weight * deviation;
+        self.weight += weight;
+        self.first += moment;
+        self.second += moment * deviation;
+    }
+
+    /// Mean and standard deviation.
+    pub(super) fn marginal(&self) -> Marginal {
+        let mean = self.first / self.weight;
+        let variance = (self.second / self.weight - mean * mean).max(0.0);
+        Marginal { mean: self.reference + mean, sd: libm::sqrt(variance) }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

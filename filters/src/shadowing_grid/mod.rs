@@ -8,6 +8,7 @@
 
 mod cells;
 mod censored;
+mod coefficient;
 mod config;
 mod error;
 mod fix;

@@ -107,6 +107,28 @@ impl Regression {
         (self.value_square - 2.0 * (b * values[0] + c * values[1]) + explained).max(floor)
     }
 
+    /// The best slope with the gain `c`, with the variance that it has for residuals of variance 1;
+    /// 0 and infinite where the regressor is the same for all readings.
+    pub(super) fn slope_for_gain(&self, products: &Products, c: f64) -> (f64, f64) {
+        quotient(products.values[0] - c * products.cross, products.squares[0])
+    }
+
+    /// The best gain with the slope `b`, likewise.
+    pub(super) fn gain_for_slope(&self, products: &Products, b: f64) -> (f64, f64) {
+        quotient(products.values[1] - b * products.cross, products.squares[1])
+    }
+
+    /// The best slope with the best gain, and the best gain with the best slope, likewise.
+    pub(super) fn best(&self, products: &Products) -> [(f64, f64); 2] {
+        let Products { squares: [xx, gg], cross, values: [xr, gr], .. } = *products;
+        let alone = |square: f64, other: f64| {
+            if other > 0.0 { square - cross * cross / other } else { square }
+        };
+        let of_gain = if gg > 0.0 { cross / gg } else { 0.0 };
+        let of_slope = if xx > 0.0 { cross / xx } else { 0.0 };
+        [quotient(xr - of_gain * gr, alone(xx, gg)), quotient(gr - of_slope * xr, alone(gg, xx))]
+    }
+
     /// The best intercept with the slope `b` and the gain `c`, â = u·(r − b x − c g) / u·u.
     pub(super) fn intercept(&self, products: &Products, b: f64, c: f64) -> f64 {
         self.mean - b * products.ones[0] - c * products.ones[1]
@@ -121,4 +143,9 @@ impl Regression {
     pub(super) fn log_scale(&self) -> f64 {
         self.log_scale
     }
+}
+
+/// A coefficient from its product with the values and its square, with its variance.
+fn quotient(product: f64, square: f64) -> (f64, f64) {
+    if square > 0.0 { (product / square, 1.0 / square) } else { (0.0, f64::INFINITY) }
 }

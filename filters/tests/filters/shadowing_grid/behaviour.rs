@@ -58,11 +58,14 @@ fn a_constant_is_the_intercepts() {
 fn the_unit_of_the_values_does_not_matter() {
     let readings = flight(9, &TRUTH);
     let fix = locate(&readings, keeping_all());
-    let Slope::Nodes(nodes) = keeping_all().slope else { panic!("the default has nodes") };
+    let Slope::Gaussian { mean, sd, lower, upper, step } = keeping_all().slope else {
+        panic!("the default is Gaussian")
+    };
     // Far enough for every likelihood to overflow or underflow without its logarithm.
     for unit in [1e-30, 1e30] {
         let scaled: Vec<_> = readings.iter().map(|(r, value)| (*r, value * unit)).collect();
-        let slope = Slope::Nodes(nodes.iter().map(|(b, weight)| (b * unit, *weight)).collect());
+        let [mean, sd, lower, upper, step] = [mean, sd, lower, upper, step].map(|b| b * unit);
+        let slope = Slope::Gaussian { mean, sd, lower, upper, step };
         let other = locate(&scaled, ShadowingGridConfig { slope, ..keeping_all() });
         assert!((fix.position.mean - other.position.mean).norm() < 1e-7);
         assert!((fix.sigma.mean - other.sigma.mean / unit).abs() < 1e-7);

@@ -143,6 +143,7 @@ fn check(intercept: Intercept, slope: Slope, slopes: &[(f64, f64)], config: Shad
     let gains = match &config.gain {
         Slope::Known(gain) => vec![(*gain, 1.0)],
         Slope::Nodes(nodes) => nodes.clone(),
+        Slope::Gaussian { .. } => panic!("the sum is over nodes"),
     };
     let fix = ShadowingGrid::new(config.clone()).expect("in range");
     let fix = fix.locate(&readings, level).expect("a posterior");
@@ -203,4 +204,45 @@ fn a_calibrated_intercept_is_what_integration_gives() {
 fn a_known_slope_and_gain_are_what_integration_gives() {
     let config = ShadowingGridConfig { gain: Slope::Known(1.0), ..lengths(&[30.0]) };
     check(Intercept::Flat, Slope::Known(2.2), &[(2.2, 1.0)], config);
+}
+
+/// Readings that tell slope and gain better than their prior's nodes are apart: steps of 0.25 and
+/// 0.5 give the posterior that closer ones give, within the prior's limits and at them.
+#[test]
+fn the_steps_of_a_gaussian_prior_do_not_decide() {
+    let mut farthest: f64 = 0.0;
+    for (number, (sigma, slope, gain)) in
+        [(0.5, 2.63, 0.7), (0.2, 2.12, 0.3), (0.4, 1.0, 1.2), (0.3, 4.4, 2.9), (2.0, 2.4, 0.5)]
+            .into_iter()
+            .enumerate()
+    {
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(number as u64);
+        let place = nalgebra::Vector2::new(190.0, 130.0);
+        let truth = Truth { place, sigma, slope, gain, nugget: 1.0, ..WORLD };
+        let readings = readings(&lawn_mower(4, 25, 6.0, 30.0), &truth, &mut rng);
+        let of_steps = |slope_step, gain_step| {
+            let config = ShadowingGridConfig {
+                slope: Slope::gaussian(2.3, 0.5, 1.0, 4.0, slope_step).expect("proper"),
+                gain: Slope::gaussian(0.5, 1.0, -1.5, 2.5, gain_step).expect("proper"),
+                margin_m: 60.0,
+                cell_m: 8.0,
+                max_cells: 600,
+                nuggets: vec![1.0],
+                ..lengths(&[30.0])
+            };
+            let estimator = ShadowingGrid::new(config).expect("in range");
+            estimator.locate(&readings, level).expect("a posterior")
+        };
+        let fix = of_steps(0.25, 0.5);
+        let exact = of_steps(0.02, 0.1);
+        let apart = fix.position.nees(&exact.position.mean).expect("positive definite").sqrt();
+        farthest = farthest.max(apart);
+        let spread = fix.position.covariance.trace() / exact.position.covariance.trace();
+        println!("{sigma} dB: {apart:.3} σ apart, variance {spread:.3} times");
+        assert!(apart < 0.05, "{apart} σ apart at {sigma} dB");
+        assert!((spread - 1.0).abs() < 0.05, "{spread} times the variance at {sigma} dB");
+        assert!((fix.slope.mean - exact.slope.mean).abs() < 0.1 * exact.slope.sd + 1e-3);
+        assert!((fix.slope.sd / exact.slope.sd - 1.0).abs() < 0.1, "{:?}", fix.slope);
+    }
+    assert!(farthest > 0.0, "the two differ");
 }

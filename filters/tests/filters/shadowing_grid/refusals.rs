@@ -112,15 +112,10 @@ fn settings_outside_of_their_range_are_named() {
 }
 
 #[test]
-fn a_gaussian_slope_is_its_nodes_or_a_refusal() {
-    let Ok(Slope::Nodes(nodes)) = Slope::gaussian(2.0, 0.5, 1.0, 3.0, 0.5) else {
-        panic!("proper")
-    };
-    let expected = [(1.0, -2.0), (1.5, -0.5), (2.0, 0.0), (2.5, -0.5), (3.0, -2.0)];
-    assert_eq!(nodes.len(), expected.len());
-    for ((value, weight), (b, log_weight)) in nodes.iter().zip(expected) {
-        assert!((value - b).abs() < 1e-12 && (weight.ln() - log_weight).abs() < 1e-12);
-    }
+fn a_gaussian_slope_has_limits_and_steps_or_is_refused() {
+    let slope = Slope::gaussian(2.0, 0.5, 1.0, 3.0, 0.5).expect("proper");
+    let proper = Slope::Gaussian { mean: 2.0, sd: 0.5, lower: 1.0, upper: 3.0, step: 0.5 };
+    assert_eq!(slope, proper);
     for (mean, sd, lower, upper, step) in [
         (f64::NAN, 0.5, 1.0, 3.0, 0.5),
         (2.0, 0.0, 1.0, 3.0, 0.5),
