@@ -5,7 +5,7 @@ const LOOKED_AT: usize = 4096;
 
 /// Contents that are no table, by their first bytes: the name, and the command that would work,
 /// in which `{}` is the file.
-const CONTENTS: [(&[u8], &str, &str); 11] = [
+const CONTENTS: [(&[u8], &str, &str); 12] = [
     (b"SQLite format 3\0", "an SQLite database", BAG),
     (b"\x89MCAP", "a bag of ROS 2", BAG),
     (b"PK\x03\x04", "a spreadsheet or another ZIP archive", SPREADSHEET),
@@ -14,13 +14,15 @@ const CONTENTS: [(&[u8], &str, &str); 11] = [
     (b"RF64", "a file of samples", SAMPLES),
     (b"<?xml", "an XML file", TRACK),
     (b"<gpx", "a GPX track", TRACK),
+    (b"<kml", "a KML file", TRACK),
     (b"%PDF", "a PDF document", NOTHING),
     (b"\x89PNG", "a picture", NOTHING),
     (b"\xff\xd8\xff", "a picture", NOTHING),
 ];
 
 const BAG: &str = "a bag of ROS 2 becomes a table with: foxhunt convert {} OUT.csv";
-const SPREADSHEET: &str = "save the sheet as CSV, then: foxhunt locate FILE.csv";
+const SPREADSHEET: &str = "a build with the feature `spreadsheets` reads .xlsx, .xls and .ods; or save \
+                           the sheet as CSV, then: foxhunt locate FILE.csv";
 const SAMPLES: &str = "it becomes a table of pulses with: foxhunt pulses {} --csv";
 const TRACK: &str = "a path alone locates nothing; give it beside a table of levels with their \
                      times: foxhunt locate {} LEVELS.csv";

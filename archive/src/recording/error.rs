@@ -16,6 +16,16 @@ pub enum RecordingError {
         /// The cause.
         source: std::io::Error,
     },
+    /// A sheet was asked for that the file does not have.
+    #[error("{file}: there is no sheet {sheet:?} with two rows{}", its_sheets(.sheets))]
+    NoSheet {
+        /// The file.
+        file: String,
+        /// The name of the sheet; empty where no sheet has two rows.
+        sheet: String,
+        /// The names of the sheets that there are; none of a file that is no spreadsheet.
+        sheets: Vec<String>,
+    },
     /// The file is not a table.
     #[error("{file}: this is {what}, not a table; {advice}")]
     NotATable {
@@ -322,8 +332,8 @@ pub enum RecordingError {
         /// The format.
         format: String,
     },
-    /// A track is no GPX.
-    #[error("{file}, line {line}: this is no GPX: {problem}")]
+    /// A track is neither GPX nor KML.
+    #[error("{file}, line {line}: this is neither GPX nor KML: {problem}")]
     NotGpx {
         /// The file.
         file: String,
@@ -557,4 +567,12 @@ fn headerless(formats: &[String]) -> String {
 /// The readings of a time, for people.
 fn either(readings: &[[&str; 2]]) -> String {
     readings.iter().map(|[_, meaning]| *meaning).collect::<Vec<_>>().join(" or ")
+}
+
+/// The end of a message about a sheet that is not there.
+fn its_sheets(sheets: &[String]) -> String {
+    match sheets {
+        [] => "; it is no spreadsheet that this build reads".to_owned(),
+        sheets => format!("; its sheets: {}", sheets.join(", ")),
+    }
 }

@@ -10,13 +10,14 @@ use super::{
 };
 
 /// Our own format first: it is preferred where two fit equally well.
-const TEXTS: [&str; 21] = [
+const TEXTS: [&str; 22] = [
     include_str!("../../formats/foxhunt.toml"),
     include_str!("../../formats/aerpaw-afar.toml"),
     include_str!("../../formats/aerpaw-tower.toml"),
     include_str!("../../formats/chasemapper.toml"),
     include_str!("../../formats/chirpstack.toml"),
     include_str!("../../formats/chirpstack3.toml"),
+    include_str!("../../formats/ctt.toml"),
     include_str!("../../formats/espresense.toml"),
     include_str!("../../formats/hackrf-sweep.toml"),
     include_str!("../../formats/krakensdr.toml"),

@@ -15,6 +15,8 @@ pub struct ReadOptions {
     /// Names of the columns of a table without a header, from the first on; `-` is a column that
     /// is not read. Empty for a table whose header names them.
     pub columns: Vec<String>,
+    /// The sheet of a spreadsheet; the first with more than one row unless given.
+    pub sheet: Option<String>,
     /// The local frame. A file in local metres is taken to be in it.
     pub frame: Option<LocalFrame>,
     /// North from which angles are counted, instead of the format's.
@@ -73,6 +75,13 @@ impl ReadOptions {
     #[must_use]
     pub fn with_columns<N: Into<String>>(mut self, names: impl IntoIterator<Item = N>) -> Self {
         self.columns = names.into_iter().map(Into::into).collect();
+        self
+    }
+
+    /// Sets the sheet that is read of a spreadsheet.
+    #[must_use]
+    pub fn with_sheet(mut self, sheet: impl Into<String>) -> Self {
+        self.sheet = Some(sheet.into());
         self
     }
 

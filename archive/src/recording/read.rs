@@ -19,11 +19,11 @@ use super::{
     beside::Joined,
     ceiling::find_ceilings,
     content,
+    converted::{self, Converted, Made, Rows},
     dates::{Order, order},
     decompress::decompressed,
     exclusion::{Cause, Exclusions},
     formats,
-    json::Json,
     parse::LeftOut,
     plain,
     plan::{Melted, Origin, Plan},
@@ -121,36 +121,36 @@ impl Recording {
         options: &ReadOptions,
     ) -> Result<Self, RecordingError> {
         let mut bytes = decompressed(bytes, name)?;
-        content::check(&bytes, name)?;
+        let sheet = options.sheet.as_deref();
+        let mut taken_for = String::new();
+        let mut rows = None;
+        if let Some(Converted { table, what }) = converted::convert(&bytes, name, sheet)? {
+            taken_for = what;
+            match table {
+                Made::Text(text) => bytes = Cow::Owned(text),
+                Made::Rows(made) => rows = Some(made),
+            }
+        }
+        if rows.is_none() {
+            content::check(&bytes, name)?;
+        }
         if let Some(tabs) = spaces_as_tabs(&bytes, options.columns.len()) {
             bytes = Cow::Owned(tabs);
         }
-        let json = Json::read(&bytes, name)?;
-        let file = File { bytes: &bytes, json, name, folder };
-        let astray = Cell::new(None);
-        let read = file.read(options, &astray);
-        if options.strict || options.frame.is_some() || options.rover.is_some() {
-            return read.map(|read| read.recording);
+        let file = File { bytes: &bytes, rows, name, folder };
+        let mut recording = file.located(options)?;
+        if !taken_for.is_empty() {
+            recording.remarks.push(Remark::new("converted", format!("{name}: {taken_for}")));
         }
-        // The first place is the frame's origin. If it is the wrong one, all the others look wrong.
-        let origin = match &read {
-            Ok(read) => read.better_origin,
-            Err(_) => astray.get(),
-        };
-        if let Some(frame) = origin.and_then(|origin| LocalFrame::new(origin).ok())
-            && let Ok(again) = file.read(&options.clone().with_frame(frame), &Cell::new(None))
-        {
-            return Ok(again.recording);
-        }
-        read.map(|read| read.recording)
+        Ok(recording)
     }
 }
 
 /// The text of a file, and where it lies.
 struct File<'f> {
     bytes: &'f [u8],
-    /// Its rows, if it is a file of JSON.
-    json: Option<Json>,
+    /// Its rows, if it has another shape than a table.
+    rows: Option<Rows>,
     name: &'f str,
     folder: Option<&'f Path>,
 }
@@ -163,12 +163,32 @@ struct Read {
 }
 
 impl File<'_> {
+    /// Reads the file, about its first place that can be believed.
+    fn located(&self, options: &ReadOptions) -> Result<Recording, RecordingError> {
+        let astray = Cell::new(None);
+        let read = self.read(options, &astray);
+        if options.strict || options.frame.is_some() || options.rover.is_some() {
+            return read.map(|read| read.recording);
+        }
+        // The first place is the frame's origin. If it is the wrong one, all the others look wrong.
+        let origin = match &read {
+            Ok(read) => read.better_origin,
+            Err(_) => astray.get(),
+        };
+        if let Some(frame) = origin.and_then(|origin| LocalFrame::new(origin).ok())
+            && let Ok(again) = self.read(&options.clone().with_frame(frame), &Cell::new(None))
+        {
+            return Ok(again.recording);
+        }
+        read.map(|read| read.recording)
+    }
+
     /// Opens the table: its header is the one that fits the format, or is stated.
     fn table(&self, options: &ReadOptions) -> Result<Table<'_>, RecordingError> {
         let name = self.name;
         let bytes = self.bytes;
-        if let Some(json) = &self.json {
-            return Ok(Table::open_json(name, json));
+        if let Some(rows) = &self.rows {
+            return Ok(Table::open_rows(name, rows));
         }
         let format = options.format.as_ref();
         let separator = format.and_then(|mapping| mapping.separator);
@@ -296,7 +316,7 @@ impl File<'_> {
         let names = Names::default();
         // Times that are not on the track.
         let mut off_track: Option<[f64; 2]> = None;
-        for (line, problem) in self.json.iter().flat_map(|json| &json.broken) {
+        for (line, problem) in self.rows.iter().flat_map(|rows| &rows.broken) {
             rows += 1;
             let error = RecordingError::NotJson {
                 file: name.to_owned(),

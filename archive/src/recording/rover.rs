@@ -1,4 +1,4 @@
-use std::sync::Arc;
+use std::{collections::VecDeque, sync::Arc};
 
 use foxhunt_wire::geodesy::Geodetic;
 use quick_xml::{
@@ -19,8 +19,8 @@ const LOOKED_AT: usize = 1024;
 /// anywhere between them.
 const LONGEST_GAP_S: f64 = 30.0;
 
-/// Path of a receiver over time: the track of a GPX file (Topografix, GPX 1.1, 2004), as navigators
-/// and loggers write it, or the path in an autopilot's log: `ArduPilot`'s dataflash (`.bin`,
+/// Path of a receiver over time: the track of a GPX file (Topografix, GPX 1.1, 2004) or a KML file
+/// (OGC 12-007r2, `gx:Track` and points with a time), as navigators and loggers write it, the path in an autopilot's log: `ArduPilot`'s dataflash (`.bin`,
 /// `.log`), PX4's (`.ulg`) or MAVLink's (`.tlog`), or a table with times in UTC and places. Points
 /// without a time are not used.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,18 +43,18 @@ struct Point {
 }
 
 impl Rover {
-    /// Returns true for bytes that [`Self::parse`] reads: a GPX file or an autopilot's log.
+    /// Returns true for bytes that [`Self::parse`] reads: a GPX or KML file, or an autopilot's log.
     #[must_use]
     pub fn is_track(bytes: &[u8]) -> bool {
         let begin = bytes.get(..LOOKED_AT).unwrap_or(bytes);
         let is_xml = begin.starts_with(b"<") || begin.starts_with(b"\xef\xbb\xbf<");
-        let is_gpx = is_xml && begin.windows(4).any(|word| word == b"<gpx");
-        is_gpx || Kind::of(bytes).is_some()
+        let is_track = is_xml && begin.windows(4).any(|word| word == b"<gpx" || word == b"<kml");
+        is_track || Kind::of(bytes).is_some()
     }
 
-    /// Reads a track from GPX; `file` is its name in errors.
-    pub(super) fn of_gpx(gpx: &[u8], file: &str) -> Result<Self, RecordingError> {
-        let mut track = Track { file, gpx, points: Vec::new(), starts: true };
+    /// Reads a track from GPX or KML; `file` is its name in errors.
+    pub(super) fn of_xml(xml: &[u8], file: &str) -> Result<Self, RecordingError> {
+        let mut track = Track { file, xml, points: Vec::new(), starts: true };
         track.read()?;
         let Track { points, .. } = track;
         let (Some(&first), Some(&last)) = (points.first(), points.last()) else {
@@ -134,7 +134,7 @@ impl Rover {
 /// A track that is being read.
 struct Track<'g> {
     file: &'g str,
-    gpx: &'g [u8],
+    xml: &'g [u8],
     points: Vec<Point>,
     /// True if a segment begins.
     starts: bool,
@@ -142,7 +142,7 @@ struct Track<'g> {
 
 impl Track<'_> {
     fn read(&mut self) -> Result<(), RecordingError> {
-        let mut reader = Reader::from_reader(self.gpx);
+        let mut reader = Reader::from_reader(self.xml);
         reader.config_mut().trim_text(true);
         let mut line = 1;
         let mut counted = 0;
@@ -150,10 +150,13 @@ impl Track<'_> {
         let mut point: Option<Geodetic> = None;
         let mut element = Vec::new();
         let mut time: Option<f64> = None;
+        // Times and places of a track in KML, which stand one after the other.
+        let mut times = VecDeque::new();
+        let mut places = VecDeque::new();
         loop {
             let event = reader.read_event();
             let read = usize::try_from(reader.buffer_position()).unwrap_or(usize::MAX);
-            let passed = self.gpx.get(counted..read).unwrap_or_default();
+            let passed = self.xml.get(counted..read).unwrap_or_default();
             line += passed.iter().map(|byte| u64::from(*byte == b'\n')).sum::<u64>();
             counted = read;
             let event = event.map_err(|source| self.broken(line, &source))?;
@@ -163,19 +166,31 @@ impl Track<'_> {
                     element = start.local_name().as_ref().to_vec();
                     match element.as_slice() {
                         b"trkseg" => self.starts = true,
+                        b"Track" | b"Placemark" => {
+                            self.starts |= element == b"Track";
+                            times.clear();
+                            places.clear();
+                        }
                         b"trkpt" => (point, time) = (Some(self.place(start, line)?), None),
                         _ => {}
                     }
                 }
                 Event::Text(text) => {
                     let text = String::from_utf8_lossy(text).into_owned();
+                    match element.as_slice() {
+                        b"when" => times.push_back((self.time(&text, line)?, text.clone(), line)),
+                        b"coord" => places.push_back(self.coordinates(&text, ' ', line)?),
+                        // Those of a line have no times.
+                        b"coordinates" if text.split_whitespace().count() == 1 => {
+                            places.push_back(self.coordinates(&text, ',', line)?);
+                        }
+                        _ => {}
+                    }
                     let Some(place) = &mut point else { continue };
                     match element.as_slice() {
                         b"ele" => place.alt_m = self.number("ele", &text, line, 1e5)?,
                         b"time" => {
-                            let seconds = utc_seconds(text.trim());
-                            let wrong = || self.wrong("time", &text, line, FieldProblem::NotATime);
-                            let seconds = seconds.ok_or_else(wrong)?;
+                            let seconds = self.time(&text, line)?;
                             self.rises(seconds, &text, line)?;
                             time = Some(seconds);
                         }
@@ -184,6 +199,15 @@ impl Track<'_> {
                 }
                 Event::End(end) => {
                     element.clear();
+                    if matches!(end.local_name().as_ref(), b"Track" | b"Placemark") {
+                        while let (Some((time, text, line)), Some(place)) =
+                            (times.pop_front(), places.pop_front())
+                        {
+                            self.rises(time, &text, line)?;
+                            self.points.push(Point { time, place, joined: !self.starts });
+                            self.starts = false;
+                        }
+                    }
                     if end.local_name().as_ref() == b"trkpt"
                         && let (Some(place), Some(time)) = (point.take(), time.take())
                     {
@@ -193,6 +217,33 @@ impl Track<'_> {
                 }
                 _ => {}
             }
+        }
+    }
+
+    /// Seconds since 1970.
+    fn time(&self, text: &str, line: u64) -> Result<f64, RecordingError> {
+        let wrong = || self.wrong("time", text, line, FieldProblem::NotATime);
+        utc_seconds(text.trim()).ok_or_else(wrong)
+    }
+
+    /// The place of KML: longitude, latitude and, where it is known, height.
+    fn coordinates(
+        &self,
+        text: &str,
+        separator: char,
+        line: u64,
+    ) -> Result<Geodetic, RecordingError> {
+        let mut cells = text.trim().split(separator);
+        let mut number = |name: &'static str, limit: f64| match cells.next() {
+            Some(cell) => self.number(name, cell, line, limit).map(Some),
+            None => Ok(None),
+        };
+        let lon_deg = number("longitude", 180.0)?;
+        let lat_deg = number("latitude", 90.0)?;
+        let alt_m = number("height", 1e5)?.unwrap_or(0.0);
+        match (lat_deg, lon_deg) {
+            (Some(lat_deg), Some(lon_deg)) => Ok(Geodetic { lat_deg, lon_deg, alt_m }),
+            _ => Err(self.wrong("coordinates", text, line, FieldProblem::Missing)),
         }
     }
 

@@ -10,7 +10,7 @@ use super::{
 };
 
 impl Rover {
-    /// Reads a GPX file, compressed with gzip or not, an autopilot's log, or a table.
+    /// Reads a GPX or KML file, compressed with gzip or not, an autopilot's log, or a table.
     ///
     /// # Errors
     ///
@@ -23,22 +23,22 @@ impl Rover {
         Self::parse(&decompressed(&bytes, &file)?, &file)
     }
 
-    /// Reads a track from GPX, an autopilot's log or a table; `file` is its name in errors.
+    /// Reads a track from GPX, KML, an autopilot's log or a table; `file` is its name in errors.
     ///
     /// # Errors
     ///
     /// As [`Self::read`].
-    pub fn parse(gpx: &[u8], file: &str) -> Result<Self, RecordingError> {
-        if let Some(kind) = Kind::of(gpx) {
-            return Self::of_log(kind, gpx, file);
+    pub fn parse(xml: &[u8], file: &str) -> Result<Self, RecordingError> {
+        if let Some(kind) = Kind::of(xml) {
+            return Self::of_log(kind, xml, file);
         }
-        // GPX is XML, perhaps behind spaces or a byte order mark; a table begins otherwise.
-        let begin = gpx.strip_prefix(b"\xef\xbb\xbf").unwrap_or(gpx);
+        // GPX and KML are XML, perhaps behind spaces or a byte order mark; a table begins otherwise.
+        let begin = xml.strip_prefix(b"\xef\xbb\xbf").unwrap_or(xml);
         let first = begin.iter().find(|byte| !byte.is_ascii_whitespace());
         if first.is_some_and(|byte| *byte != b'<') {
-            return Self::of_table(gpx, file);
+            return Self::of_table(xml, file);
         }
-        Self::of_gpx(gpx, file)
+        Self::of_xml(xml, file)
     }
 
     /// A table is a recording whose level is the same everywhere.

@@ -2,7 +2,7 @@ use std::{borrow::Cow, sync::Arc};
 
 use csv::{ByteRecord, StringRecord};
 
-use super::{FieldProblem, RecordingError, Source, json::Json, near_miss::near_miss};
+use super::{FieldProblem, RecordingError, Source, converted::Rows, near_miss::near_miss};
 
 /// Longer cells are cut in messages: an unclosed quote swallows the rest of the file.
 const SHOWN: usize = 60;
@@ -92,12 +92,12 @@ impl<'b> Table<'b> {
         table
     }
 
-    /// Opens a table that was made of JSON.
-    pub(super) fn open_json(file: &str, json: &'b Json) -> Self {
-        let mut table = Self::begin_at(file, &json.csv, 0, Some(','));
-        table.header.clone_from(&json.header);
+    /// Opens a table that was made of a file of another shape.
+    pub(super) fn open_rows(file: &str, rows: &'b Rows) -> Self {
+        let mut table = Self::begin_at(file, &rows.csv, 0, Some(','));
+        table.header.clone_from(&rows.header);
         table.padded = true;
-        table.lines = &json.lines;
+        table.lines = &rows.lines;
         table
     }
 

@@ -17,6 +17,7 @@ mod recordings {
     mod quantities;
     mod real;
     mod round_trip;
+    mod shapes;
     mod standards;
     mod sweeps;
     mod tables;

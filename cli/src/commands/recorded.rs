@@ -34,6 +34,9 @@ pub(crate) struct Reading {
     /// lat,lon,bearing
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     columns: Vec<String>,
+    /// The sheet of a spreadsheet; the first with more than one row unless given
+    #[arg(long, value_name = "NAME")]
+    sheet: Option<String>,
     /// The beacon, where the recording holds several
     #[arg(long, value_name = "NAME")]
     beacon: Option<String>,
@@ -168,6 +171,9 @@ impl Reading {
             .with_columns(self.columns.iter().map(|name| name.trim()))
             .with_strict(self.strict)
             .with_negated_levels(self.negate_levels);
+        if let Some(sheet) = &self.sheet {
+            options = options.with_sheet(sheet);
+        }
         if let Some(format) = self.time_format {
             options = options.with_time_format(format);
         }

@@ -1,4 +1,5 @@
-use foxhunt_sensors::{Deviation, DeviationFit, SigmaFit};
+use foxhunt_core::parameter::{ParameterError, finite, not_negative, positive, require};
+use foxhunt_sensors::{Deviation, DeviationFit, MOST_HARMONICS, SigmaFit};
 use serde::{Deserialize, Serialize};
 
 /// Error of the bearings of an array of antennas that does not turn: measured minus true in degrees
@@ -55,6 +56,27 @@ impl ArraySection {
         }
     }
 
+    /// Names the first number that is out of its range.
+    pub(super) fn check(&self) -> Result<(), ParameterError> {
+        finite("offset_deg_ccw", self.offset_deg_ccw)?;
+        for value in self.harmonics_deg.iter().flatten() {
+            finite("harmonics_deg", *value)?;
+        }
+        #[expect(clippy::cast_precision_loss, reason = "a few")]
+        let pairs = self.harmonics_deg.len() as f64;
+        let few = self.harmonics_deg.len() <= MOST_HARMONICS;
+        require(few, "the number of pairs in harmonics_deg", pairs, "at most 8")?;
+        positive("sigma_deg", self.sigma_deg)?;
+        not_negative("sigma_scale", self.sigma_scale)?;
+        not_negative("sigma_floor_deg", self.sigma_floor_deg)?;
+        let sum = self.sigma_scale + self.sigma_floor_deg;
+        positive("the sum of sigma_scale and sigma_floor_deg", sum)?;
+        #[expect(clippy::cast_precision_loss, reason = "a few")]
+        let rows = self.covariance_deg2.len() as f64;
+        let covariance = "the symmetric covariance of the offset and of both numbers of each pair";
+        require(self.deviation().is_some(), "covariance_deg2 in rows", rows, covariance).map(drop)
+    }
+
     /// Returns the deviation; `None` where numbers are out of their range.
     #[must_use]
     pub fn deviation(&self) -> Option<Deviation> {
@@ -63,11 +85,7 @@ impl ArraySection {
         let rows: Vec<Vec<f64>> = self.covariance_deg2.iter().map(radians).collect();
         let harmonics: Vec<[f64; 2]> =
             self.harmonics_deg.iter().map(|own| own.map(f64::to_radians)).collect();
-        let sigmas = [self.sigma_deg, self.sigma_scale, self.sigma_floor_deg];
-        let are_sigmas = sigmas.iter().all(|sigma| sigma.is_finite() && *sigma >= 0.0);
-        let known = self.sigma_deg > 0.0 && self.sigma_scale + self.sigma_floor_deg > 0.0;
         Deviation::new(self.offset_deg_ccw.to_radians(), &harmonics, &rows)
-            .filter(|_| are_sigmas && known)
     }
 
     /// Returns σ in radians of a measured bearing, from its own σ if it has one.

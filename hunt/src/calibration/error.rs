@@ -1,4 +1,4 @@
-use foxhunt_sensors::{MOST_HARMONICS, ParameterError};
+use foxhunt_sensors::ParameterError;
 
 /// Reason why a file is no calibration.
 #[derive(Debug, thiserror::Error)]
@@ -30,16 +30,24 @@ pub enum CalibrationFileError {
         /// The one that is read.
         known: u32,
     },
-    /// The section of an array is out of its range.
-    #[error(
-        "{file}: array {number} ({name}): harmonics_deg holds at most {MOST_HARMONICS} pairs, \
-         covariance_deg2 the symmetric covariance of the offset and both numbers of each pair, \
-         and sigma_deg is positive"
-    )]
+    /// A number of an array is out of its range.
+    #[error("{file}: array {number} ({name}): {source}")]
     Array {
         /// The file.
         file: String,
         /// Number of the array, from 1.
+        number: usize,
+        /// Name of the array; empty without one.
+        name: String,
+        /// Name of the number, and why it is refused.
+        source: ParameterError,
+    },
+    /// Two arrays are of one receiver, so that the second would never count.
+    #[error("{file}: array {number} ({name}): an array before it is of the same receiver")]
+    ArrayTwice {
+        /// The file.
+        file: String,
+        /// Number of the second, from 1.
         number: usize,
         /// Name of the array; empty without one.
         name: String,

@@ -39,8 +39,8 @@ pub struct CalibrationFile {
     /// Errors of bearings; no correction where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bearings: Option<BearingSection>,
-    /// Errors of arrays that do not turn, over the direction; no correction where absent. The first
-    /// one that is of a receiver counts.
+    /// Errors of arrays that do not turn, over the direction; no correction where absent. Each is
+    /// of another receiver, and one without a name of those that no other before it is of.
     #[serde(default, rename = "array", skip_serializing_if = "Vec::is_empty")]
     pub arrays: Vec<ArraySection>,
     /// The model of stations of fixed antennas that have no section of their own; they are read as
@@ -158,12 +158,14 @@ impl CalibrationFile {
             model.station(&[0.0]).map_err(wrong("station_model"))?;
         }
         for (index, array) in read.arrays.iter().enumerate() {
-            if array.deviation().is_none() {
-                return Err(CalibrationFileError::Array {
-                    file: file.to_owned(),
-                    number: index + 1,
-                    name: array.name.clone().unwrap_or_default(),
-                });
+            let number = index + 1;
+            let file = file.to_owned();
+            let name = array.name.clone().unwrap_or_default();
+            if read.arrays.iter().take(index).any(|before| before.name == array.name) {
+                return Err(CalibrationFileError::ArrayTwice { file, number, name });
+            }
+            if let Err(source) = array.check() {
+                return Err(CalibrationFileError::Array { file, number, name, source });
             }
         }
         for station in &read.stations {
@@ -303,9 +305,9 @@ mod tests {
             ("[0.1, 0.03]", "[0.2, 0.03]", "the lower covariance of P₀ and γ is 0.2"),
             ("sigma_db = 2.5", "sigma_db = -2.5", "path_loss: sigma_db is -2.5"),
             ("sigma_scale = 1.0", "sigma_scale = -1.0", "bearings.correction: scale is -1"),
-            ("sigma_deg = 1.1", "sigma_deg = -1.1", "array 1 (mast)"),
-            ("[0.1, 0.2, 0.0]", "[0.1, -0.2, 0.0]", "array 1 (mast)"),
-            ("[0.1, 0.2, 0.0]", "[0.1, 0.2]", "array 1 (mast)"),
+            ("sigma_deg = 1.1", "sigma_deg = -1.1", "array 1 (mast): sigma_deg is -1.1"),
+            ("[0.1, 0.2, 0.0]", "[0.1, -0.2, 0.0]", "array 1 (mast): covariance_deg2"),
+            ("[0.1, 0.2, 0.0]", "[0.1, 0.2]", "array 1 (mast): covariance_deg2"),
             ("beamwidth_deg = 36.0", "beamwidth_deg = 190.0", "station: beamwidth"),
             ("boresight_sigma_deg = 9.5", "boresight_sigma_deg = -1.0", "station_model: boresight"),
             ("gain_sigma_db = 2.9", "gain_sigma_deg = 2.9", "gain_sigma_deg"),
@@ -319,5 +321,9 @@ mod tests {
             let error = error.to_string();
             assert!(error.starts_with("c.toml") && error.contains(expected), "{to}: {error}");
         }
+        let mut twice = whole();
+        twice.arrays.extend(whole().arrays);
+        let error = CalibrationFile::parse(&twice.to_toml(), "c.toml").expect_err("one is unused");
+        assert!(error.to_string().contains("array 2 (mast): an array before it"), "{error}");
     }
 }

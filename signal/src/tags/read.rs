@@ -1,18 +1,29 @@
 //! Pulses that detectors wrote and tables of known tags, read from rows of text.
 
 use std::{
-    fs, io,
+    fs,
+    io::{self, Read as _},
     path::{Path, PathBuf},
 };
 
 use chrono::DateTime;
+use flate2::read::MultiGzDecoder;
 use serde::{Deserialize, Serialize};
 
 use crate::Pulse;
 
+/// The first bytes of a gzip file (RFC 1952, §2.3.1).
+const GZIP: [u8; 2] = [0x1f, 0x8b];
+
 /// Length of the pulses that SensorGnome's detector searches for by default, in seconds; its files
 /// do not hold a width.
 const SENSORGNOME_WIDTH_S: f64 = 0.0025;
+
+/// Columns of a SensorGnome's pulses.
+const SENSORGNOME_PULSE: [&str; 4] = ["time_unix_s", "dfreq_kHz", "sig_dB", "noise_dB"];
+
+/// Lines by which a SensorGnome's own file is known.
+const SENSORGNOME_LINES: usize = 100;
 
 /// Headers of files of pulses.
 const PULSES: &str = "a pulse file: time_s, frequency_hz, width_s, power_dbm, snr_db (foxhunt); \
@@ -118,8 +129,11 @@ struct Row<'a> {
 }
 
 impl<'a> Rows<'a> {
-    /// Reads what a file holds: fields are separated by `,` or, where the header has one, by `;`.
+    /// Reads the rows of a file: fields are separated by `,` or, where the header has one, by `;`.
     fn parse(file: &'a Path, bytes: &[u8]) -> Result<Self, TagError> {
+        if let Some(rows) = Self::of_sensorgnome(file, bytes) {
+            return Ok(rows);
+        }
         let header = bytes.split(|byte| *byte == b'\n').next().unwrap_or_default();
         let delimiter = if header.contains(&b';') { b';' } else { b',' };
         let mut reader = csv::ReaderBuilder::new()
@@ -140,6 +154,30 @@ impl<'a> Rows<'a> {
             rows.push((record.position().map_or(0, csv::Position::line), record));
         }
         Ok(Self { file, columns, rows })
+    }
+
+    /// The pulses in a SensorGnome's own file, which has lines of several kinds and no header:
+    /// `p1,1435173846.6384,3.883,-49.09,-71.03` is a pulse of port 1 (Motus, "File formats"). `None`
+    /// for any other file.
+    fn of_sensorgnome(file: &'a Path, bytes: &[u8]) -> Option<Self> {
+        let text = std::str::from_utf8(bytes).ok()?;
+        let cells = |line: &str| -> Option<csv::StringRecord> {
+            let (kind, cells) = line.trim_end().split_once(',')?;
+            let port = kind.strip_prefix(['p', 'T', 'G', 'S', 'C'])?;
+            let is_port = port.bytes().all(|byte| byte.is_ascii_digit());
+            let cells: csv::StringRecord = cells.split(',').take(4).collect();
+            (is_port && cells.get(0)?.parse::<f64>().is_ok()).then_some(cells)
+        };
+        let mut first = text.lines().filter(|line| !line.is_empty()).take(SENSORGNOME_LINES);
+        if !first.next().is_some_and(|line| cells(line).is_some())
+            || !first.all(|line| cells(line).is_some())
+        {
+            return None;
+        }
+        let columns = SENSORGNOME_PULSE.map(str::to_owned).to_vec();
+        let pulses = (1..).zip(text.lines()).filter(|(_, line)| line.starts_with('p'));
+        let rows = pulses.filter_map(|(number, line)| Some((number, cells(line)?))).collect();
+        Some(Self { file, columns, rows })
     }
 
     fn has(&self, columns: &[&str]) -> bool {
@@ -337,14 +375,22 @@ impl TagTable {
 
 /// Reads the bytes of a file.
 fn bytes_of(file: &Path) -> Result<Vec<u8>, TagError> {
-    fs::read(file).map_err(|source| TagError::Read { file: file.to_owned(), source })
+    let wrong = |source| TagError::Read { file: file.to_owned(), source };
+    let bytes = fs::read(file).map_err(wrong)?;
+    if !bytes.starts_with(&GZIP) {
+        return Ok(bytes);
+    }
+    let mut held = Vec::new();
+    MultiGzDecoder::new(bytes.as_slice()).read_to_end(&mut held).map_err(wrong)?;
+    Ok(held)
 }
 
 /// Reads a list of pulses; its header shows which program wrote it.
 ///
 /// - foxhunt: `time_s, frequency_hz, width_s, power_dbm, snr_db`, separated by commas;
-/// - SensorGnome: `time_unix_s, dfreq_kHz, sig_dB, noise_dB`; frequencies are relative to the
-///   receiver's centre, widths are the 2.5 ms that its detector searches for;
+/// - SensorGnome: its own file, compressed with gzip or not, or a table with `time_unix_s,
+///   dfreq_kHz, sig_dB, noise_dB`; frequencies are relative to the receiver's centre, widths are
+///   the 2.5 ms that its detector searches for;
 /// - pyradiotracking: separated by semicolons, times in UTC with a date.
 ///
 /// The ratios of the latter two are powers in their own bandwidths. As E/N0 they would be off by a
@@ -368,7 +414,7 @@ pub fn parse_pulses(file: &Path, bytes: &[u8]) -> Result<PulseList, TagError> {
     let rows = Rows::parse(file, bytes)?;
     let readers: [(&str, &[&str], Read); 3] = [
         ("foxhunt", &["time_s", "frequency_hz", "width_s", "power_dbm", "snr_db"], own_pulse),
-        ("sensorgnome", &["time_unix_s", "dfreq_kHz", "sig_dB", "noise_dB"], sensorgnome_pulse),
+        ("sensorgnome", &SENSORGNOME_PULSE, sensorgnome_pulse),
         (
             "pyradiotracking",
             &["Time", "Frequency", "Duration", "avg (dBW)", "snr (dB)"],

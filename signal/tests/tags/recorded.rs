@@ -1,6 +1,12 @@
-use std::path::{Path, PathBuf};
+use std::{
+    io::Write as _,
+    path::{Path, PathBuf},
+};
 
-use foxhunt_signal::tags::{Association, AssociationConfig, TagTable, associate, read_pulses};
+use flate2::{Compression, write::GzEncoder};
+use foxhunt_signal::tags::{
+    Association, AssociationConfig, TagTable, associate, parse_pulses, read_pulses,
+};
 
 fn shared(name: &str) -> Option<PathBuf> {
     let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data")).join(name);
@@ -51,6 +57,29 @@ fn one_tag_of_unknown_interval() {
     assert_eq!((tags[0].pulses.len(), others.len()), (4_720, 0));
     assert_eq!(tags[0].names, [""; 0]);
     assert!((tags[0].interval_s - 0.900).abs() < 0.001, "{}", tags[0].interval_s);
+}
+
+/// A SensorGnome's own file, compressed, is the table of its pulses; its other lines are none.
+#[test]
+fn a_sensorgnomes_own_file_is_its_pulses() {
+    let own = "S,1366227448.192,1,frequency,166.376,0,\n\
+               G,1366227449,44.34,-66.11,21.6\n\
+               p1,1366227450.5,3.883,-49.09,-71.03\n\
+               T1,1366227450.9,78664C33,-51\n\
+               p12,1366227451.25,-1.25,-52.5,-70\n";
+    let table = "time_unix_s,dfreq_kHz,sig_dB,noise_dB\n\
+                 1366227450.5,3.883,-49.09,-71.03\n1366227451.25,-1.25,-52.5,-70\n";
+    let file = Path::new("all.txt");
+    let list = parse_pulses(file, own.as_bytes()).expect("a SensorGnome's file");
+    assert_eq!(list.pulses, parse_pulses(file, table.as_bytes()).expect("a table").pulses);
+    let compressed = Path::new(env!("CARGO_TARGET_TMPDIR")).join("all.txt.gz");
+    let out = std::fs::File::create(&compressed).expect("a file can be written");
+    let mut encoder = GzEncoder::new(out, Compression::default());
+    encoder.write_all(own.as_bytes()).and_then(|()| encoder.finish()).expect("it is written");
+    assert_eq!(read_pulses(&compressed).expect("it is read").pulses, list.pulses);
+    let broken = own.replace("-52.5", "loud");
+    let error = parse_pulses(file, broken.as_bytes()).expect_err("no level").to_string();
+    assert!(error.contains("line 5, sig_dB: \"loud\""), "{error}");
 }
 
 /// The error of a file with this text, read as pulses or as a table.

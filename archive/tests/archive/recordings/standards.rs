@@ -96,7 +96,7 @@ fn a_track_names_its_mistakes() {
         ("lon='14.002'", "", ["line 3", "lon", "\"\"", "must not be empty"]),
         ("10:00:10Z", "09:59:59Z", ["line 3", "time", "09:59:59Z", "1 s earlier"]),
         ("10:00:10Z", "noon", ["line 3", "time", "noon", "YYYY-MM-DD"]),
-        ("</trkseg><trkseg>", "</trk>", ["line 4", "no GPX", "trkseg", "trk"]),
+        ("</trkseg><trkseg>", "</trk>", ["line 4", "neither GPX nor KML", "trkseg", "trk"]),
     ] {
         let text = GPX.replace(from, to);
         let error = Rover::parse(text.as_bytes(), "rover.gpx").expect_err(to).to_string();

@@ -2,7 +2,8 @@ use std::collections::BTreeMap;
 
 use serde_json::{Deserializer, Map, Value};
 
-use super::RecordingError;
+use super::{Rows, RowsWriter, not_written};
+use crate::recording::RecordingError;
 
 /// Maximum number of columns; further keys are not read.
 const MOST_COLUMNS: usize = 500;
@@ -14,114 +15,89 @@ const MOST_ENTRIES: usize = 8;
 /// Things Stack.
 const RECEIVERS: [&str; 2] = ["rxInfo", "rx_metadata"];
 
-/// Objects of JSON as a table: one row an object, nested keys joined by dots.
-#[derive(Debug, Default, PartialEq)]
-pub(super) struct Json {
-    /// The names of the columns.
-    pub(super) header: Vec<String>,
-    /// The rows as CSV without a header; a row has no cells beyond its last key.
-    pub(super) csv: Vec<u8>,
-    /// The line of the file in which each row begins.
-    pub(super) lines: Vec<u64>,
-    /// Lines that are no JSON, each with the reason.
-    pub(super) broken: Vec<(u64, String)>,
+/// Reads JSON lines, a list of objects, or objects one after the other, each as a row with nested
+/// keys joined by dots; `None` for a file that does not begin as any of these. A line may begin
+/// with the topic of a message.
+pub(super) fn convert(bytes: &[u8], file: &str) -> Result<Option<Rows>, RecordingError> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    if !is_json(bytes) {
+        return Ok(None);
+    }
+    let mut json = RowsWriter::new(&[]);
+    let mut columns = BTreeMap::new();
+    let mut at = 0;
+    let mut line = 1;
+    while let Some(rest) = bytes.get(at..).filter(|rest| !rest.is_empty()) {
+        let between = |byte: &&u8| byte.is_ascii_whitespace() || b",[]".contains(byte);
+        let skipped = rest.iter().take_while(between).count();
+        let (before, rest) = rest.split_at(skipped);
+        line += newlines(before);
+        at += skipped;
+        if rest.is_empty() {
+            break;
+        }
+        let topic = topic(rest);
+        let begin = topic.map_or(0, str::len);
+        let text = rest.get(begin..).unwrap_or_default();
+        let mut values = Deserializer::from_slice(text).into_iter::<Value>();
+        let value = values.next();
+        let end = begin + values.byte_offset();
+        match value {
+            Some(Ok(Value::Object(object))) => {
+                for row in rows(object, topic) {
+                    let cells = cells(&row, &mut json.rows.header, &mut columns);
+                    json.write(line, &cells).map_err(|error| not_written(file, error))?;
+                }
+                line += newlines(rest.get(..end).unwrap_or_default());
+                at += end;
+            }
+            other => {
+                let problem = match other {
+                    Some(Err(error)) => reason(&error),
+                    _ => "not an object of JSON".to_owned(),
+                };
+                json.rows.broken.push((line, problem));
+                let length = rest.iter().position(|byte| *byte == b'\n');
+                let length = length.map_or(rest.len(), |length| length + 1);
+                line += newlines(rest.get(..length).unwrap_or_default());
+                at += length;
+            }
+        }
+    }
+    json.finish().map(Some).map_err(|error| not_written(file, error))
 }
 
-impl Json {
-    /// Reads JSON lines, a list of objects, or objects one after the other; `None` for a file that
-    /// does not begin as any of these. A line may begin with the topic of a message.
-    pub(super) fn read(bytes: &[u8], file: &str) -> Result<Option<Self>, RecordingError> {
-        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-        if !is_json(bytes) {
-            return Ok(None);
-        }
-        let failed = |error: csv::Error| RecordingError::Read {
-            file: file.to_owned(),
-            source: std::io::Error::other(error),
+/// The cells of a row in the order of the columns; new keys are added to these.
+fn cells(
+    row: &[(String, String)],
+    header: &mut Vec<String>,
+    columns: &mut BTreeMap<String, usize>,
+) -> Vec<String> {
+    let mut cells = Vec::new();
+    for (key, value) in row {
+        let index = match columns.get(key) {
+            Some(index) => *index,
+            None if header.len() < MOST_COLUMNS => {
+                let index = header.len();
+                columns.insert(key.clone(), index);
+                header.push(key.clone());
+                index
+            }
+            None => continue,
         };
-        let mut json = Self::default();
-        let mut columns = BTreeMap::new();
-        // Every cell is quoted, so that no row looks like a comment.
-        let mut writer = csv::WriterBuilder::new()
-            .flexible(true)
-            .quote_style(csv::QuoteStyle::Always)
-            .from_writer(Vec::new());
-        let mut at = 0;
-        let mut line = 1;
-        while let Some(rest) = bytes.get(at..).filter(|rest| !rest.is_empty()) {
-            let between = |byte: &&u8| byte.is_ascii_whitespace() || b",[]".contains(byte);
-            let skipped = rest.iter().take_while(between).count();
-            let (before, rest) = rest.split_at(skipped);
-            line += newlines(before);
-            at += skipped;
-            if rest.is_empty() {
-                break;
-            }
-            let topic = topic(rest);
-            let begin = topic.map_or(0, str::len);
-            let text = rest.get(begin..).unwrap_or_default();
-            let mut values = Deserializer::from_slice(text).into_iter::<Value>();
-            let value = values.next();
-            let end = begin + values.byte_offset();
-            match value {
-                Some(Ok(Value::Object(object))) => {
-                    for row in rows(object, topic) {
-                        let cells = json.cells(&row, &mut columns);
-                        writer.write_record(cells).map_err(failed)?;
-                        json.lines.push(line);
-                    }
-                    line += newlines(rest.get(..end).unwrap_or_default());
-                    at += end;
-                }
-                other => {
-                    let problem = match other {
-                        Some(Err(error)) => reason(&error),
-                        _ => "not an object of JSON".to_owned(),
-                    };
-                    json.broken.push((line, problem));
-                    let length = rest.iter().position(|byte| *byte == b'\n');
-                    let length = length.map_or(rest.len(), |length| length + 1);
-                    line += newlines(rest.get(..length).unwrap_or_default());
-                    at += length;
-                }
-            }
+        if cells.len() <= index {
+            cells.resize(index + 1, String::new());
         }
-        json.csv = writer.into_inner().map_err(|error| failed(error.into_error().into()))?;
-        Ok(Some(json))
+        if let Some(cell) = cells.get_mut(index) {
+            // A row is a line.
+            *cell = value.replace(['\r', '\n'], " ");
+        }
     }
-
-    /// The cells of a row in the order of the columns; new keys are added to these.
-    fn cells(
-        &mut self,
-        row: &[(String, String)],
-        columns: &mut BTreeMap<String, usize>,
-    ) -> Vec<String> {
-        let mut cells = Vec::new();
-        for (key, value) in row {
-            let index = match columns.get(key) {
-                Some(index) => *index,
-                None if self.header.len() < MOST_COLUMNS => {
-                    let index = self.header.len();
-                    columns.insert(key.clone(), index);
-                    self.header.push(key.clone());
-                    index
-                }
-                None => continue,
-            };
-            if cells.len() <= index {
-                cells.resize(index + 1, String::new());
-            }
-            if let Some(cell) = cells.get_mut(index) {
-                // A row is a line.
-                *cell = value.replace(['\r', '\n'], " ");
-            }
-        }
-        if cells.is_empty() {
-            // A row without cells would be skipped, and the lines of the others be wrong.
-            cells.push(String::new());
-        }
-        cells
+    if cells.is_empty() {
+        // A row without cells would be skipped, and the lines of the others be wrong.
+        cells.push(String::new());
     }
+    cells
 }
 
 /// Returns true if a text begins as an object, a list of objects, or a topic and an object.
@@ -255,8 +231,8 @@ fn flatten(prefix: &str, value: &Value, row: &mut Vec<(String, String)>) {
 mod tests {
     use super::*;
 
-    fn read(text: &str) -> Json {
-        Json::read(text.as_bytes(), "f.json").expect("it is read").expect("JSON")
+    fn read(text: &str) -> Rows {
+        convert(text.as_bytes(), "f.json").expect("it is read").expect("JSON")
     }
 
     #[test]
@@ -295,7 +271,7 @@ mod tests {
     #[test]
     fn what_begins_otherwise_is_no_json() {
         for text in ["a,b\n", "", "[1,2]", "{a}", "x {\"a\":1}"] {
-            assert_eq!(Json::read(text.as_bytes(), "f").expect("no error"), None, "{text}");
+            assert_eq!(convert(text.as_bytes(), "f").expect("no error"), None, "{text}");
         }
         let json = read("home/room/kitchen {\"rssi\":-70}\n");
         assert_eq!(json.header, ["topic", "topic.last", "payload.rssi"]);

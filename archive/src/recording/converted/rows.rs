@@ -1,0 +1,46 @@
+use std::io;
+
+/// Rows that were made of a file of another shape, each with its line there.
+#[derive(Debug, Default, PartialEq)]
+pub(in crate::recording) struct Rows {
+    /// The names of the columns.
+    pub(in crate::recording) header: Vec<String>,
+    /// The rows as CSV without a header; a row may have fewer cells than there are columns.
+    pub(in crate::recording) csv: Vec<u8>,
+    /// The line of the file in which each row begins.
+    pub(in crate::recording) lines: Vec<u64>,
+    /// Lines that cannot be read, each with the reason.
+    pub(in crate::recording) broken: Vec<(u64, String)>,
+}
+
+/// Rows that are being written.
+pub(super) struct RowsWriter {
+    pub(super) rows: Rows,
+    writer: csv::Writer<Vec<u8>>,
+}
+
+impl RowsWriter {
+    /// No rows as yet.
+    pub(super) fn new(header: &[&str]) -> Self {
+        let header = header.iter().map(|name| (*name).to_owned()).collect();
+        // Every cell is quoted, so that no row looks like a comment.
+        let writer = csv::WriterBuilder::new()
+            .flexible(true)
+            .quote_style(csv::QuoteStyle::Always)
+            .from_writer(Vec::new());
+        Self { rows: Rows { header, ..Rows::default() }, writer }
+    }
+
+    /// Writes a row that begins in a line of the file.
+    pub(super) fn write<C: AsRef<[u8]>>(&mut self, line: u64, cells: &[C]) -> csv::Result<()> {
+        self.writer.write_record(cells)?;
+        self.rows.lines.push(line);
+        Ok(())
+    }
+
+    /// All rows that were written.
+    pub(super) fn finish(self) -> io::Result<Rows> {
+        let csv = self.writer.into_inner().map_err(csv::IntoInnerError::into_error)?;
+        Ok(Rows { csv, ..self.rows })
+    }
+}

@@ -1,0 +1,91 @@
+"""Writes the files of this folder: one walk as a spreadsheet of Excel and of OpenDocument, and as a log of Kismet.
+
+Needs openpyxl and odfpy. The transmitter is at 48.2009 N, 16.3715 E; the walk goes around it at 1 Hz.
+"""
+
+import datetime
+import math
+import sqlite3
+from pathlib import Path
+
+import openpyxl
+from odf.opendocument import OpenDocumentSpreadsheet
+from odf.table import Table, TableCell, TableRow
+from odf.text import P
+
+FOLDER = Path(__file__).parent
+BEGIN = datetime.datetime(2026, 6, 21, 14, 3, 0)
+HEADER = ["Date", "Time", "Latitude", "Longitude", "RSSI [dBm]"]
+NORTH_M = 111_200.0
+EAST_M = NORTH_M * math.cos(math.radians(48.2))
+
+
+def walk():
+    """Time, latitude, longitude and level in dBm of each second."""
+    for second in range(200):
+        along = 4.0 * (second % 100)
+        north, east = (0.0, along) if second < 100 else (150.0, 400.0 - along)
+        away = math.hypot(north - 100.0, east - 111.0)
+        level = -40.0 - 25.0 * math.log10(max(away, 1.0)) + 3.0 * math.sin(1.7 * second)
+        yield BEGIN + datetime.timedelta(seconds=second), 48.2 + north / NORTH_M, 16.37 + east / EAST_M, level
+
+
+def excel():
+    book = openpyxl.Workbook()
+    book.active.title = "Notes"
+    book.active.append(["a walk with a receiver"])
+    sheet = book.create_sheet("Walk")
+    sheet.append([])
+    sheet.append(HEADER)
+    for time, lat, lon, level in walk():
+        sheet.append([time.date(), time.time(), lat, lon, level])
+    book.save(FOLDER / "walk.xlsx")
+
+
+def opendocument():
+    book = OpenDocumentSpreadsheet()
+    sheet = Table(name="Walk")
+    row = TableRow()
+    for name in HEADER:
+        cell = TableCell(valuetype="string")
+        cell.addElement(P(text=name))
+        row.addElement(cell)
+    sheet.addElement(row)
+    for time, lat, lon, level in walk():
+        row = TableRow()
+        row.addElement(TableCell(valuetype="date", datevalue=time.date().isoformat()))
+        row.addElement(TableCell(valuetype="time", timevalue=time.strftime("PT%HH%MM%SS")))
+        for number in (lat, lon, level):
+            row.addElement(TableCell(valuetype="float", value=repr(number)))
+        sheet.addElement(row)
+    book.spreadsheet.addElement(sheet)
+    book.save(FOLDER / "walk.ods")
+
+
+def kismet():
+    """As Kismet's logs of db_version 8 are (kismetwireless.net, "KismetDB logs")."""
+    path = FOLDER / "walk.kismet"
+    path.unlink(missing_ok=True)
+    with sqlite3.connect(path) as log:
+        log.execute("CREATE TABLE KISMET (kismet_version TEXT, db_version INT, db_module TEXT)")
+        log.execute("INSERT INTO KISMET VALUES ('2023.07', 8, 'kismetlog')")
+        log.execute(
+            "CREATE TABLE packets (ts_sec INT, ts_usec INT, phyname TEXT, sourcemac TEXT, destmac TEXT, "
+            "transmac TEXT, frequency REAL, devkey TEXT, lat REAL, lon REAL, alt REAL, speed REAL, heading REAL, "
+            "packet_len INT, packet_full_len INT, signal INT, datasource TEXT, dlt INT, packet BLOB, error INT, "
+            "tags TEXT, datarate REAL, hash INT, packetid INT)"
+        )
+        for number, (time, lat, lon, level) in enumerate(walk()):
+            seconds = int(time.replace(tzinfo=datetime.timezone.utc).timestamp())
+            # Every tenth packet came without a place, as before the receiver's first fix.
+            place = (0.0, 0.0) if number % 10 == 3 else (lat, lon)
+            log.execute(
+                "INSERT INTO packets (ts_sec, ts_usec, phyname, sourcemac, lat, lon, alt, signal, datasource) "
+                "VALUES (?, ?, 'IEEE802.11', '02:00:00:00:00:01', ?, ?, 180.0, ?, '5FE308BD')",
+                (seconds, 250_000, *place, round(level)),
+            )
+
+
+excel()
+opendocument()
+kismet()
