@@ -212,8 +212,10 @@ macro_rules! constant_velocity {
 
 constant_velocity!(1 2 3);
 
-/// A turn at a nearly constant rate, x = (E, N, Ė, Ṅ, ω) or, in space, (E, N, U, Ė, Ṅ, U̇, ω), ω in
-/// radians per second and positive counter-clockwise (Bar-Shalom, Li & Kirubarajan 2001, §11.7.1).
+/// A turn at a nearly constant rate, x = (E, N, Ė, Ṅ, ω) or, in space, (E, N, U, Ė, Ṅ, U̇, ω).
+///
+/// The rate ω is in radians per second, positive counter-clockwise (Bar-Shalom, Li & Kirubarajan
+/// 2001, §11.7.1).
 ///
 /// The horizontal velocity turns by ω Δt and the position follows its arc; a rate of zero is a
 /// straight line. The Up's velocity stays. White acceleration drives position and velocity as in

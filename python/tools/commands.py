@@ -166,7 +166,8 @@ def function(command: dict[str, Any], aliases: dict[str, str]) -> str:
     signature = "".join(f"    {each},\n" for each in parameters)
     head = f"def {name}(\n{signature}) -> {result}:" if parameters else f"def {name}() -> {result}:"
     passed = "".join(f'        "{each["name"]}": {safe(each["name"])},\n' for each in flags)
-    body = f"    flags: dict[str, Any] = {{\n{passed}    }}\n" if flags else "    flags: dict[str, Any] = {}\n"
+    passed = f"{{\n{passed}    }}" if flags else "{}"
+    body = f"    flags: dict[str, Any] = {passed}\n"
     if name in {"hunt", "campaign", "results"}:
         first = ", ".join(given)
         more = ", runs, seed" if name == "campaign" else ""

@@ -137,7 +137,7 @@ pub enum TargetConfig {
         /// The course in degrees clockwise from North; 0 unless given.
         #[serde(default)]
         course_deg_compass: f64,
-        /// q in m²/s³: the power spectral density of the acceleration on each axis; 0 unless given.
+        /// q in m²/s³: the power spectral density of the acceleration on each axis; 0 by default.
         #[serde(default)]
         spectral_density: f64,
     },
@@ -433,6 +433,15 @@ mod tests {
             assert!(registry.estimator(&trial.estimator).is_ok());
         }
         assert_eq!(Trial::find("pritzl-6.1").expect("no file"), None);
+    }
+
+    #[test]
+    fn the_root_of_an_intensity_is_refused_by_its_name() {
+        // Until q took its place, `acceleration_density` was √q.
+        let text = include_str!("../../trials/isaacs-circle.toml");
+        let old = text.replace("spectral_density = 1e-4", "acceleration_density = 0.01");
+        let error = Trial::parse(&old, "old.toml").expect_err("it is refused").to_string();
+        assert!(error.starts_with("old.toml") && error.contains("acceleration_density"), "{error}");
     }
 
     #[test]

@@ -5,16 +5,17 @@ All of them take a motion, a measurement model and a Gaussian prior, and have th
 
 Motion and model are the library's (:class:`foxhunt.Motion`, :class:`foxhunt.Model`) or objects of
 your own. A model has ``quantities``, pairs of a name and ``"linear"`` or ``"angle"``, and
-``expected(state, receiver)``; a motion has ``propagate(state, dt)`` and ``noise_factor(state, dt)``,
-whose product with its own transpose is the covariance of the noise. The receiver is a
-:class:`foxhunt.Pose`: an array of East, North and Up that has a heading and, where known, a velocity.
+``expected(state, receiver)``; a motion has ``propagate(state, dt)`` and ``noise_factor(state,
+dt)``, whose product with its own transpose is the covariance of the noise. The receiver is a
+:class:`foxhunt.Pose`: an array of East, North and Up that has a heading and, where known, a
+velocity.
 
 Those of your own are called for each sigma point or particle, unless the class has ``vectorized =
 True``: clouds then call it once for hundreds of states, one a row. ``state[..., 0]`` serves both; a
 noise factor may be one matrix for all states.
 
-Estimators can be pickled and copied. A pickle holds the arguments and the steps, up to 100 000, which
-are taken again when it is read; a copy has the belief, and shares motion and model.
+Estimators can be pickled and copied. A pickle holds the arguments and the steps, up to 100 000,
+which are taken again when it is read; a copy has the belief, and shares motion and model.
 
 >>> class GroundRange:
 ...     quantities = [("range_m", "linear")]
