@@ -243,11 +243,10 @@ impl Estimator {
                         ($n, 1) => steps::<$n, 1>(&settings, &parts),
                         ($n, 2) => steps::<$n, 2>(&settings, &parts),
                         ($n, 3) => steps::<$n, 3>(&settings, &parts),
-                        ($n, 4) => steps::<$n, 4>(&settings, &parts),
                     )+
                     _ => Err(PyValueError::new_err(format!(
                         "the state has {n} and the measurement {m} components; \
-                         there must be 2 to 8, and 1 to 4"
+                         there must be 2 to 8, and 1 to 3"
                     ))),
                 }
             };

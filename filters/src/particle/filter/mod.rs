@@ -53,7 +53,7 @@ use crate::{Gaussian, Reinitialise, count::number};
 ///     let receiver = Pose::at(east, north, 0.0);
 ///     let range = Vector1::new(range);
 ///     cloud.predict(1.0)?;
-///     cloud.update(&Observation::new(0.0, receiver, range, Matrix1::new(1.0))?)?;
+///     let _ = cloud.update(&Observation::new(0.0, receiver, range, Matrix1::new(1.0))?)?;
 /// }
 /// assert!((cloud.estimate().mean - Vector2::new(30.0, 40.0)).norm() < 5.0);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
