@@ -11,6 +11,7 @@ import joblib
 import numpy as np
 import pandas as pd
 import polars as pl
+import pyarrow as pa
 import pytest
 
 import foxhunt
@@ -73,7 +74,14 @@ def walk():
     return {"time_s": second, "east_m": east, "north_m": north, "up_m": up, "rss_dbm": level}
 
 
-@pytest.mark.parametrize("table", [dict, pd.DataFrame, pl.DataFrame], ids=["dict", "pandas", "polars"])
+def structured(walk):
+    return pd.DataFrame(walk).to_records(index=False)
+
+
+TABLES = [dict, pd.DataFrame, pl.DataFrame, pa.table, structured]
+
+
+@pytest.mark.parametrize("table", TABLES, ids=["dict", "pandas", "polars", "arrow", "records"])
 def test_tables_in_memory_are_files(walk, tmp_path, table):
     path = tmp_path / "table.csv"
     pd.DataFrame(walk).to_csv(path, index=False)
@@ -90,6 +98,8 @@ def test_a_table_s_mistakes_are_named(walk):
         foxhunt.locate({"time_s": [1.0, 2.0], "east_m": [1.0]})
     with pytest.raises(ValueError, match="no columns"):
         foxhunt.locate({})
+    with pytest.raises(TypeError, match="of the type list; it must be a path or a table"):
+        foxhunt.locate([walk])
 
 
 def test_bearings_of_a_table(walk):

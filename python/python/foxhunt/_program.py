@@ -57,7 +57,7 @@ def command(arguments: Sequence[Any], flags: Mapping[str, Any]) -> Any:
             if argument is None:
                 continue
             if not is_table(argument):
-                words.append(_text(argument))
+                words.append(_word(argument))
                 continue
             if folder is None:
                 folder = stack.enter_context(tempfile.TemporaryDirectory()) + os.sep
@@ -155,6 +155,16 @@ def _row(hunt: dict[str, Any], beacon: dict[str, Any]) -> dict[str, Any]:
         "east_m": beacon["estimate"]["east_m"],
         "north_m": beacon["estimate"]["north_m"],
     }
+
+
+def _word(value: Any) -> str:
+    """An argument of the command line; what is none would be taken for a path."""
+    if isinstance(value, (str, os.PathLike, int, float)) or getattr(value, "ndim", 1) == 0:
+        return _text(value)
+    raise TypeError(
+        f"an argument is of the type {type(value).__name__}; it must be a path or a table: a frame "
+        "of pandas or polars, a table of Arrow, a structured array, or a dictionary of columns"
+    )
 
 
 def _text(value: Any) -> str:

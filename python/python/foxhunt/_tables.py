@@ -9,15 +9,16 @@ from typing import Any
 
 
 def is_table(value: Any) -> bool:
-    """True for frames of pandas and polars, and for dictionaries of columns."""
-    return isinstance(value, Mapping) or (
-        hasattr(value, "columns") and hasattr(value, "__getitem__")
-    )
+    """True for frames of pandas and polars, tables of Arrow, structured arrays of NumPy, and
+    dictionaries of columns."""
+    if isinstance(value, Mapping) or getattr(getattr(value, "dtype", None), "names", None):
+        return True
+    return hasattr(value, "columns") and hasattr(value, "__getitem__")
 
 
 def write_table(table: Any, path: str) -> None:
     """Writes columns as CSV, numbers to the last digit; what is missing is an empty cell."""
-    names = list(table) if isinstance(table, Mapping) else list(table.columns)
+    names = _names(table)
     columns = [_values(table[name]) for name in names]
     lengths = {len(column) for column in columns}
     if len(lengths) > 1:
@@ -31,9 +32,21 @@ def write_table(table: Any, path: str) -> None:
         writer.writerows(zip(*columns))
 
 
+def _names(table: Any) -> list[Any]:
+    if isinstance(table, Mapping):
+        return list(table)
+    # Columns themselves are what Arrow has under the other name.
+    for name in ("column_names", "columns"):
+        if hasattr(table, name):
+            return list(getattr(table, name))
+    return list(table.dtype.names)
+
+
 def _values(column: Any) -> list[Any]:
-    values = column.tolist() if hasattr(column, "tolist") else list(column)
-    return [_cell(value) for value in values]
+    for method in ("tolist", "to_pylist"):
+        if hasattr(column, method):
+            return [_cell(value) for value in getattr(column, method)()]
+    return [_cell(value) for value in column]
 
 
 def _cell(value: Any) -> Any:
