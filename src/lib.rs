@@ -17,6 +17,7 @@
 //! | `signal` | `signal` |
 //! | `hardware` | `fly`, `network`, `hardware`, `wire` |
 //! | `batch`, `maps` | estimators over all observations at once, in `filters` and by name |
+//! | `dual` | `Differentiated` in [`core`]: models written once, with exact Jacobians |
 //! | `parallel` | `ParticleFilter::with_threads` in `filters` |
 //!
 //! # One estimator, everything known at compile time

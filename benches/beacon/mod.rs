@@ -5,7 +5,7 @@
 use std::f64::consts::{LN_10, PI, TAU};
 
 use foxhunt_core::{
-    Estimate, Observation, Pose, RandomWalk,
+    Estimate, MeasurementModel, Observation, Pose, RandomWalk,
     nalgebra::{Matrix2, Vector2, Vector3},
 };
 use foxhunt_filters::{Ekf, Ukf, Unscented};
@@ -55,7 +55,11 @@ pub(crate) fn ukf() -> Ukf<RandomWalk<2>, Model, 2, 2> {
 }
 
 pub(crate) fn ekf() -> Ekf<RandomWalk<2>, Model, 2, 2> {
-    Ekf::new(RandomWalk::uniform(DRIFT), model(), prior()).expect("a proper prior")
+    ekf_of(model())
+}
+
+pub(crate) fn ekf_of<H: MeasurementModel<2, 2>>(model: H) -> Ekf<RandomWalk<2>, H, 2, 2> {
+    Ekf::new(RandomWalk::uniform(DRIFT), model, prior()).expect("a proper prior")
 }
 
 fn expected(beacon: &Vector2<f64>, receiver: &Vector3<f64>) -> Vector2<f64> {

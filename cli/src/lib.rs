@@ -74,13 +74,36 @@ pub fn run_json(
     let parsed = args::parse(registry, arguments);
     let cli = parsed.map_err(|error| {
         let text = error.to_string();
-        CommandError::Input(text.strip_prefix("error: ").unwrap_or(&text).trim_end().to_owned())
+        // A mistake stands before the usage of a command line, which callers do not have.
+        let mistake = if error.exit_code() == 0 { &text } else { without_usage(&text) };
+        let mistake = mistake.strip_prefix("error: ").unwrap_or(mistake);
+        CommandError::Input(mistake.trim_end().to_owned())
     })?;
     let json = RefCell::new(String::new());
     let output = Output::kept_in(&json);
     let context = Context { output, registry, command_line: args::command };
     commands::run(cli.command, context)?;
     Ok(json.into_inner())
+}
+
+/// The text before `Usage:` and the advice to try `--help`.
+fn without_usage(text: &str) -> &str {
+    let ends = ["\n\nUsage:", "\n\nFor more information"].map(|end| text.find(end));
+    let end = ends.into_iter().flatten().min();
+    end.map_or(text, |end| &text[..end])
+}
+
+/// The commands with their arguments, as JSON: words, help, and for each argument its name, help,
+/// type, choices and default.
+///
+/// For bindings to other languages, which make functions of them.
+///
+/// # Errors
+///
+/// None that is known: the description is plain data.
+pub fn commands_json(registry: &Registry) -> Result<String, CommandError> {
+    serde_json::to_string(&args::described(args::command(registry)))
+        .map_err(|error| CommandError::Failure(error.to_string()))
 }
 
 #[cfg(test)]
@@ -108,5 +131,6 @@ mod tests {
             panic!("there is none")
         };
         assert!(text.contains("--no-such-flag"), "{text}");
+        assert!(!text.contains("--help") && !text.contains("Usage"), "{text}");
     }
 }

@@ -179,6 +179,14 @@ macro_rules! forward_shared {
             fn expected(&self, state: &State<N>, receiver: &Pose) -> SVector<f64, M> {
                 (**self).expected(state, receiver)
             }
+            fn expected_many(
+                &self,
+                states: &[State<N>],
+                receiver: &Pose,
+                out: &mut [SVector<f64, M>],
+            ) {
+                (**self).expected_many(states, receiver, out);
+            }
             fn residual(&self, z: &SVector<f64, M>, expected: &SVector<f64, M>) -> SVector<f64, M> {
                 (**self).residual(z, expected)
             }

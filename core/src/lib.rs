@@ -27,9 +27,13 @@
 
 #[cfg(feature = "alloc")]
 extern crate alloc;
+#[cfg(feature = "dual")]
+extern crate std;
 
 pub mod angle;
 mod bearing;
+#[cfg(feature = "dual")]
+mod dual;
 pub mod elementary;
 mod estimate;
 mod estimator;
@@ -56,6 +60,8 @@ pub use bearing::{
     Bearing, BearingExtractor, BearingMode, BearingModes, BearingModesError, NoBearing, NoReading,
     Reading,
 };
+#[cfg(feature = "dual")]
+pub use dual::{Differentiated, DualMeasurement, DualMotion, Number, num_dual};
 pub use estimate::{Covariance, Ellipse, Estimate, State, visit_cubature_points};
 pub use estimator::{Belief, BeliefOf, Correction, Estimator, EstimatorError, Role};
 pub use measurement::{

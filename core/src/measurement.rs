@@ -49,6 +49,15 @@ pub trait MeasurementModel<const N: usize, const M: usize> {
     /// h(x; pose): the noise-free measurement.
     fn expected(&self, state: &State<N>, receiver: &Pose) -> SVector<f64, M>;
 
+    /// [`expected`](Self::expected) of many states at once; sets `out`, which is as long as
+    /// `states`. One state after the other unless overridden, as by a model whose calls cost more
+    /// than its sums.
+    fn expected_many(&self, states: &[State<N>], receiver: &Pose, out: &mut [SVector<f64, M>]) {
+        for (out, state) in out.iter_mut().zip(states) {
+            *out = self.expected(state, receiver);
+        }
+    }
+
     /// The geometry of each component.
     fn axes(&self) -> [Axis; M] {
         self.quantities().map(|quantity| quantity.axis())

@@ -1,6 +1,6 @@
 //! Movement of a target: the trait and three models.
 
-use nalgebra::{Matrix4, SMatrix, SVector};
+use nalgebra::{SMatrix, SVector};
 
 use crate::{Axis, State, numeric_jacobian};
 
@@ -125,84 +125,118 @@ impl<const N: usize> MotionModel<N> for RandomWalk<N> {
     }
 }
 
-/// Nearly constant velocity in the plane, x = (E, N, Ė, Ṅ), driven by white acceleration.
+/// Nearly constant velocity on a line, in the plane or in space, driven by white acceleration:
+/// x = (E, Ė), (E, N, Ė, Ṅ) or (E, N, U, Ė, Ṅ, U̇), by the size of the filter's state.
 ///
 /// Q is the continuous-time one of Bar-Shalom, Li & Kirubarajan 2001, §6.2.2: per axis
 /// q [Δt³/3, Δt²/2; Δt²/2, Δt].
+///
+/// ```
+/// use foxhunt_core::{ConstantVelocity, MotionModel, State};
+///
+/// let motion = ConstantVelocity { spectral_density: 0.25 };
+/// let factor = motion.noise_factor(&State::<6>::zeros(), 2.0);
+/// let noise = factor * factor.transpose();
+/// // The Up's velocity: q Δt.
+/// assert!((noise[(5, 5)] - 0.5).abs() < 1e-12);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ConstantVelocity {
-    /// √q: the root of the acceleration's spectral density, in m s⁻² per √Hz.
-    pub acceleration_density: f64,
+    /// q in m²/s³: the power spectral density of the white acceleration on each axis. Over Δt
+    /// seconds a velocity's variance grows by q Δt.
+    pub spectral_density: f64,
 }
 
-impl MotionModel<4> for ConstantVelocity {
-    fn propagate(&self, state: &State<4>, dt: f64) -> State<4> {
-        transition(dt) * state
-    }
+macro_rules! constant_velocity {
+    ($($axes:literal)+) => {
+        $(
+            impl MotionModel<{ 2 * $axes }> for ConstantVelocity {
+                fn propagate(&self, state: &State<{ 2 * $axes }>, dt: f64) -> State<{ 2 * $axes }> {
+                    transition(dt) * state
+                }
 
-    fn propagated_change(
-        &self,
-        _state: &State<4>,
-        _propagated: &State<4>,
-        offset: &State<4>,
-        dt: f64,
-    ) -> State<4> {
-        transition(dt) * offset
-    }
+                fn propagated_change(
+                    &self,
+                    _state: &State<{ 2 * $axes }>,
+                    _propagated: &State<{ 2 * $axes }>,
+                    offset: &State<{ 2 * $axes }>,
+                    dt: f64,
+                ) -> State<{ 2 * $axes }> {
+                    transition(dt) * offset
+                }
 
-    fn is_linear(&self) -> bool {
-        true
-    }
+                fn is_linear(&self) -> bool {
+                    true
+                }
 
-    fn noise_factor(&self, _state: &State<4>, dt: f64) -> Matrix4<f64> {
-        let root = self.acceleration_density * libm::sqrt(dt);
-        let position = dt / libm::sqrt(3.0);
-        let coupling = libm::sqrt(3.0) / 2.0;
-        let velocity = 0.5;
-        #[rustfmt::skip]
-        let shape = Matrix4::new(
-            position, 0.0,      0.0,      0.0,
-            0.0,      position, 0.0,      0.0,
-            coupling, 0.0,      velocity, 0.0,
-            0.0,      coupling, 0.0,      velocity,
-        );
-        shape * root
-    }
+                fn noise_factor(
+                    &self,
+                    _state: &State<{ 2 * $axes }>,
+                    dt: f64,
+                ) -> SMatrix<f64, { 2 * $axes }, { 2 * $axes }> {
+                    white_acceleration(self.spectral_density, dt)
+                }
 
-    fn jacobian(&self, _state: &State<4>, dt: f64) -> Matrix4<f64> {
-        transition(dt)
-    }
+                fn jacobian(
+                    &self,
+                    _state: &State<{ 2 * $axes }>,
+                    dt: f64,
+                ) -> SMatrix<f64, { 2 * $axes }, { 2 * $axes }> {
+                    transition(dt)
+                }
 
-    #[inline(always)]
-    fn move_columns(&self, columns: [&mut [f64]; 4], white: [&[f64]; 4], dt: f64) {
-        let factor = self.noise_factor(&State::zeros(), dt);
-        let place = factor[(0, 0)];
-        let coupling = factor[(2, 0)];
-        let rate = factor[(2, 2)];
-        let [east, north, east_rate, north_rate] = columns;
-        for (x, v, first, second) in
-            [(east, east_rate, white[0], white[2]), (north, north_rate, white[1], white[3])]
-        {
-            for (((x, v), first), second) in x.iter_mut().zip(v).zip(first).zip(second) {
-                *x += *v * dt + place * first;
-                *v += coupling * first + rate * second;
+                #[inline(always)]
+                fn move_columns(
+                    &self,
+                    mut columns: [&mut [f64]; 2 * $axes],
+                    white: [&[f64]; 2 * $axes],
+                    dt: f64,
+                ) {
+                    let factor: SMatrix<f64, 2, 2> = white_acceleration(self.spectral_density, dt);
+                    let (places, rates) = columns.split_at_mut($axes);
+                    let (firsts, seconds) = white.split_at($axes);
+                    for (axis, (place, rate)) in places.iter_mut().zip(rates).enumerate() {
+                        let white = firsts[axis].iter().zip(seconds[axis]);
+                        for ((x, v), (first, second)) in
+                            place.iter_mut().zip(rate.iter_mut()).zip(white)
+                        {
+                            *x += *v * dt + factor[(0, 0)] * first;
+                            *v += factor[(1, 0)] * first + factor[(1, 1)] * second;
+                        }
+                    }
+                }
             }
-        }
-    }
+        )+
+    };
 }
 
-/// A turn at a nearly constant rate in the plane, x = (E, N, Ė, Ṅ, ω), ω in radians per second
-/// and positive counter-clockwise (Bar-Shalom, Li & Kirubarajan 2001, §11.7.1).
+constant_velocity!(1 2 3);
+
+/// A turn at a nearly constant rate, x = (E, N, Ė, Ṅ, ω) or, in space, (E, N, U, Ė, Ṅ, U̇, ω).
 ///
-/// The velocity turns by ω Δt and the position follows its arc; a rate of zero is a straight
-/// line. White acceleration drives position and velocity as in
+/// The rate ω is in radians per second, positive counter-clockwise (Bar-Shalom, Li & Kirubarajan
+/// 2001, §11.7.1).
+///
+/// The horizontal velocity turns by ω Δt and the position follows its arc; a rate of zero is a
+/// straight line. The Up's velocity stays. White acceleration drives position and velocity as in
 /// [`ConstantVelocity`], the rate does a random walk of its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CoordinatedTurn {
-    /// √q: the root of the acceleration's spectral density, in m s⁻² per √Hz.
-    pub acceleration_density: f64,
+    /// q in m²/s³: the power spectral density of the white acceleration on each axis.
+    pub spectral_density: f64,
     /// The drift of the turn rate, in rad s⁻¹ per √second.
     pub turn_rate_drift: f64,
+}
+
+impl CoordinatedTurn {
+    /// The noise factor of P components of place and velocity and the rate behind them.
+    fn factor<const P: usize, const N: usize>(&self, dt: f64) -> SMatrix<f64, N, N> {
+        let mut factor = SMatrix::<f64, N, N>::zeros();
+        let straight: SMatrix<f64, P, P> = white_acceleration(self.spectral_density, dt);
+        factor.fixed_view_mut::<P, P>(0, 0).copy_from(&straight);
+        factor[(P, P)] = self.turn_rate_drift * libm::sqrt(dt);
+        factor
+    }
 }
 
 impl MotionModel<5> for CoordinatedTurn {
@@ -220,12 +254,7 @@ impl MotionModel<5> for CoordinatedTurn {
     }
 
     fn noise_factor(&self, _state: &State<5>, dt: f64) -> SMatrix<f64, 5, 5> {
-        let straight = crate::ConstantVelocity { acceleration_density: self.acceleration_density };
-        let mut factor = SMatrix::<f64, 5, 5>::zeros();
-        let plane = straight.noise_factor(&State::zeros(), dt);
-        factor.fixed_view_mut::<4, 4>(0, 0).copy_from(&plane);
-        factor[(4, 4)] = self.turn_rate_drift * libm::sqrt(dt);
-        factor
+        self.factor::<4, 5>(dt)
     }
 
     fn jacobian(&self, state: &State<5>, dt: f64) -> SMatrix<f64, 5, 5> {
@@ -247,6 +276,35 @@ impl MotionModel<5> for CoordinatedTurn {
                 1.0,
             ],
         ])
+    }
+}
+
+/// Places of the horizontal components in a turning state of space.
+const HORIZONTAL: [usize; 5] = [0, 1, 3, 4, 6];
+
+impl MotionModel<7> for CoordinatedTurn {
+    fn propagate(&self, state: &State<7>, dt: f64) -> State<7> {
+        let plane = self.propagate(&State::from(HORIZONTAL.map(|row| state[row])), dt);
+        let mut moved = *state;
+        HORIZONTAL.into_iter().zip(&plane).for_each(|(row, value)| moved[row] = *value);
+        moved[2] += state[5] * dt;
+        moved
+    }
+
+    fn noise_factor(&self, _state: &State<7>, dt: f64) -> SMatrix<f64, 7, 7> {
+        self.factor::<6, 7>(dt)
+    }
+
+    fn jacobian(&self, state: &State<7>, dt: f64) -> SMatrix<f64, 7, 7> {
+        let plane = self.jacobian(&State::from(HORIZONTAL.map(|row| state[row])), dt);
+        let mut jacobian = SMatrix::identity();
+        for (i, row) in HORIZONTAL.into_iter().enumerate() {
+            for (j, column) in HORIZONTAL.into_iter().enumerate() {
+                jacobian[(row, column)] = plane[(i, j)];
+            }
+        }
+        jacobian[(2, 5)] = dt;
+        jacobian
     }
 }
 
@@ -289,15 +347,26 @@ impl Turn {
     }
 }
 
-fn transition(dt: f64) -> Matrix4<f64> {
-    #[rustfmt::skip]
-    let transition = Matrix4::new(
-        1.0, 0.0, dt,  0.0,
-        0.0, 1.0, 0.0, dt,
-        0.0, 0.0, 1.0, 0.0,
-        0.0, 0.0, 0.0, 1.0,
-    );
+/// F of a constant velocity: places in the first half of the state, their rates in the second.
+fn transition<const N: usize>(dt: f64) -> SMatrix<f64, N, N> {
+    let mut transition = SMatrix::identity();
+    (0..N / 2).for_each(|axis| transition[(axis, N / 2 + axis)] = dt);
     transition
+}
+
+/// L with L Lᵀ = Q of white acceleration of density q on each axis.
+fn white_acceleration<const N: usize>(q: f64, dt: f64) -> SMatrix<f64, N, N> {
+    let root = libm::sqrt(q) * libm::sqrt(dt);
+    let place = dt / libm::sqrt(3.0) * root;
+    let coupling = libm::sqrt(3.0) / 2.0 * root;
+    let rate = 0.5 * root;
+    let mut factor = SMatrix::zeros();
+    for axis in 0..N / 2 {
+        factor[(axis, axis)] = place;
+        factor[(N / 2 + axis, axis)] = coupling;
+        factor[(N / 2 + axis, N / 2 + axis)] = rate;
+    }
+    factor
 }
 
 /// sin x / x.
@@ -314,18 +383,48 @@ mod tests {
     #[test]
     fn the_factor_is_one_of_q() {
         let dt = 1.7;
-        let root = 0.3;
-        let l = ConstantVelocity { acceleration_density: root }.noise_factor(&State::zeros(), dt);
+        let scale = 0.09;
+        let motion = ConstantVelocity { spectral_density: scale };
+        let l = motion.noise_factor(&State::<4>::zeros(), dt);
         let q = l * l.transpose();
-        let scale = root * root;
         assert!((q[(0, 0)] - scale * dt * dt * dt / 3.0).abs() < 1e-14);
         assert!((q[(0, 2)] - scale * dt * dt / 2.0).abs() < 1e-14);
         assert!((q[(2, 2)] - scale * dt).abs() < 1e-14);
         assert!(q[(0, 1)].abs() < 1e-14 && q[(0, 3)].abs() < 1e-14);
     }
 
+    #[test]
+    fn space_is_three_lines() {
+        let motion = ConstantVelocity { spectral_density: 0.16 };
+        let state = State::from([1.0, -2.0, 3.0, 0.5, 0.25, -1.5]);
+        let dt = 1.3;
+        let moved = motion.propagate(&state, dt);
+        let factor = motion.noise_factor(&state, dt);
+        for axis in 0..3 {
+            let line = State::from([state[axis], state[3 + axis]]);
+            let own = motion.propagate(&line, dt);
+            assert!((own - State::from([moved[axis], moved[3 + axis]])).norm() < 1e-15);
+            let l = motion.noise_factor(&line, dt);
+            let of_space = SMatrix::<f64, 2, 2>::from_fn(|row, column| {
+                factor[(3 * row + axis, 3 * column + axis)]
+            });
+            assert!((of_space - l).norm() < 1e-15, "axis {axis}");
+        }
+        // Nothing couples the axes.
+        let q = factor * factor.transpose();
+        assert!(q[(0, 1)].abs() < 1e-15 && q[(2, 3)].abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_climbing_turn_is_the_turn_and_the_climb() {
+        let state = State::from([1.0, -1.0, 5.0, 2.0, 0.0, 0.5, PI / 4.0]);
+        let moved = MODEL.propagate(&state, 4.0);
+        let expected = State::from([1.0, -1.0 + 16.0 / PI, 7.0, -2.0, 0.0, 0.5, PI / 4.0]);
+        assert!((moved - expected).norm() < 1e-13, "{moved}");
+    }
+
     const MODEL: CoordinatedTurn =
-        CoordinatedTurn { acceleration_density: 0.3, turn_rate_drift: 0.02 };
+        CoordinatedTurn { spectral_density: 0.09, turn_rate_drift: 0.02 };
 
     #[test]
     fn half_a_circle_ends_across() {
@@ -358,7 +457,7 @@ mod tests {
 
     #[test]
     fn without_a_turn_it_is_constant_velocity() {
-        let straight = crate::ConstantVelocity { acceleration_density: 0.3 };
+        let straight = crate::ConstantVelocity { spectral_density: 0.09 };
         let state = State::from([1.0, 2.0, -3.0, 0.5, 0.0]);
         let plane = state.fixed_rows::<4>(0).into_owned();
         let moved = MODEL.propagate(&state, 1.7).fixed_rows::<4>(0).into_owned();

@@ -61,8 +61,8 @@ pub struct EstimatorConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MovingConfig {
-    /// √q: the root of the acceleration's spectral density, in m s⁻² per √Hz.
-    pub acceleration_density: f64,
+    /// q in m²/s³: the power spectral density of the acceleration on each axis.
+    pub spectral_density: f64,
     /// σ of the velocity's East and North before the first reception, in m/s.
     pub speed_sigma: f64,
 }
@@ -234,8 +234,8 @@ impl EstimatorConfig {
         let unused = [0.0, UNUSED_DRIFT].contains(&self.drift);
         require(unused, "drift", self.drift, "0: a beacon that moves has no random walk")?;
         let speed_sigma = positive("speed_sigma", moving.speed_sigma)?;
-        let acceleration_density = positive("acceleration_density", moving.acceleration_density)?;
-        let motion: AnyMotion<4> = Arc::new(ConstantVelocity { acceleration_density });
+        let spectral_density = positive("spectral_density", moving.spectral_density)?;
+        let motion: AnyMotion<4> = Arc::new(ConstantVelocity { spectral_density });
         let filter = self.filter;
         let build = move |place: Estimate<2>| {
             let still = Vector4::new(place.mean.x, place.mean.y, 0.0, 0.0);

@@ -136,7 +136,7 @@ enum Stage<S, E> {
 /// use foxhunt_filters::{Ekf, Leading};
 ///
 /// let prior = Estimate::isotropic(Vector4::new(3.0, 4.0, 0.1, 0.2), 1.0);
-/// let moving = Ekf::new(ConstantVelocity { acceleration_density: 0.1 }, East, prior)?;
+/// let moving = Ekf::new(ConstantVelocity { spectral_density: 0.01 }, East, prior)?;
 /// let place: &dyn Estimator<2, 1> = &Leading::new(moving);
 /// assert_eq!(place.estimate().mean, State::<2>::new(3.0, 4.0));
 /// # Ok::<(), EstimatorError>(())

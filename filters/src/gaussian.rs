@@ -8,6 +8,9 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::{count::number, triangle};
 
+/// Number of samples whose expectations are taken at once.
+const BLOCK: usize = 64;
+
 /// A Gaussian belief, its covariance factored: P = L Lᵀ.
 ///
 /// Invariant: mean and covariance are finite, and the covariance is positive definite.
@@ -133,15 +136,34 @@ impl<const M: usize> Innovation<M> {
             return None;
         }
         let observation = &absorb_receiver_noise(model, mean, observation);
-        let expected = |x: &State<N>| model.expected(x, observation.receiver());
-        let centre = expected(mean);
+        let receiver = observation.receiver();
+        let centre = model.expected(mean, receiver);
         let mut shift = SVector::<f64, M>::zeros();
         let mut square = Covariance::<M>::zeros();
+        // In blocks, for models that are called once for many states.
+        let mut states = [State::<N>::zeros(); BLOCK];
+        let mut weights = [0.0; BLOCK];
+        let mut expected = [SVector::<f64, M>::zeros(); BLOCK];
+        let mut add = |states: &[State<N>], weights: &[f64]| {
+            let expected = &mut expected[..states.len()];
+            model.expected_many(states, receiver, expected);
+            for (expected, weight) in expected.iter().zip(weights) {
+                let deviation = model.residual(expected, &centre);
+                shift += deviation * *weight;
+                square += deviation * (deviation * *weight).transpose();
+            }
+        };
+        let mut count = 0;
         visit_samples(&mut |state, weight| {
-            let deviation = model.residual(&expected(state), &centre);
-            shift += deviation * weight;
-            square += deviation * (deviation * weight).transpose();
+            states[count] = *state;
+            weights[count] = weight;
+            count += 1;
+            if count == BLOCK {
+                add(&states, &weights);
+                count = 0;
+            }
         });
+        add(&states[..count], &weights[..count]);
         Self::of_deviations(&centre, &shift, &square, model, observation)
     }
 

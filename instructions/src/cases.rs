@@ -4,11 +4,13 @@ use std::{convert::Infallible, error::Error};
 
 use foxhunt::{
     config::BoxedEstimator,
+    core::{Differentiated, DualMeasurement, Number},
     filters::Resampling,
     formation::{Information, InformationConfig},
     prelude::*,
     registry::RECOMMENDED_EXTRACTOR,
 };
+use nalgebra::Vector2;
 
 #[path = "../../benches/beacon/mod.rs"]
 mod beacon;
@@ -28,11 +30,13 @@ pub(crate) type Work = Box<dyn FnOnce() -> f64>;
 pub(crate) type Case = (&'static str, fn() -> Result<Work, Box<dyn Error>>);
 
 /// Every case.
-pub(crate) const CASES: [Case; 15] = [
+pub(crate) const CASES: [Case; 17] = [
     ("ukf, 48 steps", || Ok(steps(beacon::ukf()))),
     ("ukf by hand, 48 steps", || Ok(steps_by_hand(beacon::hand_ukf))),
     ("ekf, 48 steps", || Ok(steps(beacon::ekf()))),
     ("ekf by hand, 48 steps", || Ok(steps_by_hand(beacon::hand_ekf))),
+    ("ekf with dual numbers, 48 steps", || Ok(steps(beacon::ekf_of(Differentiated(Once))))),
+    ("ekf with central differences, 48 steps", || Ok(steps(beacon::ekf_of(Differences)))),
     ("cloud of 10000, multinomial, 10 steps", || Ok(cloud(Resampling::Multinomial))),
     ("cloud of 10000, systematic, 10 steps", || Ok(cloud(Resampling::Systematic))),
     ("grid, 4 receptions", || receptions("grid", 4)),
@@ -45,6 +49,35 @@ pub(crate) const CASES: [Case; 15] = [
     ("hunt pritzl-6.1 with ukf-pritzl2018", || hunt("ukf-pritzl2018")),
     ("hunt pritzl-6.1 with ekf", || hunt("ekf")),
 ];
+
+/// The model of [`beacon`], written once over any number.
+struct Once;
+
+impl DualMeasurement<2, 2> for Once {
+    fn quantities(&self) -> [Quantity; 2] {
+        [Quantity::RSS, Quantity::BEARING]
+    }
+
+    fn expected<T: Number>(&self, [east, north]: [T; 2], receiver: &Pose) -> [T; 2] {
+        let east = east - receiver.position.x;
+        let north = north - receiver.position.y;
+        let square = east * east + north * north + receiver.position.z.powi(2);
+        [square.log10() * (-5.0 * beacon::EXPONENT) + beacon::REFERENCE_DBM, north.atan2(east)]
+    }
+}
+
+/// The same model without a Jacobian of its own.
+struct Differences;
+
+impl MeasurementModel<2, 2> for Differences {
+    fn quantities(&self) -> [Quantity; 2] {
+        DualMeasurement::quantities(&Once)
+    }
+
+    fn expected(&self, state: &State<2>, receiver: &Pose) -> Vector2<f64> {
+        Vector2::from(DualMeasurement::expected(&Once, [state.x, state.y], receiver))
+    }
+}
 
 fn steps(mut filter: impl Estimator<2, 2> + 'static) -> Work {
     let sweep = beacon::sweep();

@@ -1,14 +1,26 @@
 //! Arrays of Python as vectors and matrices of known size.
 
 use foxhunt::nalgebra::{SMatrix, SVector};
-use numpy::{AllowTypeChange, PyArrayLike1, PyArrayLike2, PyUntypedArrayMethods};
-use pyo3::{exceptions::PyValueError, prelude::*};
+use numpy::{
+    AllowTypeChange, PyArray1, PyArrayLike1, PyArrayLike2, PyArrayLike3, PyArrayMethods,
+    PyUntypedArrayMethods,
+};
+use pyo3::{
+    exceptions::PyValueError,
+    prelude::*,
+    types::{PyFloat, PyInt, PyList, PyTuple},
+};
 
 /// A vector that Python gives as anything that NumPy makes an array of; `name` is for the error.
 pub(crate) fn vector<const D: usize>(
     value: &Bound<'_, PyAny>,
     name: &str,
 ) -> PyResult<SVector<f64, D>> {
+    if D == 1
+        && let Some(one) = number(value)
+    {
+        return Ok(SVector::repeat(one));
+    }
     let array: PyArrayLike1<'_, f64, AllowTypeChange> =
         value.extract().map_err(|_| wrong(name, &format!("{D} numbers"), value))?;
     let array = array.as_array();
@@ -16,6 +28,13 @@ pub(crate) fn vector<const D: usize>(
         return Err(wrong(name, &format!("{D} numbers"), value));
     }
     Ok(SVector::from_iterator(array.iter().copied()))
+}
+
+/// A number by itself, which is no array of one.
+pub(crate) fn number(value: &Bound<'_, PyAny>) -> Option<f64> {
+    let single = value.is_instance_of::<PyFloat>() || value.is_instance_of::<PyInt>();
+    // NumPy makes a number of an array of one, but warns.
+    if single || value.len().is_err() { value.extract().ok() } else { None }
 }
 
 /// A square matrix, as [`vector`].
@@ -29,6 +48,78 @@ pub(crate) fn matrix<const D: usize>(
         return Err(wrong(name, &format!("{D} rows of {D} numbers"), value));
     }
     Ok(SMatrix::from_row_iterator(array.as_array().iter().copied()))
+}
+
+/// Numbers of any count, as [`vector`].
+pub(crate) fn numbers(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<f64>> {
+    if value.is_exact_instance_of::<PyTuple>() || value.is_exact_instance_of::<PyList>() {
+        return value.extract().map_err(|_| wrong(name, "numbers", value));
+    }
+    let array: PyArrayLike1<'_, f64, AllowTypeChange> =
+        value.extract().map_err(|_| wrong(name, "numbers", value))?;
+    Ok(array.as_array().to_vec())
+}
+
+/// States in columns as an array with one state a row, of which each column is contiguous.
+pub(crate) fn states<'py, const N: usize>(
+    py: Python<'py>,
+    columns: [&[f64]; N],
+) -> PyResult<Bound<'py, PyAny>> {
+    let count = columns.first().map_or(0, |column| column.len());
+    let flat = PyArray1::from_vec(py, columns.concat());
+    flat.reshape([N, count])?.call_method0("transpose")
+}
+
+/// The rows that a vectorised function of Python returns for `count` states: `count` × D numbers,
+/// or as many in one column where D is 1.
+pub(crate) fn rows<const D: usize>(
+    value: &Bound<'_, PyAny>,
+    count: usize,
+    name: &str,
+) -> PyResult<Vec<SVector<f64, D>>> {
+    let requirement = || format!("{count} rows of {D} numbers, one row for each state");
+    if D == 1
+        && let Ok(array) = value.extract::<PyArrayLike1<'_, f64, AllowTypeChange>>()
+        && array.len() == count
+    {
+        return Ok(array.as_array().iter().map(|value| SVector::repeat(*value)).collect());
+    }
+    let array: PyArrayLike2<'_, f64, AllowTypeChange> =
+        value.extract().map_err(|_| wrong(name, &requirement(), value))?;
+    if array.shape() != [count, D] {
+        return Err(wrong(name, &requirement(), value));
+    }
+    let array = array.as_array();
+    Ok(array.rows().into_iter().map(|row| SVector::from_fn(|i, _| row[i])).collect())
+}
+
+/// The matrices that a vectorised function of Python returns for `count` states: one for all, or
+/// one for each.
+pub(crate) fn matrices<const D: usize>(
+    value: &Bound<'_, PyAny>,
+    count: usize,
+    name: &str,
+) -> PyResult<Vec<SMatrix<f64, D, D>>> {
+    if let Ok(one) = matrix(value, name) {
+        return Ok(vec![one]);
+    }
+    let requirement = || format!("{D} rows of {D} numbers, for all states or each of {count}");
+    let array: PyArrayLike3<'_, f64, AllowTypeChange> =
+        value.extract().map_err(|_| wrong(name, &requirement(), value))?;
+    if array.shape() != [count, D, D] {
+        return Err(wrong(name, &requirement(), value));
+    }
+    let array = array.as_array();
+    let each = array.outer_iter().map(|matrix| SMatrix::from_fn(|i, j| matrix[[i, j]]));
+    Ok(each.collect())
+}
+
+/// True if an object of Python takes many states at once.
+pub(crate) fn is_vectorized(object: &Bound<'_, PyAny>) -> PyResult<bool> {
+    if !object.hasattr("vectorized")? {
+        return Ok(false);
+    }
+    object.getattr("vectorized")?.is_truthy()
 }
 
 /// Returns the number of a vector's components.

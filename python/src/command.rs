@@ -1,7 +1,8 @@
 use std::ffi::OsString;
 
-use foxhunt::registry::Registry;
+use foxhunt::{log::LoggedBeacon, registry::Registry};
 use foxhunt_cli::CommandError;
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::{
     exceptions::{PyRuntimeError, PyValueError},
     prelude::*,
@@ -13,9 +14,34 @@ use pyo3::{
 /// for a failure, with the program's own text.
 #[pyfunction]
 pub(crate) fn run_json(py: Python<'_>, arguments: Vec<OsString>) -> PyResult<String> {
-    let result = py.detach(|| foxhunt_cli::run_json(&Registry::builtin(), arguments));
-    result.map_err(|error| match error {
+    py.detach(|| foxhunt_cli::run_json(&Registry::builtin(), arguments)).map_err(python_error)
+}
+
+/// The commands with their arguments, as JSON.
+#[pyfunction]
+pub(crate) fn commands_json() -> PyResult<String> {
+    foxhunt_cli::commands_json(&Registry::builtin()).map_err(python_error)
+}
+
+/// The true places of a beacon of a log at some times, East and North in metres, one a row; `None`
+/// where the log has no truth. The beacon is JSON, as in the log's header.
+#[pyfunction]
+pub(crate) fn places_at<'py>(
+    py: Python<'py>,
+    beacon: &str,
+    times: Vec<f64>,
+) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+    let beacon: LoggedBeacon =
+        serde_json::from_str(beacon).map_err(|error| PyValueError::new_err(error.to_string()))?;
+    let places: Option<Vec<_>> = times.iter().map(|time| beacon.place_at(*time)).collect();
+    let Some(places) = places.filter(|_| beacon.truth.is_some()) else { return Ok(None) };
+    let flat = places.iter().flat_map(|place| [place.x, place.y]).collect();
+    PyArray1::from_vec(py, flat).reshape([places.len(), 2]).map(Some)
+}
+
+fn python_error(error: CommandError) -> PyErr {
+    match error {
         CommandError::Input(text) => PyValueError::new_err(text),
         error => PyRuntimeError::new_err(error.to_string()),
-    })
+    }
 }

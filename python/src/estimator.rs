@@ -1,13 +1,19 @@
+use std::fmt::Write as _;
+
 use foxhunt::{
     core::{self, Observation, Pose},
     filters::{
         Ckf, Ekf, Gate, GridConfig, GridFilter, Iterations, Kalman, ParticleFilter, Transform, Ukf,
         Unscented,
     },
-    nalgebra::SMatrix,
+    nalgebra::{SMatrix, Vector3},
 };
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
-use pyo3::{exceptions::PyValueError, prelude::*};
+use pyo3::{
+    exceptions::PyValueError,
+    prelude::*,
+    types::{PyDict, PyList, PyString, PyTuple},
+};
 use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 
 use crate::{
@@ -15,6 +21,7 @@ use crate::{
     failure::{Failure, value_error},
     model::{AnyModel, components, model},
     motion::{AnyMotion, motion},
+    pose::pose,
 };
 
 /// The belief of an estimator: the mean and the covariance of its state.
@@ -29,8 +36,24 @@ pub(crate) struct Estimate {
 
 #[pymethods]
 impl Estimate {
+    #[new]
+    fn new(mean: Py<PyArray1<f64>>, covariance: Py<PyArray2<f64>>) -> Self {
+        Self { mean, covariance }
+    }
+
     fn __repr__(&self, py: Python<'_>) -> String {
-        format!("Estimate(mean={}, covariance={})", self.mean.bind(py), self.covariance.bind(py))
+        let repr = |array: PyResult<Bound<'_, PyString>>| {
+            array.map(|text| text.to_string()).unwrap_or_default()
+        };
+        let mean = repr(self.mean.bind(py).repr());
+        let covariance = repr(self.covariance.bind(py).repr());
+        format!("Estimate(mean={mean}, covariance={covariance})")
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let Self { mean, covariance } = slf.get();
+        let py = slf.py();
+        (slf.get_type(), (mean.clone_ref(py), covariance.clone_ref(py))).into_pyobject(py)
     }
 }
 
@@ -50,9 +73,38 @@ pub(crate) struct Correction {
 
 #[pymethods]
 impl Correction {
+    #[new]
+    #[pyo3(signature = (rejected, nis=None, log_evidence=None, effective_sample_size=None))]
+    fn new(
+        rejected: bool,
+        nis: Option<f64>,
+        log_evidence: Option<f64>,
+        effective_sample_size: Option<f64>,
+    ) -> Self {
+        Self { rejected, nis, log_evidence, effective_sample_size }
+    }
+
     fn __repr__(&self) -> String {
-        let Self { rejected, nis, log_evidence, .. } = self;
-        format!("Correction(rejected={rejected}, nis={nis:?}, log_evidence={log_evidence:?})")
+        let Self { rejected, nis, log_evidence, effective_sample_size } = self;
+        let rejected = if *rejected { "True" } else { "False" };
+        let mut text = format!("Correction(rejected={rejected}");
+        let numbers = [
+            ("nis", nis),
+            ("log_evidence", log_evidence),
+            ("effective_sample_size", effective_sample_size),
+        ];
+        for (name, value) in numbers {
+            if let Some(value) = value {
+                let _ = write!(text, ", {name}={value:?}");
+            }
+        }
+        text + ")"
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let Self { rejected, nis, log_evidence, effective_sample_size } = *slf.get();
+        let values = (rejected, nis, log_evidence, effective_sample_size);
+        (slf.get_type(), values).into_pyobject(slf.py())
     }
 }
 
@@ -70,6 +122,9 @@ impl From<core::Correction> for Correction {
     }
 }
 
+/// Mean and covariance of a prior.
+type Prior<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
+
 /// States, one a row, and their weights.
 type Samples<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
 
@@ -78,6 +133,56 @@ type Samples<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
 pub(crate) struct Estimator {
     steps: Box<dyn Steps>,
     failure: Failure,
+    /// Arguments that it was made of.
+    made_of: MadeOf,
+    /// The steps so far, by which a pickle makes it again; `None` once there are too many.
+    history: Option<Vec<Past>>,
+}
+
+/// The number of steps after which an estimator cannot be pickled any more: some 15 MB.
+const MOST_STEPS: usize = 100_000;
+
+/// Arguments of an estimator, as Python gave them.
+struct MadeOf {
+    positional: Py<PyTuple>,
+    keywords: Py<PyDict>,
+}
+
+/// A step that was taken or refused.
+#[derive(Clone)]
+enum Past {
+    Predict(f64),
+    Update(Box<Update>),
+}
+
+/// The numbers of an update.
+#[derive(Clone)]
+struct Update {
+    value: Vec<Option<f64>>,
+    /// The rows of its covariance.
+    noise: Vec<f64>,
+    receiver: Pose,
+    time: f64,
+}
+
+/// An update as it stands in a pickle: values, noise, time, and the numbers of the pose.
+type Pickled = (Vec<Option<f64>>, Vec<f64>, f64, [f64; 6], Option<[f64; 3]>);
+
+impl Update {
+    fn pickled(&self) -> Pickled {
+        let Pose { position, heading, pitch, roll, velocity } = self.receiver;
+        let pose = [position.x, position.y, position.z, heading, pitch, roll];
+        let velocity = velocity.map(|velocity| velocity.into());
+        (self.value.clone(), self.noise.clone(), self.time, pose, velocity)
+    }
+
+    fn of_pickled((value, noise, time, pose, velocity): Pickled) -> Self {
+        let [east, north, up, heading, pitch, roll] = pose;
+        let position = Vector3::new(east, north, up);
+        let velocity = velocity.map(Vector3::from);
+        let receiver = Pose { position, heading, pitch, roll, velocity };
+        Self { value, noise, receiver, time }
+    }
 }
 
 /// The settings of every kind of estimator.
@@ -141,17 +246,31 @@ impl Estimator {
                     )+
                     _ => Err(PyValueError::new_err(format!(
                         "the state has {n} and the measurement {m} components; \
-                         there must be 2 to 6, and 1 to 3"
+                         there must be 2 to 8, and 1 to 3"
                     ))),
                 }
             };
         }
-        let steps = of_size!(2 3 4 5 6)?;
-        Ok(Self { steps, failure })
+        let steps = of_size!(2 3 4 5 6 7 8)?;
+        let py = mean.py();
+        let keywords = PyDict::new(py);
+        keywords.set_item("gate", gate)?;
+        keywords.set_item("iterations", iterations)?;
+        keywords.set_item("alpha", alpha)?;
+        keywords.set_item("beta", beta)?;
+        keywords.set_item("kappa", kappa)?;
+        keywords.set_item("particles", particles)?;
+        keywords.set_item("side", side)?;
+        keywords.set_item("seed", seed)?;
+        let (mean, covariance) = steps.prior(py, mean, covariance)?;
+        let positional = (kind, motion, model, mean, covariance).into_pyobject(py)?.unbind();
+        let made_of = MadeOf { positional, keywords: keywords.unbind() };
+        Ok(Self { steps, failure, made_of, history: Some(Vec::new()) })
     }
 
     /// Carries the belief `dt` seconds forward.
     fn predict(&mut self, py: Python<'_>, dt: f64) -> PyResult<()> {
+        self.note(|| Past::Predict(dt));
         let steps = &mut self.steps;
         let result = py.detach(|| steps.predict(dt));
         self.raised(result.map_err(value_error))
@@ -160,21 +279,30 @@ impl Estimator {
     /// Conditions the belief on a measurement made now.
     ///
     /// `value` has a number for each component, None where it was not measured; `noise` is the
-    /// covariance of its errors, or their standard deviations; `receiver` is where it was received
-    /// (East, North, Up, in metres); `time` in seconds is what a gate's and a log's messages name.
+    /// covariance of its errors, or their standard deviations; a single component may be a number.
+    /// `receiver` is where it was received (East, North and, unless it is 0, Up, in metres), as a
+    /// sequence, an array or a `Pose`; `heading` in radians and `velocity` in m/s are its own.
+    /// `time` in seconds is what a gate's and a log's messages name.
     /// Raises ValueError, and leaves the belief as it was, where anything is out of its range.
-    #[pyo3(signature = (value, noise, *, receiver=(0.0, 0.0, 0.0), time=0.0))]
+    #[pyo3(signature = (value, noise, *, receiver=None, heading=None, velocity=None, time=0.0))]
+    #[expect(clippy::too_many_arguments, reason = "Python's are named")]
     fn update(
         &mut self,
         py: Python<'_>,
-        value: Vec<Option<f64>>,
+        value: &Bound<'_, PyAny>,
         noise: &Bound<'_, PyAny>,
-        receiver: (f64, f64, f64),
+        receiver: Option<&Bound<'_, PyAny>>,
+        heading: Option<f64>,
+        velocity: Option<&Bound<'_, PyAny>>,
         time: f64,
     ) -> PyResult<Correction> {
-        let receiver = Pose::at(receiver.0, receiver.1, receiver.2);
-        let result = self.steps.update(py, &value, noise, receiver, time);
-        self.raised(result).map(Correction::from)
+        let receiver = pose(receiver, heading, velocity)?;
+        let value = match arrays::number(value) {
+            Some(value) => vec![Some(value)],
+            None => value.extract()?,
+        };
+        let noise = self.steps.noise(noise)?;
+        self.update_by(py, Update { value, noise, receiver, time })
     }
 
     /// The mean and the covariance of the belief.
@@ -200,9 +328,97 @@ impl Estimator {
     fn ellipse(&self, probability: f64) -> Option<(f64, f64, f64)> {
         self.steps.ellipse(probability)
     }
+
+    fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
+        let name = slf.get_type().name()?;
+        let estimator = slf.borrow();
+        let mean = estimator.estimate(slf.py())?.mean;
+        let mean: Vec<String> =
+            mean.bind(slf.py()).to_vec()?.iter().map(|value| format!("{value:.6}")).collect();
+        let of = estimator.made_of.positional.bind(slf.py());
+        let motion = of.get_item(1)?.repr()?;
+        let model = of.get_item(2)?.repr()?;
+        Ok(format!("<{name}: mean [{}], {motion}, {model}>", mean.join(", ")))
+    }
+
+    /// What a pickle holds: the arguments and all steps, which are taken again.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let py = slf.py();
+        let estimator = slf.borrow();
+        let Some(history) = &estimator.history else {
+            return Err(PyValueError::new_err(format!(
+                "the estimator has taken more than {MOST_STEPS} steps, which a pickle would take \
+                 again; copy.deepcopy copies it, and an estimator that is made of its estimate \
+                 goes on from there"
+            )));
+        };
+        let steps = PyList::empty(py);
+        for past in history {
+            match past {
+                Past::Predict(dt) => steps.append(dt)?,
+                Past::Update(update) => steps.append(update.pickled())?,
+            }
+        }
+        let made_again = py.import("foxhunt.estimators")?.getattr("_made_again")?;
+        let MadeOf { positional, keywords } = &estimator.made_of;
+        let own = slf.getattr_opt("__dict__")?;
+        let arguments = (slf.get_type(), positional.bind(py), keywords.bind(py), steps, own);
+        (made_again, arguments).into_pyobject(py)
+    }
+
+    fn __copy__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let py = slf.py();
+        let copied = py.import("foxhunt.estimators")?.getattr("_copied")?;
+        let estimator = slf.borrow();
+        let MadeOf { positional, keywords } = &estimator.made_of;
+        let own = slf.getattr_opt("__dict__")?;
+        copied.call1((slf, positional.bind(py), keywords.bind(py), own))
+    }
+
+    /// As `__copy__`: motion and model do not change, and are shared.
+    fn __deepcopy__<'py>(
+        slf: &Bound<'py, Self>,
+        _memo: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        Self::__copy__(slf)
+    }
+
+    /// Takes the steps of a pickle; those that were refused are refused again.
+    fn _take(&mut self, py: Python<'_>, steps: Vec<Bound<'_, PyAny>>) -> PyResult<()> {
+        for step in steps {
+            if let Ok(dt) = step.extract::<f64>() {
+                let _ = self.predict(py, dt);
+            } else {
+                let _ = self.update_by(py, Update::of_pickled(step.extract()?));
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes over the belief and the steps of another one of the same sizes.
+    fn _take_over(&mut self, other: &Bound<'_, Self>) -> PyResult<()> {
+        let other = other.try_borrow()?;
+        self.steps = other.steps.copied();
+        self.failure = other.failure.clone();
+        self.history = other.history.clone();
+        Ok(())
+    }
 }
 
 impl Estimator {
+    fn update_by(&mut self, py: Python<'_>, update: Update) -> PyResult<Correction> {
+        self.note(|| Past::Update(Box::new(update.clone())));
+        let result = self.steps.update(py, &update);
+        self.raised(result).map(Correction::from)
+    }
+
+    fn note(&mut self, past: impl FnOnce() -> Past) {
+        match &mut self.history {
+            Some(history) if history.len() < MOST_STEPS => history.push(past()),
+            history => *history = None,
+        }
+    }
+
     /// The result of a step, unless a model or a motion of Python raised in it.
     fn raised<T>(&self, result: PyResult<T>) -> PyResult<T> {
         match self.failure.take() {
@@ -216,14 +432,20 @@ impl Estimator {
 trait Steps: Send + Sync {
     fn predict(&mut self, dt: f64) -> Result<(), core::EstimatorError>;
 
-    fn update(
-        &mut self,
-        py: Python<'_>,
-        value: &[Option<f64>],
-        noise: &Bound<'_, PyAny>,
-        receiver: Pose,
-        time: f64,
-    ) -> PyResult<core::Correction>;
+    /// The rows of a covariance that is given, or of that of standard deviations.
+    fn noise(&self, noise: &Bound<'_, PyAny>) -> PyResult<Vec<f64>>;
+
+    fn update(&mut self, py: Python<'_>, update: &Update) -> PyResult<core::Correction>;
+
+    fn copied(&self) -> Box<dyn Steps>;
+
+    /// A prior as arrays of its own.
+    fn prior<'py>(
+        &self,
+        py: Python<'py>,
+        mean: &Bound<'py, PyAny>,
+        covariance: &Bound<'py, PyAny>,
+    ) -> PyResult<Prior<'py>>;
 
     fn estimate(&self, py: Python<'_>) -> PyResult<Estimate>;
 
@@ -235,37 +457,71 @@ trait Steps: Send + Sync {
 }
 
 /// An estimator of a size that is known when it is compiled.
-struct Sized<const N: usize, const M: usize>(Box<dyn core::Estimator<N, M> + Send + Sync>);
+struct Sized<const N: usize, const M: usize>(Box<dyn Copied<N, M>>);
+
+/// An estimator that can be copied behind its pointer.
+trait Copied<const N: usize, const M: usize>: core::Estimator<N, M> + Send + Sync {
+    fn copied(&self) -> Box<dyn Copied<N, M>>;
+}
+
+impl<E, const N: usize, const M: usize> Copied<N, M> for E
+where
+    E: core::Estimator<N, M> + Clone + Send + Sync + 'static,
+{
+    fn copied(&self) -> Box<dyn Copied<N, M>> {
+        Box::new(self.clone())
+    }
+}
 
 impl<const N: usize, const M: usize> Steps for Sized<N, M> {
     fn predict(&mut self, dt: f64) -> Result<(), core::EstimatorError> {
         self.0.predict(dt)
     }
 
-    fn update(
-        &mut self,
-        py: Python<'_>,
-        value: &[Option<f64>],
-        noise: &Bound<'_, PyAny>,
-        receiver: Pose,
-        time: f64,
-    ) -> PyResult<core::Correction> {
-        if value.len() != M {
-            let text = format!("value has {} components; the model measures {M}", value.len());
-            return Err(PyValueError::new_err(text));
-        }
+    fn noise(&self, noise: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
         let noise = match arrays::vector::<M>(noise, "noise") {
             Ok(sigma) => SMatrix::from_diagonal(&sigma.component_mul(&sigma)),
             Err(_) => arrays::matrix::<M>(noise, "noise")?,
         };
+        // By columns.
+        Ok(noise.transpose().as_slice().to_vec())
+    }
+
+    fn update(&mut self, py: Python<'_>, update: &Update) -> PyResult<core::Correction> {
+        let Update { value, noise, receiver, time } = update;
+        if value.len() != M {
+            let text = format!("value has {} components; the model measures {M}", value.len());
+            return Err(PyValueError::new_err(text));
+        }
+        if noise.len() != M * M {
+            let text = format!("noise has {} numbers; the model measures {M}", noise.len());
+            return Err(PyValueError::new_err(text));
+        }
+        let noise = SMatrix::from_row_slice(noise);
         // What is missing holds no number.
         let numbers = SMatrix::from_fn(|row, _| value[row].unwrap_or(0.0));
         let mut observation =
-            Observation::new(time, receiver, numbers, noise).map_err(value_error)?;
+            Observation::new(*time, *receiver, numbers, noise).map_err(value_error)?;
         for (component, _) in value.iter().enumerate().filter(|(_, value)| value.is_none()) {
             observation = observation.without(component);
         }
         py.detach(|| self.0.update(&observation)).map_err(value_error)
+    }
+
+    fn copied(&self) -> Box<dyn Steps> {
+        Box::new(Self(self.0.copied()))
+    }
+
+    fn prior<'py>(
+        &self,
+        py: Python<'py>,
+        mean: &Bound<'py, PyAny>,
+        covariance: &Bound<'py, PyAny>,
+    ) -> PyResult<Prior<'py>> {
+        let mean = arrays::vector::<N>(mean, "mean")?;
+        let covariance = arrays::matrix::<N>(covariance, "covariance")?.transpose();
+        let flat = PyArray1::from_slice(py, covariance.as_slice());
+        Ok((PyArray1::from_slice(py, mean.as_slice()), flat.reshape([N, N])?))
     }
 
     fn estimate(&self, py: Python<'_>) -> PyResult<Estimate> {
@@ -350,7 +606,7 @@ fn kalman<T, const N: usize, const M: usize>(
     settings: &Settings<'_>,
 ) -> PyResult<Box<dyn Steps>>
 where
-    T: Transform + Send + Sync + 'static,
+    T: Transform + Clone + Send + Sync + 'static,
 {
     let mut filter = filter.map_err(value_error)?;
     if let Some(probability) = settings.gate {

@@ -3,10 +3,13 @@
 
 mod arrays;
 mod command;
+mod consistency;
 mod estimator;
 mod failure;
 mod model;
 mod motion;
+mod pose;
+mod recipe;
 
 use pyo3::prelude::*;
 
@@ -15,7 +18,8 @@ use pyo3::prelude::*;
 mod _foxhunt {
     #[pymodule_export]
     use crate::{
-        command::run_json,
+        command::{commands_json, places_at, run_json},
+        consistency::{judge_squares, judge_whiteness},
         estimator::{Correction, Estimate, Estimator},
         model::Model,
         motion::Motion,

@@ -5,7 +5,10 @@ use std::{
 };
 
 use foxhunt::{
-    core::{MeasurementModel, Pose, Quantity, State},
+    core::{
+        Axis, MeasurementModel, Observation, Pose, Quantity, State, log_likelihoods_one_by_one,
+        residuals_one_by_one,
+    },
     nalgebra::{SVector, Vector3},
     sensors::{
         BearingOnly, FreePathLossRssBearing, FreePowerRssBearing, LogDistance, RangeDifference,
@@ -13,11 +16,13 @@ use foxhunt::{
     },
 };
 use numpy::PyArray1;
-use pyo3::{exceptions::PyValueError, prelude::*};
+use pyo3::{exceptions::PyValueError, prelude::*, types::PyTuple};
 
 use crate::{
     arrays,
     failure::{Failure, value_error},
+    pose,
+    recipe::Recipe,
 };
 
 /// Measurement model of a receiver, for states of N and measurements of M components.
@@ -27,7 +32,10 @@ pub(crate) type AnyModel<const N: usize, const M: usize> =
 /// A measurement model of the library.
 #[pyclass(frozen, module = "foxhunt")]
 #[derive(Debug)]
-pub(crate) struct Model(Kind);
+pub(crate) struct Model {
+    kind: Kind,
+    recipe: Recipe,
+}
 
 #[derive(Debug)]
 enum Kind {
@@ -48,13 +56,14 @@ impl Model {
     fn rss(reference_dbm: f64, exponent: f64, target_up: f64) -> PyResult<Self> {
         let law = LogDistance::new(reference_dbm, exponent).map_err(value_error)?;
         let model = Rss::new(law).with_target_up(target_up).map_err(value_error)?;
-        Ok(Self(Kind::Rss(model)))
+        let recipe = law_recipe("rss", reference_dbm, exponent, target_up);
+        Ok(Self { kind: Kind::Rss(model), recipe })
     }
 
     /// The direction from the receiver to the target, in radians counter-clockwise from East.
     #[staticmethod]
     fn bearing() -> Self {
-        Self(Kind::Bearing(BearingOnly::new()))
+        Self { kind: Kind::Bearing(BearingOnly::new()), recipe: Recipe::new("bearing") }
     }
 
     /// Level and bearing of a transmitter of known power.
@@ -63,7 +72,8 @@ impl Model {
     fn rss_bearing(reference_dbm: f64, exponent: f64, target_up: f64) -> PyResult<Self> {
         let law = LogDistance::new(reference_dbm, exponent).map_err(value_error)?;
         let model = RssBearing::new(law).with_target_up(target_up).map_err(value_error)?;
-        Ok(Self(Kind::RssBearing(model)))
+        let recipe = law_recipe("rss_bearing", reference_dbm, exponent, target_up);
+        Ok(Self { kind: Kind::RssBearing(model), recipe })
     }
 
     /// Level and bearing of a transmitter whose power in dBm at 1 m is the state's last component.
@@ -71,7 +81,10 @@ impl Model {
     #[pyo3(signature = (exponent, *, target_up=0.0))]
     fn free_power(exponent: f64, target_up: f64) -> PyResult<Self> {
         let model = FreePowerRssBearing::new(exponent).map_err(value_error)?;
-        Ok(Self(Kind::FreePower(model.with_target_up(target_up).map_err(value_error)?)))
+        let model = model.with_target_up(target_up).map_err(value_error)?;
+        let recipe = Recipe::new("free_power").with("exponent", exponent);
+        let recipe = recipe.with("target_up", target_up);
+        Ok(Self { kind: Kind::FreePower(model), recipe })
     }
 
     /// Level and bearing of a transmitter whose power in dBm at 1 m and path-loss exponent are the
@@ -80,7 +93,9 @@ impl Model {
     #[pyo3(signature = (*, target_up=0.0))]
     fn free_path_loss(target_up: f64) -> PyResult<Self> {
         let model = FreePathLossRssBearing::new();
-        Ok(Self(Kind::FreePathLoss(model.with_target_up(target_up).map_err(value_error)?)))
+        let model = model.with_target_up(target_up).map_err(value_error)?;
+        let recipe = Recipe::new("free_path_loss").with("target_up", target_up);
+        Ok(Self { kind: Kind::FreePathLoss(model), recipe })
     }
 
     /// Range difference: the target's distance from the receiver minus that from `reference`, a
@@ -91,7 +106,10 @@ impl Model {
         let reference: Vector3<f64> = arrays::vector(reference, "reference")?;
         let model = RangeDifference::new(reference).map_err(value_error)?;
         let model = model.with_target_up(target_up).map_err(value_error)?;
-        Ok(Self(Kind::RangeDifference(model)))
+        let recipe = Recipe::new("range_difference")
+            .with_several("reference", reference.as_slice())
+            .with("target_up", target_up);
+        Ok(Self { kind: Kind::RangeDifference(model), recipe })
     }
 
     /// The components: the name with its unit, and "linear" or "angle".
@@ -99,7 +117,7 @@ impl Model {
     fn quantities(&self) -> Vec<(&'static str, &'static str)> {
         const LEVEL_AND_BEARING: [(&str, &str); 2] =
             [("rss_dbm", "linear"), ("bearing_rad", "angle")];
-        match self.0 {
+        match self.kind {
             Kind::Rss(_) => vec![LEVEL_AND_BEARING[0]],
             Kind::Bearing(_) => vec![LEVEL_AND_BEARING[1]],
             Kind::RangeDifference(_) => vec![("range_difference_m", "linear")],
@@ -108,8 +126,20 @@ impl Model {
     }
 
     fn __repr__(&self) -> String {
-        format!("Model({:?})", self.0)
+        format!("Model.{}", self.recipe)
     }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        slf.get().recipe.reduced(&slf.get_type())
+    }
+}
+
+/// The call of a model over a law of propagation.
+fn law_recipe(method: &'static str, reference_dbm: f64, exponent: f64, target_up: f64) -> Recipe {
+    Recipe::new(method)
+        .with("reference_dbm", reference_dbm)
+        .with("exponent", exponent)
+        .with("target_up", target_up)
 }
 
 /// Returns the number of components that a model measures: the library's, or any object with
@@ -127,23 +157,29 @@ pub(crate) fn model<const N: usize, const M: usize>(
     let Ok(model) = object.cast::<Model>() else {
         return Ok(Arc::new(PythonModel::<M> {
             quantities: quantities(&object.getattr("quantities")?)?,
+            is_vectorized: arrays::is_vectorized(object)?,
             object: object.clone().unbind(),
+            receiver: Mutex::default(),
             failure: failure.clone(),
         }));
     };
-    match &model.get().0 {
+    match &model.get().kind {
         Kind::Rss(model) => of_size::<N, 1, N, M>(Arc::new(*model)),
         Kind::Bearing(model) => of_size::<N, 1, N, M>(Arc::new(*model)),
         Kind::RangeDifference(model) => of_size::<N, 1, N, M>(Arc::new(*model)),
         Kind::RssBearing(model) => of_size::<N, 2, N, M>(Arc::new(*model)),
         // The sizes of state that hold their parameters.
         Kind::FreePower(model) => match N {
+            7 => of_size::<7, 2, N, M>(Arc::new(*model)),
+            8 => of_size::<8, 2, N, M>(Arc::new(*model)),
             4 => of_size::<4, 2, N, M>(Arc::new(*model)),
             5 => of_size::<5, 2, N, M>(Arc::new(*model)),
             6 => of_size::<6, 2, N, M>(Arc::new(*model)),
             _ => of_size::<3, 2, N, M>(Arc::new(*model)),
         },
         Kind::FreePathLoss(model) => match N {
+            7 => of_size::<7, 2, N, M>(Arc::new(*model)),
+            8 => of_size::<8, 2, N, M>(Arc::new(*model)),
             5 => of_size::<5, 2, N, M>(Arc::new(*model)),
             6 => of_size::<6, 2, N, M>(Arc::new(*model)),
             _ => of_size::<4, 2, N, M>(Arc::new(*model)),
@@ -165,7 +201,45 @@ fn of_size<const A: usize, const B: usize, const N: usize, const M: usize>(
 struct PythonModel<const M: usize> {
     object: Py<PyAny>,
     quantities: [Quantity; M],
+    /// True if `expected` takes many states at once.
+    is_vectorized: bool,
+    /// Pose of the last call as Python has it: sigma points and particles share one.
+    receiver: Mutex<Option<(Pose, Py<PyAny>)>>,
     failure: Failure,
+}
+
+impl<const M: usize> PythonModel<M> {
+    /// The receiver as Python has it.
+    fn receiver<'py>(&self, py: Python<'py>, pose: &Pose) -> PyResult<Bound<'py, PyAny>> {
+        let last = self.receiver.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((last, made)) = &*last
+            && last == pose
+        {
+            return Ok(made.bind(py).clone());
+        }
+        // Python may run other threads in between, which want the lock, too.
+        drop(last);
+        let made = pose::to_python(py, pose)?;
+        let mut last = self.receiver.lock().unwrap_or_else(PoisonError::into_inner);
+        *last = Some((*pose, made.clone().unbind()));
+        Ok(made)
+    }
+
+    /// The expected measurements of many states.
+    fn expected_rows<const N: usize>(
+        &self,
+        columns: [&[f64]; N],
+        receiver: &Pose,
+    ) -> Option<Vec<SVector<f64, M>>> {
+        let count = columns.first().map_or(0, |column| column.len());
+        let call = |py: Python<'_>| {
+            let states = arrays::states(py, columns)?;
+            let receiver = self.receiver(py, receiver)?;
+            let expected = self.object.bind(py).call_method1("expected", (states, receiver))?;
+            arrays::rows(&expected, count, "what expected returns")
+        };
+        Python::attach(call).map_err(|error| self.failure.keep(error)).ok()
+    }
 }
 
 impl<const N: usize, const M: usize> MeasurementModel<N, M> for PythonModel<M> {
@@ -176,7 +250,7 @@ impl<const N: usize, const M: usize> MeasurementModel<N, M> for PythonModel<M> {
     fn expected(&self, state: &State<N>, receiver: &Pose) -> SVector<f64, M> {
         let call = |py: Python<'_>| {
             let state = PyArray1::from_slice(py, state.as_slice());
-            let receiver = PyArray1::from_slice(py, receiver.position.as_slice());
+            let receiver = self.receiver(py, receiver)?;
             let expected = self.object.bind(py).call_method1("expected", (state, receiver))?;
             arrays::vector(&expected, "what expected returns")
         };
@@ -184,6 +258,59 @@ impl<const N: usize, const M: usize> MeasurementModel<N, M> for PythonModel<M> {
             self.failure.keep(error);
             SVector::repeat(f64::NAN)
         })
+    }
+
+    fn expected_many(&self, states: &[State<N>], receiver: &Pose, out: &mut [SVector<f64, M>]) {
+        if !self.is_vectorized {
+            for (out, state) in out.iter_mut().zip(states) {
+                *out = self.expected(state, receiver);
+            }
+            return;
+        }
+        let columns: [Vec<f64>; N] =
+            std::array::from_fn(|row| states.iter().map(|state| state[row]).collect());
+        match self.expected_rows(columns.each_ref().map(|column| &column[..]), receiver) {
+            Some(expected) => out.copy_from_slice(&expected),
+            None => out.fill(SVector::repeat(f64::NAN)),
+        }
+    }
+
+    fn log_likelihoods(&self, columns: [&[f64]; N], observation: &Observation<M>, out: &mut [f64]) {
+        if !self.is_vectorized || !observation.is_plain() {
+            log_likelihoods_one_by_one(self, columns, observation, out);
+            return;
+        }
+        let Some(expected) = self.expected_rows(columns, observation.receiver()) else {
+            out.fill(f64::NAN);
+            return;
+        };
+        let axes = self.quantities.map(|quantity| quantity.axis());
+        for (out, expected) in out.iter_mut().zip(&expected) {
+            let residual = Axis::difference(&axes, observation.value(), expected);
+            *out = observation.log_density(&residual);
+        }
+    }
+
+    fn residuals(
+        &self,
+        columns: [&[f64]; N],
+        z: &SVector<f64, M>,
+        receiver: &Pose,
+        mut out: [&mut [f64]; M],
+    ) {
+        if !self.is_vectorized {
+            residuals_one_by_one(self, columns, z, receiver, out);
+            return;
+        }
+        let Some(expected) = self.expected_rows(columns, receiver) else {
+            out.iter_mut().for_each(|column| column.fill(f64::NAN));
+            return;
+        };
+        let axes = self.quantities.map(|quantity| quantity.axis());
+        for (i, expected) in expected.iter().enumerate() {
+            let residual = Axis::difference(&axes, z, expected);
+            out.iter_mut().zip(&residual).for_each(|(column, value)| column[i] = *value);
+        }
     }
 }
 

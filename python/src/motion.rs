@@ -7,11 +7,12 @@ use foxhunt::{
     nalgebra::SMatrix,
 };
 use numpy::PyArray1;
-use pyo3::{exceptions::PyValueError, prelude::*};
+use pyo3::{exceptions::PyValueError, prelude::*, types::PyTuple};
 
 use crate::{
     arrays,
     failure::{Failure, value_error},
+    recipe::Recipe,
 };
 
 /// Motion model of the target, for states of N components.
@@ -20,7 +21,10 @@ pub(crate) type AnyMotion<const N: usize> = Arc<dyn MotionModel<N> + Send + Sync
 /// A motion of the library.
 #[pyclass(frozen, module = "foxhunt")]
 #[derive(Debug)]
-pub(crate) struct Motion(Kind);
+pub(crate) struct Motion {
+    kind: Kind,
+    recipe: Recipe,
+}
 
 #[derive(Debug)]
 enum Kind {
@@ -42,29 +46,40 @@ impl Motion {
         for each in &drift {
             not_negative("drift", *each).map_err(value_error)?;
         }
-        Ok(Self(Kind::RandomWalk { drift }))
+        let recipe = Recipe::new("random_walk").with_several("drift", &drift);
+        Ok(Self { kind: Kind::RandomWalk { drift }, recipe })
     }
 
-    /// The state is East, North and their speeds, in m and m/s, driven by white acceleration;
-    /// `acceleration_density` is the root of its spectral density, in m/s² per √Hz.
+    /// The state is East, North and their speeds, in m and m/s, driven by white acceleration; or
+    /// East, North, Up and their speeds, where it has 6 components. `spectral_density` is q of the
+    /// acceleration on each axis, in m²/s³, as filterpy's and Stone Soup's.
     #[staticmethod]
-    fn constant_velocity(acceleration_density: f64) -> PyResult<Self> {
-        not_negative("acceleration_density", acceleration_density).map_err(value_error)?;
-        Ok(Self(Kind::ConstantVelocity(ConstantVelocity { acceleration_density })))
+    fn constant_velocity(spectral_density: f64) -> PyResult<Self> {
+        not_negative("spectral_density", spectral_density).map_err(value_error)?;
+        let recipe = Recipe::new("constant_velocity").with("spectral_density", spectral_density);
+        let kind = Kind::ConstantVelocity(ConstantVelocity { spectral_density });
+        Ok(Self { kind, recipe })
     }
 
-    /// As `constant_velocity`, and the rate of turn in rad/s, which does a random walk of
-    /// `turn_rate_drift` rad/s per √s.
+    /// As `constant_velocity`, and behind it the rate of turn in rad/s, which does a random walk of
+    /// `turn_rate_drift` rad/s per √s; of 5 components, or 7 in space.
     #[staticmethod]
-    fn coordinated_turn(acceleration_density: f64, turn_rate_drift: f64) -> PyResult<Self> {
-        not_negative("acceleration_density", acceleration_density).map_err(value_error)?;
+    fn coordinated_turn(spectral_density: f64, turn_rate_drift: f64) -> PyResult<Self> {
+        not_negative("spectral_density", spectral_density).map_err(value_error)?;
         not_negative("turn_rate_drift", turn_rate_drift).map_err(value_error)?;
-        let turn = CoordinatedTurn { acceleration_density, turn_rate_drift };
-        Ok(Self(Kind::CoordinatedTurn(turn)))
+        let recipe = Recipe::new("coordinated_turn")
+            .with("spectral_density", spectral_density)
+            .with("turn_rate_drift", turn_rate_drift);
+        let kind = Kind::CoordinatedTurn(CoordinatedTurn { spectral_density, turn_rate_drift });
+        Ok(Self { kind, recipe })
     }
 
     fn __repr__(&self) -> String {
-        format!("Motion({:?})", self.0)
+        format!("Motion.{}", self.recipe)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        slf.get().recipe.reduced(&slf.get_type())
     }
 }
 
@@ -79,11 +94,12 @@ pub(crate) fn motion<const N: usize>(
             object.getattr(method)?;
         }
         return Ok(Arc::new(PythonMotion::<N> {
+            is_vectorized: arrays::is_vectorized(object)?,
             object: object.clone().unbind(),
             failure: failure.clone(),
         }));
     };
-    match &motion.get().0 {
+    match &motion.get().kind {
         Kind::RandomWalk { drift } => match drift[..] {
             [drift] => Ok(Arc::new(RandomWalk::<N>::uniform(drift))),
             _ if drift.len() == N => {
@@ -94,8 +110,15 @@ pub(crate) fn motion<const N: usize>(
                 drift.len()
             ))),
         },
-        Kind::ConstantVelocity(motion) => of_size::<4, N>(Arc::new(*motion)),
-        Kind::CoordinatedTurn(motion) => of_size::<5, N>(Arc::new(*motion)),
+        // In the plane unless the state is that of space.
+        Kind::ConstantVelocity(motion) => match N {
+            6 => of_size::<6, N>(Arc::new(*motion)),
+            _ => of_size::<4, N>(Arc::new(*motion)),
+        },
+        Kind::CoordinatedTurn(motion) => match N {
+            7 => of_size::<7, N>(Arc::new(*motion)),
+            _ => of_size::<5, N>(Arc::new(*motion)),
+        },
     }
 }
 
@@ -103,12 +126,16 @@ pub(crate) fn motion<const N: usize>(
 fn of_size<const K: usize, const N: usize>(motion: AnyMotion<K>) -> PyResult<AnyMotion<N>> {
     let same = (Box::new(motion) as Box<dyn Any>).downcast::<AnyMotion<N>>();
     same.map(|motion| *motion).map_err(|_| {
-        PyValueError::new_err(format!("the state has {N} components; the motion is of {K}"))
+        let more = K + 2;
+        PyValueError::new_err(format!(
+            "the state has {N} components; the motion is of {K}, or {more} in space"
+        ))
     })
 }
 
 /// A motion that is written in Python.
 struct PythonMotion<const N: usize> {
+    is_vectorized: bool,
     object: Py<PyAny>,
     failure: Failure,
 }
@@ -136,5 +163,41 @@ impl<const N: usize> MotionModel<N> for PythonMotion<N> {
             self.failure.keep(error);
             SMatrix::repeat(f64::NAN)
         })
+    }
+
+    fn move_columns(&self, mut columns: [&mut [f64]; N], white: [&[f64]; N], dt: f64) {
+        let count = columns.first().map_or(0, |column| column.len());
+        if !self.is_vectorized {
+            for i in 0..count {
+                let state = State::from_fn(|row, _| columns[row][i]);
+                let noise = self.noise_factor(&state, dt) * State::from_fn(|row, _| white[row][i]);
+                let moved = self.propagate(&state, dt) + noise;
+                columns.iter_mut().zip(&moved).for_each(|(column, value)| column[i] = *value);
+            }
+            return;
+        }
+        let call = |py: Python<'_>| {
+            let object = self.object.bind(py);
+            let states = arrays::states(py, columns.each_ref().map(|column| &**column))?;
+            let moved = object.call_method1("propagate", (&states, dt))?;
+            let factors = object.call_method1("noise_factor", (states, dt))?;
+            let moved: Vec<State<N>> = arrays::rows(&moved, count, "what propagate returns")?;
+            let factors: Vec<SMatrix<f64, N, N>> =
+                arrays::matrices(&factors, count, "what noise_factor returns")?;
+            Ok((moved, factors))
+        };
+        match Python::attach(call) {
+            Ok((moved, factors)) => {
+                for (i, moved) in moved.into_iter().enumerate() {
+                    let factor = factors.get(i).unwrap_or(&factors[0]);
+                    let moved = moved + factor * State::from_fn(|row, _| white[row][i]);
+                    columns.iter_mut().zip(&moved).for_each(|(column, value)| column[i] = *value);
+                }
+            }
+            Err(error) => {
+                self.failure.keep(error);
+                columns.iter_mut().for_each(|column| column.fill(f64::NAN));
+            }
+        }
     }
 }

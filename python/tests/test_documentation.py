@@ -5,10 +5,20 @@ import doctest
 import foxhunt
 import foxhunt.commands
 import foxhunt.estimators
+import foxhunt.judging
 import foxhunt.logs
+import foxhunt.poses
 import pytest
 
-MODULES = [foxhunt, foxhunt.commands, foxhunt.estimators, foxhunt.logs]
+MODULES = [
+    foxhunt,
+    foxhunt._program,
+    foxhunt.commands,
+    foxhunt.estimators,
+    foxhunt.judging,
+    foxhunt.logs,
+    foxhunt.poses,
+]
 
 
 @pytest.mark.parametrize("module", MODULES, ids=lambda module: module.__name__)

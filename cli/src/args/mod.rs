@@ -1,5 +1,6 @@
 //! The command line, and the names that its arguments take.
 
+mod description;
 #[cfg(all(test, feature = "full"))]
 mod documented;
 mod groups;
@@ -11,6 +12,8 @@ use clap::{CommandFactory, FromArgMatches, Parser};
 use foxhunt::registry::Registry;
 
 use crate::{commands::Command, hints, output::JsonForm};
+
+pub(crate) use description::described;
 
 /// Finds radio transmitters with drones.
 ///

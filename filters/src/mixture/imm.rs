@@ -160,7 +160,7 @@ enum Per {
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// let prior = Estimate::isotropic(Vector4::zeros(), 10.0);
 /// let still = RandomWalk { drift: Vector4::new(0.05, 0.05, 0.01, 0.01) };
-/// let moving = ConstantVelocity { acceleration_density: 0.3 };
+/// let moving = ConstantVelocity { spectral_density: 0.09 };
 /// // The motions are behind one type, so that the filters are of one type.
 /// let motions: [&dyn MotionModel<4>; 2] = [&still, &moving];
 /// let [still, moving] = motions.map(|motion| Ekf::new(motion, Place, prior));

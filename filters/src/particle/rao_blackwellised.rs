@@ -47,7 +47,7 @@ impl<F, H, R, const N: usize, const M: usize, const K: usize> RaoBlackwellised<F
 where
     F: MotionModel<N>,
     H: MeasurementModel<N, M>,
-    R: Rng + Clone,
+    R: Rng,
 {
     /// A filter of `particles` drawn from the Gaussian `prior`, in each of them what the prior
     /// has of the last K components given the others.
@@ -134,43 +134,25 @@ where
     }
 
     /// The next generation, resampled if that is due, and moved.
-    fn moved(&self, dt: f64, rng: &mut R) -> Result<Conditional<N, K>, EstimatorError> {
+    fn moved(&mut self, dt: f64) -> Result<Conditional<N, K>, EstimatorError> {
         let due = self.effective_sample_size() < self.threshold * number(self.cloud.len());
-        let mut next = if due { self.regularised(&self.cloud, rng) } else { self.cloud.clone() };
         let axes = self.motion.axes();
+        let mut next = if due {
+            self.cloud.regularised(&axes, self.resampling, &mut self.rng)
+        } else {
+            self.cloud.clone()
+        };
         for i in 0..next.len() {
-            let moved = next.particle(i).moved(&self.motion, dt, white(rng))?;
+            let moved = next.particle(i).moved(&self.motion, dt, white(&mut self.rng))?;
             next.set(i, &moved, &axes);
         }
         Ok(next)
     }
 
-    /// The cloud resampled, its copies set apart.
-    fn regularised(&self, from: &Conditional<N, K>, rng: &mut R) -> Conditional<N, K> {
-        let axes = self.motion.axes();
-        let mut ancestors = vec![0; from.len()];
-        let mut scratch = Weights::even(from.len());
-        let weights = &from.means.weights.linear;
-        self.resampling.draw(weights, rng, scratch.scratch(), &mut ancestors, Threads::One);
-        let between = moments(&from.means.columns, &from.means.weights.linear, &axes, Threads::One);
-        let factor = semidefinite_factor(&between.covariance);
-        let bandwidth = silverman(N - K, from.len());
-        let kernel = Kernel::new(&between.mean, &factor, bandwidth, axes);
-        let mut next = from.clone();
-        for (i, ancestor) in ancestors.into_iter().enumerate() {
-            let Particle { state, spread } = from.particle(ancestor as usize);
-            let state = kernel.as_ref().map_or(state, |kernel| kernel.draw(&state, rng));
-            next.set(i, &Particle { state, spread }, &axes);
-        }
-        next.means.weights.fill_even(Threads::One);
-        next
-    }
-
     /// The posterior cloud and the log-evidence; in stages where the cloud would starve.
     fn corrected(
-        &self,
+        &mut self,
         observation: &Observation<M>,
-        rng: &mut R,
     ) -> Result<(Conditional<N, K>, f64), EstimatorError> {
         let linear = self.linearised(&self.cloud, observation);
         let at_once = Tempered::new(observation, 1.0)?;
@@ -185,7 +167,8 @@ where
         let mut log_evidence = 0.0;
         for stage in 1..=MOST_STAGES {
             if cloud.means.weights.effective_sample_size() < KEPT * number(cloud.len()) {
-                cloud = self.regularised(&cloud, rng);
+                let axes = self.motion.axes();
+                cloud = cloud.regularised(&axes, self.resampling, &mut self.rng);
             }
             let linear = self.linearised(&cloud, observation);
             let prior = &cloud.means.weights;
@@ -248,17 +231,16 @@ impl<F, H, R, const N: usize, const M: usize, const K: usize> Estimator<N, M>
 where
     F: MotionModel<N>,
     H: MeasurementModel<N, M>,
-    R: Rng + Clone,
+    R: Rng,
 {
     fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
         EstimatorError::check_time_step(dt)?;
         if dt <= 0.0 {
             return Ok(());
         }
-        let mut rng = self.rng.clone();
-        let cloud = self.moved(dt, &mut rng)?;
+        let cloud = self.moved(dt)?;
         self.belief = self.belief_of(&cloud)?;
-        (self.cloud, self.rng) = (cloud, rng);
+        self.cloud = cloud;
         Ok(())
     }
 
@@ -267,10 +249,9 @@ where
             return Ok(Correction::Empty);
         }
         let nis = Innovation::of_belief(&*self, &self.measurement, observation);
-        let mut rng = self.rng.clone();
-        let (cloud, log_evidence) = self.corrected(observation, &mut rng)?;
+        let (cloud, log_evidence) = self.corrected(observation)?;
         self.belief = self.belief_of(&cloud)?;
-        (self.cloud, self.rng) = (cloud, rng);
+        self.cloud = cloud;
         Ok(Correction::Fused {
             nis: nis.map(|innovation| innovation.nis),
             log_evidence,
@@ -325,6 +306,26 @@ impl<const N: usize, const K: usize> Conditional<N, K> {
     fn set(&mut self, i: usize, particle: &Particle<N, K>, axes: &[Axis; N]) {
         self.means.set(i, &Axis::difference(axes, &particle.state, &State::zeros()));
         self.spreads[i] = particle.spread;
+    }
+
+    /// The cloud resampled, its copies set apart.
+    fn regularised(&self, axes: &[Axis; N], resampling: Resampling, rng: &mut impl Rng) -> Self {
+        let mut ancestors = vec![0; self.len()];
+        let mut scratch = Weights::even(self.len());
+        let weights = &self.means.weights.linear;
+        resampling.draw(weights, rng, scratch.scratch(), &mut ancestors, Threads::One);
+        let between = moments(&self.means.columns, weights, axes, Threads::One);
+        let factor = semidefinite_factor(&between.covariance);
+        let bandwidth = silverman(N - K, self.len());
+        let kernel = Kernel::new(&between.mean, &factor, bandwidth, *axes);
+        let mut next = self.clone();
+        for (i, ancestor) in ancestors.into_iter().enumerate() {
+            let Particle { state, spread } = self.particle(ancestor as usize);
+            let state = kernel.as_ref().map_or(state, |kernel| kernel.draw(&state, rng));
+            next.set(i, &Particle { state, spread }, axes);
+        }
+        next.means.weights.fill_even(Threads::One);
+        next
     }
 }
 

@@ -107,7 +107,7 @@ const ISAACS_PARTICLES: usize = 2000;
 /// The document prints neither the intensity of the target's acceleration nor its speed: both are
 /// as in `particle-bearing-moving`.
 fn isaacs2014(request: &TrackRequest<'_>) -> Result<Track, EstimatorError> {
-    let motion = ConstantVelocity { acceleration_density: ACCELERATION_DENSITY };
+    let motion = ConstantVelocity { spectral_density: SPECTRAL_DENSITY };
     let model = BearingOnly::isaacs2014();
     let filter =
         FilterConfig::Particle { count: ISAACS_PARTICLES, adaptive_bin: None, every_step: true };
@@ -161,9 +161,8 @@ impl Prior<4> for Room {
     }
 }
 
-/// √q of the target's acceleration, in m s⁻² per √Hz, and σ of its velocity's East and North in
-/// m/s.
-const ACCELERATION_DENSITY: f64 = 0.005;
+/// q of the target's acceleration in m²/s³, and σ of its velocity's East and North in m/s.
+const SPECTRAL_DENSITY: f64 = 2.5e-5;
 const SPEED_SIGMA_MPS: f64 = 0.05;
 
 /// A bearing with σ of the mixture, in radians, whatever its own.

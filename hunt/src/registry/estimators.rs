@@ -181,7 +181,7 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
              its posterior",
             "Blom & Bar-Shalom 1988",
             EstimatorConfig {
-                moving: Some(MovingConfig { acceleration_density: 0.05, speed_sigma: 0.3 }),
+                moving: Some(MovingConfig { spectral_density: 2.5e-3, speed_sigma: 0.3 }),
                 ..started(FilterConfig::Imm {
                     sojourn_s: [600.0, 60.0],
                     still_drift: STILL,
@@ -227,7 +227,7 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
              second",
             "Isaacs et al. 2014, §IV",
             EstimatorConfig {
-                moving: Some(MovingConfig { acceleration_density: 0.005, speed_sigma: 0.05 }),
+                moving: Some(MovingConfig { spectral_density: 2.5e-5, speed_sigma: 0.05 }),
                 track: BEARING_ONLY,
                 ..as_read(FilterConfig::Particle {
                     count: 5000,

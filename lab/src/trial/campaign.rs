@@ -132,10 +132,10 @@ fn bounds(trial: &Trial, seeds: impl Iterator<Item = u64>) -> Vec<Option<f64>> {
 fn as_modelled(trial: &Trial) -> bool {
     let assumed = match trial.motion {
         TargetMotion::Still => 0.0,
-        TargetMotion::ConstantVelocity { acceleration_density } => acceleration_density,
+        TargetMotion::ConstantVelocity { spectral_density } => spectral_density,
     };
     let true_density = match trial.target {
-        TargetConfig::Line { acceleration_density, .. } => acceleration_density,
+        TargetConfig::Line { spectral_density, .. } => spectral_density,
         TargetConfig::FromPrior => 0.0,
         TargetConfig::Circle { .. } => return false,
     };

@@ -98,15 +98,9 @@ fn target_at(
 ) -> Vec<Vector4<f64>> {
     let times = (0..bearings.count).map(|k| f64::from(k) * bearings.interval_s);
     let (start, density) = match *target {
-        TargetConfig::Line {
-            east_m,
-            north_m,
-            speed_mps,
-            course_deg_compass,
-            acceleration_density,
-        } => {
+        TargetConfig::Line { east_m, north_m, speed_mps, course_deg_compass, spectral_density } => {
             let v = velocity(speed_mps, course_deg_compass);
-            (Vector4::new(east_m, north_m, v.x, v.y), acceleration_density)
+            (Vector4::new(east_m, north_m, v.x, v.y), spectral_density)
         }
         TargetConfig::FromPrior => (drawn(rng), 0.0),
         TargetConfig::Circle { radius_m, period_s } => {
@@ -118,7 +112,7 @@ fn target_at(
             return times.map(at).collect();
         }
     };
-    let motion = ConstantVelocity { acceleration_density: density };
+    let motion = ConstantVelocity { spectral_density: density };
     let factor: Matrix4<f64> = motion.noise_factor(&start, bearings.interval_s);
     let mut state = start;
     let mut states = vec![start];

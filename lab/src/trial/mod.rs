@@ -137,9 +137,9 @@ pub enum TargetConfig {
         /// The course in degrees clockwise from North; 0 unless given.
         #[serde(default)]
         course_deg_compass: f64,
-        /// The root of the acceleration's spectral density, in m s⁻² per √Hz; 0 unless given.
+        /// q in m²/s³: the power spectral density of the acceleration on each axis; 0 by default.
         #[serde(default)]
-        acceleration_density: f64,
+        spectral_density: f64,
     },
     /// On a circle about the origin, counter-clockwise from the East.
     Circle {
@@ -161,8 +161,8 @@ pub enum TargetMotion {
     Still,
     /// At a nearly constant velocity; the state is East, North and their derivatives.
     ConstantVelocity {
-        /// The root of the acceleration's spectral density, in m s⁻² per √Hz.
-        acceleration_density: f64,
+        /// q in m²/s³: the power spectral density of the acceleration on each axis.
+        spectral_density: f64,
     },
 }
 
@@ -297,13 +297,13 @@ impl Trial {
                 north_m,
                 speed_mps,
                 course_deg_compass,
-                acceleration_density,
+                spectral_density,
             } => {
                 finite("target.east_m", east_m)?;
                 finite("target.north_m", north_m)?;
                 not_negative("target.speed_mps", speed_mps)?;
                 finite("target.course_deg_compass", course_deg_compass)?;
-                not_negative("target.acceleration_density", acceleration_density)?;
+                not_negative("target.spectral_density", spectral_density)?;
             }
             TargetConfig::Circle { radius_m, period_s } => {
                 positive("target.radius_m", radius_m)?;
@@ -316,8 +316,8 @@ impl Trial {
         }
         let moving = match self.motion {
             TargetMotion::Still => false,
-            TargetMotion::ConstantVelocity { acceleration_density } => {
-                not_negative("motion.acceleration_density", acceleration_density)?;
+            TargetMotion::ConstantVelocity { spectral_density } => {
+                not_negative("motion.spectral_density", spectral_density)?;
                 true
             }
         };
@@ -352,8 +352,8 @@ impl Trial {
     fn moving(&self) -> Option<ConstantVelocity> {
         match self.motion {
             TargetMotion::Still => None,
-            TargetMotion::ConstantVelocity { acceleration_density } => {
-                Some(ConstantVelocity { acceleration_density })
+            TargetMotion::ConstantVelocity { spectral_density } => {
+                Some(ConstantVelocity { spectral_density })
             }
         }
     }
@@ -436,6 +436,15 @@ mod tests {
     }
 
     #[test]
+    fn the_root_of_an_intensity_is_refused_by_its_name() {
+        // Until q took its place, `acceleration_density` was √q.
+        let text = include_str!("../../trials/isaacs-circle.toml");
+        let old = text.replace("spectral_density = 1e-4", "acceleration_density = 0.01");
+        let error = Trial::parse(&old, "old.toml").expect_err("it is refused").to_string();
+        assert!(error.starts_with("old.toml") && error.contains("acceleration_density"), "{error}");
+    }
+
+    #[test]
     fn numbers_out_of_range_are_named() {
         let text = TEXTS[0].1;
         for (good, bad, field) in [
@@ -445,11 +454,7 @@ mod tests {
             ("checkpoints = [12, 24]", "checkpoints = [49]", "checkpoints"),
             ("bearings_at_each = 3", "bearings_at_each = 0", "receiver.bearings_at_each"),
             ("west_m = -3.0", "west_m = 3.0", "prior.east_m - prior.west_m"),
-            (
-                "kind = \"still\"",
-                "kind = \"constant-velocity\"\nacceleration_density = nan",
-                "motion",
-            ),
+            ("kind = \"still\"", "kind = \"constant-velocity\"\nspectral_density = nan", "motion"),
         ] {
             assert!(text.contains(good), "{good}");
             let error =

@@ -168,8 +168,8 @@ fn of_settings(
     match trial.motion {
         TargetMotion::Still if settings.moving.is_some() => unsuited("a target that moves"),
         TargetMotion::Still => build::<2>(trial, settings, Arc::new(still()), prior, seed),
-        TargetMotion::ConstantVelocity { acceleration_density } => {
-            let motion = Arc::new(ConstantVelocity { acceleration_density });
+        TargetMotion::ConstantVelocity { spectral_density } => {
+            let motion = Arc::new(ConstantVelocity { spectral_density });
             build::<4>(trial, settings, motion, prior, seed)
         }
     }

@@ -15,13 +15,27 @@ False
 True
 """
 
+from . import commands, plots
 from ._foxhunt import Correction, Estimate, Motion, Model, __version__
-from .commands import bearing, campaign, hunt, locate, replay, results, run
+from .commands import (
+    bearing,
+    calibrate,
+    campaign,
+    hunt,
+    judge,
+    locate,
+    replay,
+    results,
+    run,
+)
 from .estimators import Ckf, Ekf, Estimator, GridFilter, ParticleFilter, Ukf
+from .judging import Consistency, Whiteness, consistency, whiteness
 from .logs import Log, read_log
+from .poses import Pose
 
 __all__ = [
     "Ckf",
+    "Consistency",
     "Correction",
     "Ekf",
     "Estimate",
@@ -31,14 +45,22 @@ __all__ = [
     "Model",
     "Motion",
     "ParticleFilter",
+    "Pose",
     "Ukf",
+    "Whiteness",
     "__version__",
     "bearing",
+    "calibrate",
     "campaign",
+    "commands",
+    "consistency",
     "hunt",
+    "judge",
     "locate",
+    "plots",
     "read_log",
     "replay",
     "results",
     "run",
+    "whiteness",
 ]

@@ -15,6 +15,9 @@ from ._chunks import Chunk, chunks, merged
 if TYPE_CHECKING:
     import pandas as pd
     from distributed import Client, Future
+    from typing_extensions import Unpack
+
+    from .commands import CampaignOptions
 
 
 def submit(
@@ -25,7 +28,7 @@ def submit(
     seed: int = 1,
     chunk: int = 50,
     retries: int = 3,
-    **options: Any,
+    **options: Unpack[CampaignOptions],
 ) -> list[Future[pd.DataFrame]]:
     """Submits a campaign and returns the futures of its chunks, in the order of their seeds.
 
@@ -45,19 +48,29 @@ def submit(
             retries=retries,
             pure=True,
         )
-        for each in chunks(scenario, runs, seed, chunk, options)
+        for each in chunks(scenario, runs, seed, chunk, dict(options))
     ]
 
 
 def campaign(
-    client: Client, scenario: str | os.PathLike[str] = "pritzl-6.1", **options: Any
+    client: Client,
+    scenario: str | os.PathLike[str] = "pritzl-6.1",
+    *,
+    runs: int = 100,
+    seed: int = 1,
+    chunk: int = 50,
+    retries: int = 3,
+    **options: Unpack[CampaignOptions],
 ) -> pd.DataFrame:
     """Flies a campaign on a cluster and returns the frame of :func:`foxhunt.campaign`.
 
-    ``options`` are those of :func:`submit`. ``distributed.progress`` on what :func:`submit` returns
+    Keywords are those of :func:`submit`. ``distributed.progress`` on what :func:`submit` returns
     shows how far it is.
     """
-    return merged(future.result() for future in submit(client, scenario, **options))
+    futures = submit(
+        client, scenario, runs=runs, seed=seed, chunk=chunk, retries=retries, **options
+    )
+    return merged(future.result() for future in futures)
 
 
 def _token(*what: Any) -> str:

@@ -5,9 +5,17 @@ All of them take a motion, a measurement model and a Gaussian prior, and have th
 
 Motion and model are the library's (:class:`foxhunt.Motion`, :class:`foxhunt.Model`) or objects of
 your own. A model has ``quantities``, pairs of a name and ``"linear"`` or ``"angle"``, and
-``expected(state, receiver)``; a motion has ``propagate(state, dt)`` and ``noise_factor(state, dt)``,
-whose product with its own transpose is the covariance of the noise. Those of your own are called for
-each sigma point or particle: right, and slow.
+``expected(state, receiver)``; a motion has ``propagate(state, dt)`` and ``noise_factor(state,
+dt)``, whose product with its own transpose is the covariance of the noise. The receiver is a
+:class:`foxhunt.Pose`: an array of East, North and Up that has a heading and, where known, a
+velocity.
+
+Those of your own are called for each sigma point or particle, unless the class has ``vectorized =
+True``: clouds then call it once for hundreds of states, one a row. ``state[..., 0]`` serves both; a
+noise factor may be one matrix for all states.
+
+Estimators can be pickled and copied. A pickle holds the arguments and the steps, up to 100 000,
+which are taken again when it is read; a copy has the belief, and shares motion and model.
 
 >>> class GroundRange:
 ...     quantities = [("range_m", "linear")]
@@ -21,11 +29,23 @@ each sigma point or particle: right, and slow.
 ...     _ = ckf.update([truth], [0.1], receiver=receiver)
 >>> np.round(ckf.estimate().mean).tolist()
 [30.0, 40.0]
+
+>>> class Range:
+...     quantities = [("range_m", "linear")]
+...     vectorized = True
+...
+...     def expected(self, state, receiver):
+...         return np.hypot(state[..., 0] - receiver[0], state[..., 1] - receiver[1])
+>>> cloud = ParticleFilter(Motion.random_walk(0.1), Range(), [50, 10], 400 * np.eye(2), seed=2)
+>>> for receiver in [(0, 0), (60, 0), (0, 60), (60, 60)] * 3:
+...     _ = cloud.update(np.hypot(receiver[0] - 30, receiver[1] - 40), 1.0, receiver=receiver)
+>>> bool(cloud.nees([30, 40]) < 13.8)
+True
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ._foxhunt import Estimator, Motion
 
@@ -35,6 +55,38 @@ if TYPE_CHECKING:
     from ._foxhunt import AnyModel, AnyMotion
 
 __all__ = ["Ckf", "Ekf", "Estimator", "GridFilter", "Motion", "ParticleFilter", "Ukf"]
+
+
+def _made(cls: Any, method: str, keywords: dict[str, Any]) -> Any:
+    """Makes a motion or a model of a pickle."""
+    return getattr(cls, method)(**keywords)
+
+
+def _made_again(
+    cls: type[Estimator],
+    positional: tuple[Any, ...],
+    keywords: dict[str, Any],
+    steps: list[Any],
+    own: dict[str, Any] | None,
+) -> Estimator:
+    """Makes an estimator of a pickle: from its arguments, by the steps that it took."""
+    estimator = Estimator.__new__(cls, *positional, **keywords)
+    if own:
+        estimator.__dict__.update(own)
+    estimator._take(steps)
+    return estimator
+
+
+def _copied(
+    original: Estimator,
+    positional: tuple[Any, ...],
+    keywords: dict[str, Any],
+    own: dict[str, Any] | None,
+) -> Estimator:
+    """Makes an estimator with the belief of another one."""
+    estimator = _made_again(type(original), positional, keywords, [], own)
+    estimator._take_over(original)
+    return estimator
 
 
 class Ekf(Estimator):

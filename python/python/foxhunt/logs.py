@@ -7,8 +7,13 @@ import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from ._foxhunt import places_at
+
 if TYPE_CHECKING:
     import pandas as pd
+    from numpy.typing import ArrayLike, NDArray
 
 
 @dataclass(frozen=True)
@@ -40,17 +45,25 @@ class Log:
         chosen = [each for each in self.events if event is None or each["event"] == event]
         return pd.json_normalize(chosen)
 
+    def truth(self, beacon: int, times: ArrayLike) -> NDArray[np.float64] | None:
+        """The true places of a beacon at some times in seconds, East and North, one a row; None if
+        the log has no truth. A beacon that moves is followed on its course."""
+        moments = np.atleast_1d(np.asarray(times, float)).tolist()
+        return places_at(json.dumps(self.header["beacons"][beacon]), moments)
+
     def track(self, beacon: int = 0) -> pd.DataFrame:
-        """The estimates of one beacon: time, East, North, covariance, NIS, and error where the log
-        has the truth."""
-        import numpy as np
+        """The estimates of one beacon: time, East, North, covariance, NIS, and where the log has
+        the truth the true place at that time, the error and the NEES."""
         import pandas as pd
 
-        truth = self.header["beacons"][beacon].get("truth")
+        corrected = [
+            each
+            for each in self.events
+            if each["event"] == "corrected" and each["beacon"] == beacon
+        ]
+        truth = self.truth(beacon, [each["time"] for each in corrected]) if corrected else None
         rows = []
-        for each in self.events:
-            if each["event"] != "corrected" or each["beacon"] != beacon:
-                continue
+        for index, each in enumerate(corrected):
             estimate = each["estimate"]
             east, north = estimate["mean"][:2]
             side = len(estimate["mean"])
@@ -63,7 +76,8 @@ class Log:
                 "nis": each["correction"].get("nis"),
             }
             if truth is not None:
-                error = np.array([east - truth[0], north - truth[1]])
+                row["truth_east_m"], row["truth_north_m"] = truth[index]
+                error = np.array([east, north]) - truth[index]
                 row["error_m"] = float(np.hypot(*error))
                 row["nees"] = float(error @ np.linalg.solve(covariance, error))
             rows.append(row)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def track(log: Log, beacon: int = 0, ax: Axes | None = None) -> Axes:
     """Where the drones received, where the beacon was thought to be, its last 95 % ellipse, and
-    where it was, if the log has the truth."""
+    where it was, if the log has the truth: its way, if it moved, and its last place."""
     ax = ax or _axes()
     receptions = [each["reception"] for each in log.events if each["event"] == "received"]
     places = [each["receiver"]["position"][:2] for each in receptions if each["beacon"] == beacon]
@@ -28,9 +28,12 @@ def track(log: Log, beacon: int = 0, ax: Axes | None = None) -> Axes:
         last = frame.iloc[-1]
         ax.plot(*_ellipse(last[["east_m", "north_m"]].to_numpy(float), last["covariance_m2"]),
                 color="#0072B2", linewidth=1, label="95 % ellipse")
-    truth = log.header["beacons"][beacon].get("truth")
+    times = [each["time"] for each in log.events if "time" in each]
+    truth = log.truth(beacon, np.linspace(0.0, max(times, default=0.0), 500))
     if truth is not None:
-        ax.plot(*truth[:2], "x", color="#D55E00", label="truth")
+        if np.ptp(truth, axis=0).any():
+            ax.plot(*truth.T, "-", color="#D55E00", linewidth=0.5)
+        ax.plot(*truth[-1], "x", color="#D55E00", label="truth")
     ax.set(xlabel="East / m", ylabel="North / m", aspect="equal")
     ax.legend()
     return ax

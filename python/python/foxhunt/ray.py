@@ -7,13 +7,16 @@ chunks of seeds, and a chunk whose worker died is flown again by another one.
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ._chunks import Chunk, chunks, merged
 
 if TYPE_CHECKING:
     import pandas as pd
     from ray import ObjectRef
+    from typing_extensions import Unpack
+
+    from .commands import CampaignOptions
 
 
 def submit(
@@ -23,7 +26,7 @@ def submit(
     seed: int = 1,
     chunk: int = 50,
     retries: int = 3,
-    **options: Any,
+    **options: Unpack[CampaignOptions],
 ) -> list[ObjectRef[pd.DataFrame]]:
     """Submits a campaign and returns the references of its chunks, in the order of their seeds.
 
@@ -36,14 +39,25 @@ def submit(
     fly = ray.remote(Chunk.fly).options(
         name="foxhunt-campaign", num_cpus=1, max_retries=retries
     )
-    return [fly.remote(each) for each in chunks(scenario, runs, seed, chunk, options)]
+    return [fly.remote(each) for each in chunks(scenario, runs, seed, chunk, dict(options))]
 
 
-def campaign(scenario: str | os.PathLike[str] = "pritzl-6.1", **options: Any) -> pd.DataFrame:
+def campaign(
+    scenario: str | os.PathLike[str] = "pritzl-6.1",
+    *,
+    runs: int = 100,
+    seed: int = 1,
+    chunk: int = 50,
+    retries: int = 3,
+    **options: Unpack[CampaignOptions],
+) -> pd.DataFrame:
     """Flies a campaign on a cluster and returns the frame of :func:`foxhunt.campaign`.
 
-    ``options`` are those of :func:`submit`.
+    Keywords are those of :func:`submit`.
     """
     import ray
 
-    return merged(ray.get(submit(scenario, **options)))
+    references = submit(
+        scenario, runs=runs, seed=seed, chunk=chunk, retries=retries, **options
+    )
+    return merged(ray.get(references))

@@ -23,19 +23,17 @@ impl<F, H, R, const N: usize, const M: usize> Estimator<N, M> for ParticleFilter
 where
     F: MotionModel<N>,
     H: MeasurementModel<N, M>,
-    R: Rng + Clone,
+    R: Rng,
 {
     fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
         EstimatorError::check_time_step(dt)?;
         if dt <= 0.0 {
             return Ok(());
         }
-        let mut rng = self.rng.clone();
-        let (anew, moments) = self.prepare_moved(dt, &mut rng);
+        let (anew, moments) = self.prepare_moved(dt);
         let weights = if anew { &self.spare.weights } else { &self.cloud.weights };
         let moments = moments.unwrap_or_else(|| self.moments(&self.spare.columns, weights));
         self.belief = self.belief_of(moments, weights)?;
-        self.rng = rng;
         mem::swap(&mut self.cloud.columns, &mut self.spare.columns);
         if anew {
             mem::swap(&mut self.cloud.weights, &mut self.spare.weights);
@@ -93,24 +91,22 @@ impl<F, H, R, const N: usize, const M: usize> ParticleFilter<F, H, R, N, M>
 where
     F: MotionModel<N>,
     H: MeasurementModel<N, M>,
-    R: Rng + Clone,
+    R: Rng,
 {
     /// Applies the likelihood in factors p(z | x)^φ, Σ φ = 1, resampling with the kernel in
     /// between (Musso, Oudjane & Le Gland 2001), each φ so that the cloud keeps half of
     /// its effective sample size. The log-evidence is the sum of the stages'.
     fn correct_in_stages(&mut self, observation: &Observation<M>) -> Result<f64, EstimatorError> {
-        let mut rng = self.rng.clone();
         let mut corrected = self.cloud.clone();
         // Out of the filter for a while; an empty cloud takes no memory.
         let mut next = mem::replace(&mut self.spare, Cloud::empty());
         let mut ancestors = mem::take(&mut self.ancestors);
         next.resize(corrected.len());
         ancestors.resize(corrected.len(), 0);
-        let outcome =
-            self.apply_in_stages(observation, &mut corrected, &mut next, &mut ancestors, &mut rng);
+        let outcome = self.apply_in_stages(observation, &mut corrected, &mut next, &mut ancestors);
         if let Ok((belief, _)) = outcome {
             self.cloud = corrected;
-            (self.belief, self.rng) = (belief, rng);
+            self.belief = belief;
         }
         (self.spare, self.ancestors) = (next, ancestors);
         outcome.map(|(_, log_evidence)| log_evidence)
@@ -118,12 +114,11 @@ where
 
     /// Conditions `cloud`, which holds this filter's.
     fn apply_in_stages(
-        &self,
+        &mut self,
         observation: &Observation<M>,
         cloud: &mut Cloud<N>,
         next: &mut Cloud<N>,
         ancestors: &mut [u32],
-        rng: &mut R,
     ) -> Result<(Gaussian<N>, f64), EstimatorError> {
         let mut belief = self.belief;
         let mut left = 1.0;
@@ -131,7 +126,7 @@ where
         for stage in 1..=MOST_STAGES {
             // At the first stage alone the cloud may be uneven.
             if cloud.weights.effective_sample_size() < KEPT * number(cloud.len()) {
-                self.regularise(&belief, cloud, next, ancestors, rng);
+                self.regularise(&belief, cloud, next, ancestors);
                 mem::swap(cloud, next);
             }
             let columns = core::array::from_fn(|row| &cloud.columns[row][..]);
@@ -149,7 +144,7 @@ where
             if left <= 0.0 {
                 break;
             }
-            self.regularise(&belief, cloud, next, ancestors, rng);
+            self.regularise(&belief, cloud, next, ancestors);
             mem::swap(cloud, next);
         }
         Ok((belief, log_evidence))
@@ -157,12 +152,11 @@ where
 
     /// Resamples `from` into `next` with the kernel about its own moments.
     fn regularise(
-        &self,
+        &mut self,
         belief: &Gaussian<N>,
         from: &Cloud<N>,
         next: &mut Cloud<N>,
         ancestors: &mut [u32],
-        rng: &mut R,
     ) {
         let axes = self.motion.axes();
         let threads = self.workers.threads;
@@ -172,9 +166,9 @@ where
         let bandwidth = self.bandwidth_of(from.len());
         let kernel = Kernel::new(belief.mean(), belief.factor(), bandwidth, axes);
         let scratch = next.weights.scratch();
-        self.resampling.draw(&from.weights.linear, rng, scratch, ancestors, threads);
+        self.resampling.draw(&from.weights.linear, &mut self.rng, scratch, ancestors, threads);
         let _ = (self.workers.step)(Step {
-            key: rng.next_u64(),
+            key: self.rng.next_u64(),
             from: &from.columns,
             to: next.columns.each_mut().map(|column| &mut column[..]),
             first: 0,

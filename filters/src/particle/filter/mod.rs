@@ -22,8 +22,44 @@ use crate::{Gaussian, Reinitialise, count::number};
 /// The bootstrap particle filter (Gordon, Salmond & Smith 1993), its resampling regularised.
 ///
 /// Owns its generator, which draws a key for each step; the step's random numbers are a hash of
-/// that (SplitMix64, Steele, Lea & Flood 2014). So two filters made alike run alike. Particles lie
-/// in columns, one for each component of the state, and are worked on by columns
+/// that (SplitMix64, Steele, Lea & Flood 2014). So two filters made alike run alike. Any generator
+/// of the crate `rand` will do, `StdRng` too. `Xoshiro256PlusPlus` of `rand` gives the same numbers
+/// in every release and on every processor, and a filter over it is `Clone`. A refused step leaves
+/// the belief as it was; the generator may have drawn for it.
+///
+/// ```
+/// use foxhunt_core::{
+///     Estimate, Estimator, MeasurementModel, Observation, Pose, Quantity, RandomWalk,
+/// };
+/// use foxhunt_filters::ParticleFilter;
+/// use nalgebra::{Matrix1, Vector1, Vector2};
+/// use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
+///
+/// struct GroundRange;
+///
+/// impl MeasurementModel<2, 1> for GroundRange {
+///     fn quantities(&self) -> [Quantity; 1] {
+///         [Quantity::RANGE]
+///     }
+///     fn expected(&self, state: &Vector2<f64>, receiver: &Pose) -> Vector1<f64> {
+///         Vector1::new((state - receiver.position.xy()).norm())
+///     }
+/// }
+///
+/// let prior = Estimate::isotropic(Vector2::new(10.0, 0.0), 20.0);
+/// let rng = Xoshiro256PlusPlus::seed_from_u64(1);
+/// let mut cloud = ParticleFilter::new(RandomWalk::uniform(0.1), GroundRange, prior, 2000, rng)?;
+/// for (east, north, range) in [(0.0, 0.0, 50.0), (60.0, 0.0, 50.0), (30.0, -20.0, 60.0)] {
+///     let receiver = Pose::at(east, north, 0.0);
+///     let range = Vector1::new(range);
+///     cloud.predict(1.0)?;
+///     let _ = cloud.update(&Observation::new(0.0, receiver, range, Matrix1::new(1.0))?)?;
+/// }
+/// assert!((cloud.estimate().mean - Vector2::new(30.0, 40.0)).norm() < 5.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// Particles lie in columns, one for each component of the state, and are worked on by columns
 /// ([`MotionModel::move_columns`], [`MeasurementModel::log_likelihoods`]). All memory is taken when
 /// the filter is made, 16 N + 36 bytes for each particle, unless its size adapts; an update in
 /// stages takes a third cloud while it lasts.
@@ -72,7 +108,7 @@ impl<F, H, R, const N: usize, const M: usize> ParticleFilter<F, H, R, N, M>
 where
     F: MotionModel<N>,
     H: MeasurementModel<N, M>,
-    R: Rng + Clone,
+    R: Rng,
 {
     /// A filter of `particles` drawn from the Gaussian `prior`; resamples systematically below
     /// half of them.
@@ -269,13 +305,13 @@ where
 
     /// Makes the columns of `spare` the next generation of the cloud: resampled if that is due,
     /// then moved. Returns true if its weights are new too, and its moments where known.
-    fn prepare_moved(&mut self, dt: f64, rng: &mut R) -> (bool, Option<Estimate<N>>) {
+    fn prepare_moved(&mut self, dt: f64) -> (bool, Option<Estimate<N>>) {
         let count = self.cloud.len();
         let due = self.effective_sample_size() < self.threshold * number(count);
         if let Some(size) = self.size
             && (due || self.is_off(&size))
         {
-            self.prepare_as_many_as(&size, dt, rng);
+            self.prepare_as_many_as(&size, dt);
             return (true, None);
         }
         let kernel = self.kernel().filter(|_| due);
@@ -285,12 +321,12 @@ where
             let weights = &self.cloud.weights.linear;
             let scratch = self.spare.weights.scratch();
             let threads = self.workers.threads;
-            self.resampling.draw(weights, rng, scratch, &mut self.ancestors, threads);
+            self.resampling.draw(weights, &mut self.rng, scratch, &mut self.ancestors, threads);
             self.spare.weights.fill_even(threads);
         }
         let weights = if due { &self.spare.weights } else { &self.cloud.weights };
         let moments = (self.workers.step)(Step {
-            key: rng.next_u64(),
+            key: self.rng.next_u64(),
             from: &self.cloud.columns,
             to: self.spare.columns.each_mut().map(|column| &mut column[..]),
             first: 0,
@@ -319,7 +355,7 @@ where
 
     /// Prepares a resampled and moved cloud, drawn one by one until there are enough (Fox 2003,
     /// table 3).
-    fn prepare_as_many_as(&mut self, size: &KldSampling<N>, dt: f64, rng: &mut R) {
+    fn prepare_as_many_as(&mut self, size: &KldSampling<N>, dt: f64) {
         let kernel = self.kernel();
         let mut reach = 0.0;
         let sums: Vec<f64> = self
@@ -337,10 +373,10 @@ where
         self.spare.resize(0);
         while self.spare.len() < wanted {
             // What rounds beyond the last sum is the last particle that has a weight.
-            let mark = rng.random::<f64>() * reach;
+            let mark = self.rng.random::<f64>() * reach;
             let ancestor = sums.partition_point(|sum| *sum <= mark);
             let state = self.cloud.state(ancestor.min(sums.len() - 1));
-            let moved = self.moved(state, kernel.as_ref(), dt, rng);
+            let moved = self.moved(state, kernel.as_ref(), dt);
             self.spare.push(&moved);
             if bins.add(&moved) {
                 wanted = size.particles(bins.count());
@@ -356,15 +392,10 @@ where
     }
 
     /// A particle set apart from its ancestor, if there is a kernel, and then moved.
-    fn moved(
-        &self,
-        ancestor: State<N>,
-        kernel: Option<&Kernel<N>>,
-        dt: f64,
-        rng: &mut R,
-    ) -> State<N> {
+    fn moved(&mut self, ancestor: State<N>, kernel: Option<&Kernel<N>>, dt: f64) -> State<N> {
+        let rng = &mut self.rng;
         let state = kernel.map_or(ancestor, |kernel| kernel.draw(&ancestor, rng));
-        let noise = self.motion.noise_factor(&state, dt) * white(rng);
+        let noise = self.motion.noise_factor(&state, dt) * white(&mut self.rng);
         let moved = self.motion.propagate(&state, dt) + noise;
         Axis::difference(&self.motion.axes(), &moved, &State::zeros())
     }
@@ -375,7 +406,7 @@ impl<F, H, R, const N: usize, const M: usize> Reinitialise<N> for ParticleFilter
 where
     F: MotionModel<N>,
     H: MeasurementModel<N, M>,
-    R: Rng + Clone,
+    R: Rng,
 {
     fn reinitialise(&mut self, estimate: &Estimate<N>) -> Result<(), EstimatorError> {
         let belief = Gaussian::new(*estimate, Role::Prior)?;

@@ -242,7 +242,7 @@ fn moving_targets_have_a_bank_too() {
     let parts = row.expect("proper").states(&rest);
     let truth = parts[1].1.mean
         + parts[1].1.covariance.cholesky().expect("proper").l() * white::<4>(&mut rng);
-    let motion = foxhunt_core::ConstantVelocity { acceleration_density: 1e-3 };
+    let motion = foxhunt_core::ConstantVelocity { spectral_density: 1e-6 };
     let one = Ekf::new(motion, Bearing, parts[0].1).expect("proper");
     let mut bank = GaussianSum::new(&one, parts).expect("proper");
     for second in 1_i32..=60 {

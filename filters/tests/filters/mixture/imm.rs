@@ -101,7 +101,7 @@ impl MotionModel<4> for Still {
 #[test]
 fn the_probabilities_follow_a_target_that_goes_and_stops() {
     // Seeds 0 to 19: stands for 40 s, goes with 3 m/s for 40 s, stands for 40 s.
-    let moving = ConstantVelocity { acceleration_density: 0.3 };
+    let moving = ConstantVelocity { spectral_density: 0.09 };
     let mut right = 0;
     let mut single = [0.0; 3];
     for seed in 0..20 {
@@ -145,7 +145,7 @@ fn the_probabilities_follow_a_target_that_goes_and_stops() {
 #[test]
 fn a_still_target_is_found_to_be_still() {
     // Seed 3: against the moving model alone the error of the last half is smaller.
-    let moving = ConstantVelocity { acceleration_density: 0.3 };
+    let moving = ConstantVelocity { spectral_density: 0.09 };
     let mut both = 0.0;
     let mut one = 0.0;
     let mut rng = rng(3);

@@ -41,7 +41,7 @@ proptest! {
         let mut moving = Estimate::isotropic(Vector4::new(east, north, 1.0, -1.0), sigma);
         moving.covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&covariance);
         let still = RandomWalk { drift: Vector4::new(0.1, 0.1, 0.01, 0.01) };
-        let straight = ConstantVelocity { acceleration_density: 0.2 };
+        let straight = ConstantVelocity { spectral_density: 0.04 };
         let models: [&dyn MotionModel<4>; 2] = [&still, &straight];
         let imm = || {
             let ukf = |motion| Ukf::new(motion, Bearing, moving).expect("a proper prior");
@@ -57,14 +57,14 @@ proptest! {
         place in prop::array::uniform2(-50.0..50.0), velocity in prop::array::uniform2(-9.0..9.0),
         rate in -2.0..2.0, scale in 0.0..1.0, dt in 0.0..10.0,
     ) {
-        let turn = CoordinatedTurn { acceleration_density: 0.3, turn_rate_drift: 0.05 };
+        let turn = CoordinatedTurn { spectral_density: 0.09, turn_rate_drift: 0.05 };
         // Rates near 0, too, where the closed form has no digits.
         let rate = rate * f64::powi(scale, 8);
         let state = State::from([place[0], place[1], velocity[0], velocity[1], rate]);
         laws::motion_model(&turn, &state, dt);
         let walk = RandomWalk { drift: State::from([0.1, 0.2, 0.3, 0.4, 0.05]) };
         laws::motion_model(&walk, &state, dt);
-        let straight = ConstantVelocity { acceleration_density: 0.3 };
+        let straight = ConstantVelocity { spectral_density: 0.09 };
         laws::motion_model(&straight, &state.fixed_rows::<4>(0).into_owned(), dt);
     }
 }

@@ -32,8 +32,8 @@ impl MeasurementModel<4, 2> for Place {
 fn the_linear_bound_is_the_kalman_covariance() {
     // No noise at all, noise on some components, and on all of them.
     let prior = Estimate::isotropic(Vector4::new(1.0, 2.0, 0.5, 0.0), 3.0);
-    for density in [0.0, 1e-9, 0.3] {
-        let motion = ConstantVelocity { acceleration_density: density };
+    for density in [0.0, 1e-18, 0.09] {
+        let motion = ConstantVelocity { spectral_density: density };
         let mut kalman = Ekf::new(motion, Place, prior).expect("a proper prior");
         let mut bound = PosteriorCramerRao::new(&prior).expect("a proper prior");
         let states = [prior.mean, prior.mean * -3.0];

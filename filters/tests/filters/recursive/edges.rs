@@ -153,7 +153,7 @@ fn a_rejected_observation_leaves_the_prediction() {
 fn one_seed_is_one_run_and_stays_it() {
     let run = |seed, scheme| {
         let prior = Estimate::isotropic(Vector4::new(20.0, 10.0, 0.5, 0.0), 5.0);
-        let motion = ConstantVelocity { acceleration_density: 0.1 };
+        let motion = ConstantVelocity { spectral_density: 0.01 };
         let mut filter = ParticleFilter::new(motion, Planar, prior, 500, rng(seed))
             .expect("a proper prior")
             .with_resampling(scheme);

@@ -352,7 +352,7 @@ fn a_motion_that_a_grid_has_no_cells_for_is_refused_when_it_is_made() {
         }
     }
     let prior = Estimate::isotropic(Vector2::zeros(), 10.0).with_rest::<4>(0.0, 2.0);
-    let motion = ConstantVelocity { acceleration_density: 0.1 };
+    let motion = ConstantVelocity { spectral_density: 0.01 };
     let refused = GridFilter::new(motion, Moving, prior, self::cells(32)).err();
     assert!(matches!(refused, Some(EstimatorError::Parameter(_))), "{refused:?}");
     let walk = RandomWalk::uniform(0.1);

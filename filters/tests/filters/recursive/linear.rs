@@ -28,7 +28,7 @@ impl MeasurementModel<4, 2> for Linear {
     }
 }
 
-const MOTION: ConstantVelocity = ConstantVelocity { acceleration_density: 0.3 };
+const MOTION: ConstantVelocity = ConstantVelocity { spectral_density: 0.09 };
 
 /// A positive definite matrix out of any numbers.
 fn proper<const D: usize>(numbers: &[f64]) -> foxhunt_core::Covariance<D> {

@@ -235,7 +235,7 @@ impl MeasurementModel<4, 2> for Place {
 #[test]
 fn smoothing_is_the_joint_posterior_of_all_states() {
     const STEPS: usize = 6;
-    let motion = ConstantVelocity { acceleration_density: 0.4 };
+    let motion = ConstantVelocity { spectral_density: 0.16 };
     let prior = Estimate::isotropic(Vector4::new(1.0, -2.0, 0.5, 0.1), 3.0);
     let filter = Ekf::new(motion, Place, prior).expect("a proper prior");
     let mut estimator = OutOfOrder::new(filter, 0.0, 60.0).expect("a proper lag");

@@ -396,3 +396,31 @@ fn one_two_and_eight_threads_have_the_bits_of_none() {
         }
     }
 }
+
+#[test]
+fn a_generator_needs_no_copy() {
+    /// A generator that cannot be copied, as rand's `StdRng`.
+    struct Once(Xoshiro256PlusPlus);
+
+    impl rand::TryRng for Once {
+        type Error = core::convert::Infallible;
+        fn try_next_u32(&mut self) -> Result<u32, Self::Error> {
+            self.0.try_next_u32()
+        }
+        fn try_next_u64(&mut self) -> Result<u64, Self::Error> {
+            self.0.try_next_u64()
+        }
+        fn try_fill_bytes(&mut self, bytes: &mut [u8]) -> Result<(), Self::Error> {
+            self.0.try_fill_bytes(bytes)
+        }
+    }
+
+    let prior = Estimate::isotropic(Vector2::new(1.0, 2.0), 3.0);
+    let walk = RandomWalk::uniform(0.1);
+    let once = Once(rng(4));
+    let mut cloud = ParticleFilter::new(walk, FIELD, prior, 100, once).expect("proper");
+    let mut same = ParticleFilter::new(walk, FIELD, prior, 100, rng(4)).expect("proper");
+    cloud.predict(1.0).expect("a proper step");
+    same.predict(1.0).expect("a proper step");
+    assert_eq!(cloud.estimate(), same.estimate());
+}

@@ -348,7 +348,7 @@ fn it_keeps_the_laws() {
 #[test]
 fn a_sampled_part_that_moves_with_the_rest_is_refused() {
     // Places move with velocities: these cannot be left to a filter that is reported of no step.
-    let motion = ConstantVelocity { acceleration_density: 0.1 };
+    let motion = ConstantVelocity { spectral_density: 0.01 };
     let prior = Estimate::isotropic(Vector4::zeros(), 5.0);
     let made = RaoBlackwellised::<_, _, _, 4, 2, 2>::new(motion, FreePathLoss, prior, 50, rng(1));
     let mut filter = made.expect("a proper prior");
