@@ -181,7 +181,7 @@ where
 
     /// Makes `out` a belief over other cells. Beyond its own it falls from what stands on the
     /// border as a Gaussian of the belief's covariance falls from its mean.
-    fn over(
+    pub(super) fn over(
         &self,
         columns: &Columns<N>,
         from: &Lattice,
@@ -244,7 +244,7 @@ where
 
     /// The lattice that a belief with these moments, which this noise has made, needs instead of
     /// its own: along the axes of the noise, and wide enough. `None` where its own will do.
-    fn widened(
+    pub(super) fn widened(
         &self,
         lattice: &Lattice,
         place: &Estimate<2>,

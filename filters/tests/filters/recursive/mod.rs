@@ -14,4 +14,5 @@ mod particles;
 mod predictive;
 mod rao_blackwellised;
 mod sigma_points;
+mod smoothing;
 mod textbook;
