@@ -133,6 +133,11 @@ where
             shift[i] = -run(Sum(&weighted)) / total;
             (0..M).for_each(|j| square[(i, j)] = run(Dot(&weighted, &deviations[j])) / total);
         }
+        // Cells have the mean of the further components; what these vary within a cell comes along.
+        if let Some(within) = self.weights.within() {
+            let slope = model.jacobian(mean, receiver);
+            square += slope * within * slope.transpose();
+        }
         Innovation::of_deviations(&centre, &shift, &square, model, &observation)
     }
 
