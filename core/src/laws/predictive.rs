@@ -83,6 +83,10 @@ impl<const M: usize> Lattice<M> {
         for i in (0..M).filter(|i| present(*i)) {
             // A sum over steps of one standard deviation errs by 10⁻⁸.
             let sigma = 1.0 / libm::sqrt(precision[(i, i)]);
+            #[expect(
+                clippy::cast_possible_truncation,
+                reason = "more nodes than there are integers are refused below"
+            )]
             let (step, half) = match axes[i] {
                 Axis::Angle => {
                     let count = libm::ceil(TAU / sigma).max(round);
@@ -311,8 +315,7 @@ fn over<E: Estimator<N, M>, const N: usize, const M: usize>(
         false => 0.0,
     };
     let room = laws.tolerance + random;
-    // NaN is a breach.
-    let breach = |off: f64| !(off <= room);
+    let breach = |off: f64| off.is_nan() || off > room;
     let components = observation.len() - usize::from(laws.given.is_some());
     #[expect(clippy::cast_precision_loss, reason = "as many as an observation has components")]
     let expected_nis = components as f64;

@@ -199,7 +199,7 @@ fn cells_keep_them() {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Mistake {
     None,
-    /// Angles outside ±π are brought back by 6.28 rad.
+    /// Angles outside ±π are brought back by 6.27 rad.
     Wrap,
     GrowingCovariance,
     HalvedCovariance,
@@ -224,7 +224,7 @@ impl<E: Estimator<2, 2>> Estimator<2, 2> for Mistaken<E> {
         let turns = (bearing / TAU).round();
         let mut seen = *observation;
         if self.mistake == Mistake::Wrap && turns.abs() > 0.0 {
-            let value = Vector2::new(observation.value()[0], bearing - turns * 6.28);
+            let value = Vector2::new(observation.value()[0], bearing - turns * 6.27);
             let whole = Observation::new(0.0, near(), value, observation.noise()).expect("proper");
             seen = (0..2).filter(|i| !observation.has(*i)).fold(whole, Observation::without);
         }
