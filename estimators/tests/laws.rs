@@ -1,7 +1,7 @@
 //! The laws over every filter that settings choose, and which of them have a smoother.
 
 use foxhunt_core::{
-    Estimate, MeasurementModel, Observation, Pose, Smooth,
+    Bearing, Estimate, Level, MeasurementModel, Observation, Pose, Reception, Smooth,
     laws::{self, Checks, Predictive},
 };
 use foxhunt_estimators::{
@@ -153,4 +153,36 @@ fn filters_of_settings_have_smoothers_or_say_so() {
     // Two kinds do not go together.
     let refused = build(&of(EKF)).smooth(&build(&of(cloud(50))), 1.0).expect_err("two kinds");
     assert!(refused.to_string().starts_with("smoothing by an estimator of another kind"));
+}
+
+/// A track goes back over its receptions; two of one time have one belief.
+#[test]
+fn a_track_is_smoothed() {
+    let mut track = moving(EKF).smoothable_track(model(), &prior(), 1).expect("in order");
+    let mut filtered = Vec::new();
+    for second in [0.0, 1.0, 1.0, 2.0, 4.0, 5.0] {
+        let place = Vector2::new(-30.0 + 0.4 * second, 4.0);
+        let receiver = Pose::at(20.0, 6.0 - 8.0 * second, 10.0);
+        let expected = MeasurementModel::<2, 2>::expected(&model(), &place, &receiver);
+        let reception = Reception {
+            time: second,
+            receiver,
+            level: Some(Level { rss_dbm: expected[0], sigma_db: 2.0 }),
+            bearing: Some(Bearing { angle: expected[1], sigma: 0.06, confidence: 1.0 }),
+            ..Reception::default()
+        };
+        let _ = track.update(&reception, false).expect("in order");
+        filtered.push((second, track.position()));
+    }
+    let smoothed = track.smoothed().expect("a smoother");
+    assert_eq!(smoothed.len(), filtered.len());
+    assert_eq!(smoothed.last(), filtered.last());
+    assert_eq!(smoothed[1], smoothed[2]);
+    for ((time, before), (at, after)) in filtered.iter().zip(&smoothed).take(5) {
+        assert!((time - at).abs() < 1e-12);
+        assert!(after.covariance.trace() < before.covariance.trace(), "{time} s");
+    }
+    let plain = moving(EKF).track(model(), &prior(), 1, true).expect("in order");
+    let refused = plain.smoothed().expect_err("no earlier beliefs").to_string();
+    assert!(refused.starts_with("smoothing an estimator that keeps no earlier beliefs"));
 }
