@@ -35,6 +35,9 @@ pub struct ReplayedFix {
     pub name: String,
     /// The estimate after its last reception.
     pub estimate: Estimate<2>,
+    /// The place at the time of each reception that was used, given all of them; empty unless
+    /// the replay is [smoothed](Replayer::finish_smoothed).
+    pub smoothed: Vec<(f64, Estimate<2>)>,
     /// Time of the estimate, in seconds.
     pub time: f64,
     /// Number of receptions that went through the estimator.
@@ -157,6 +160,29 @@ impl<'a> Replayer<'a> {
         registry: &Registry,
         other: Option<&EstimatorEntry>,
     ) -> Result<Self, ReplayError> {
+        Self::of_estimator(header, registry, other, false)
+    }
+
+    /// Replays as [`new`](Self::new) does, and keeps the beliefs for
+    /// [`finish_smoothed`](Self::finish_smoothed).
+    ///
+    /// # Errors
+    ///
+    /// Those of [`new`](Self::new).
+    pub fn smoothable(
+        header: &LogHeader,
+        registry: &Registry,
+        other: Option<&EstimatorEntry>,
+    ) -> Result<Self, ReplayError> {
+        Self::of_estimator(header, registry, other, true)
+    }
+
+    fn of_estimator(
+        header: &LogHeader,
+        registry: &Registry,
+        other: Option<&EstimatorEntry>,
+        smoothable: bool,
+    ) -> Result<Self, ReplayError> {
         let estimator = match other {
             Some(other) => other.clone(),
             None => estimator_of(header, registry)?,
@@ -172,7 +198,10 @@ impl<'a> Replayer<'a> {
             let search = *search;
             let pulses = pulses.as_ref();
             let request = TrackRequest { search, model: &model, reference, pulses, seed };
-            estimator.track(&request, true)
+            match smoothable {
+                true => estimator.smoothable_track(&request),
+                false => estimator.track(&request, true),
+            }
         });
         Ok(Self { examined, ..replayer })
     }
@@ -273,6 +302,31 @@ impl<'a> Replayer<'a> {
         Replay { fixes, compared: self.compared, different: self.different }
     }
 
+    /// Returns the replayed fixes with their smoothed places, and the counts.
+    ///
+    /// # Errors
+    ///
+    /// [`ReplayError::Smoothing`] when an estimator has no smoother, or the replay was not begun as
+    /// a [smoothable](Self::smoothable) one.
+    pub fn finish_smoothed(self) -> Result<Replay, ReplayError> {
+        let smoothed = self.searches.iter().map(|search| {
+            search.track.smoothed().map_err(|source| ReplayError::Smoothing {
+                estimator: self
+                    .examined
+                    .as_ref()
+                    .map_or_else(String::new, |e| e.0.name.to_string()),
+                beacon: search.fix.name.clone(),
+                source,
+            })
+        });
+        let smoothed = smoothed.collect::<Result<Vec<_>, _>>()?;
+        let mut replay = self.finish();
+        for (fix, smoothed) in replay.fixes.iter_mut().zip(smoothed) {
+            fix.smoothed = smoothed;
+        }
+        Ok(replay)
+    }
+
     fn all(mut self, log: &Log) -> Result<Replay, ReplayError> {
         for event in &log.events {
             let _ = self.event(event)?;
@@ -313,6 +367,7 @@ impl ReplayedSearch {
             beacon: search.beacon,
             name: search.name.to_owned(),
             estimate: track.prior(),
+            smoothed: Vec::new(),
             time,
             steps: 0,
             nis: ChiSquaredAverage::default(),
@@ -364,6 +419,16 @@ pub enum ReplayError {
     /// An estimator could not be made.
     #[error("no estimator for beacon {beacon}")]
     Estimator {
+        /// The beacon.
+        beacon: String,
+        /// The estimator's error.
+        source: EstimatorError,
+    },
+    /// The estimator has no smoother.
+    #[error("estimator {estimator:?} cannot smooth the track of beacon {beacon}: {source}")]
+    Smoothing {
+        /// The estimator's name.
+        estimator: String,
         /// The beacon.
         beacon: String,
         /// The estimator's error.

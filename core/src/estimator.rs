@@ -17,7 +17,10 @@ use crate::{
 ///
 /// Checked by `laws::estimator`, feature `laws`: an empty observation changes nothing; what a
 /// missing component holds changes nothing; the covariance stays symmetric and positive
-/// definite; a refused step leaves the belief as it was.
+/// definite; a refused step leaves the belief as it was; an angle and the same angle a turn on give
+/// one posterior. Over all observations that may come, exp(`log_evidence`) integrates to 1, the
+/// posterior mean averages to the prior mean, the posterior covariance and the variance of the
+/// posterior mean add up to the prior covariance, and the NIS averages to the number of components.
 pub trait Estimator<const N: usize, const M: usize> {
     /// Carries the belief `dt` seconds forward.
     ///
@@ -46,6 +49,29 @@ pub trait Estimator<const N: usize, const M: usize> {
     fn visit_samples(&self, visit: &mut dyn FnMut(&State<N>, f64)) {
         visit_cubature_points(&self.estimate(), visit);
     }
+}
+
+/// An estimator that goes back in time: its belief of an earlier time, given what came later.
+///
+/// Smoothing runs backward over copies of the estimator, one after the last observation of each
+/// time. The last copy is smoothed as it is. Each other one is conditioned on the smoothed one
+/// after it. The smoothed copy is an estimator of the same family: its moments and its samples
+/// are those of p(x at that time | all observations).
+///
+/// # Laws
+///
+/// Checked by `laws::smoother`, feature `laws`: a later belief that brings no news changes nothing;
+/// a refused step leaves the belief as it was.
+pub trait Smooth<const N: usize, const M: usize>: Estimator<N, M> {
+    /// Conditions the belief on `later`: the smoothed belief `dt` seconds afterwards, of a copy
+    /// that went on from this one.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::TimeStep`] for a `dt` that is negative or not finite;
+    /// [`EstimatorError::Unsupported`] names a setting for which there is no smoother. On any error
+    /// the belief is left as it was.
+    fn smooth(&mut self, later: &Self, dt: f64) -> Result<(), EstimatorError>;
 }
 
 /// The outcome of an update, in the same form for every family of estimators.

@@ -63,7 +63,7 @@ pub use bearing::{
 #[cfg(feature = "dual")]
 pub use dual::{Differentiated, DualMeasurement, DualMotion, Number, num_dual};
 pub use estimate::{Covariance, Ellipse, Estimate, State, visit_cubature_points};
-pub use estimator::{Belief, BeliefOf, Correction, Estimator, EstimatorError, Role};
+pub use estimator::{Belief, BeliefOf, Correction, Estimator, EstimatorError, Role, Smooth};
 pub use measurement::{
     MeasurementModel, OutlierMixture, absorb_receiver_noise, gaussian_log_likelihood,
     log_likelihoods_one_by_one, numeric_jacobian, residuals_one_by_one,

@@ -40,7 +40,8 @@ use crate::{
 /// Checked by `laws::measurement_model`, feature `laws`: `expected` is finite for every finite
 /// state; `residual(z, z) = 0`; a turn of 2π on an [`Axis::Angle`] changes no residual;
 /// `expected_change` and `expected_parts` agree with differences of expectations, `jacobian` with
-/// finite ones; `log_likelihoods` and `residuals` agree with `log_likelihood` and `residual`.
+/// finite ones; `log_likelihoods` and `residuals` agree with `log_likelihood` and `residual`; the
+/// likelihood integrates to 1 over all measurements.
 pub trait MeasurementModel<const N: usize, const M: usize> {
     /// The quantity of each component: its name with its unit, and its geometry. **This method owns
     /// the wrap**: means and residuals in every estimator follow from it.

@@ -115,6 +115,25 @@ impl EstimatorConfig {
         Ok(track.with_prior(self.prior(prior)?))
     }
 
+    /// Builds a track as [`track`](Self::track) does, one that keeps its innovations and the
+    /// beliefs that [`Track::smoothed`] goes back over.
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`track`](Self::track).
+    pub fn smoothable_track(
+        &self,
+        model: impl Into<ReceiverModel>,
+        prior: &Estimate<2>,
+        seed: u64,
+    ) -> Result<Track, EstimatorError> {
+        self.track.check()?;
+        let model = model.into();
+        let estimator = self.build(model.clone(), prior, seed)?;
+        let track = Track::smoothable::<2, 2>(estimator, model, self.track);
+        Ok(track.with_prior(self.prior(prior)?))
+    }
+
     /// Builds the estimator of a beacon's place from a model of level and bearing and the hunt's
     /// prior; `seed` is for filters that draw random numbers.
     ///

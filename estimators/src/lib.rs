@@ -9,7 +9,9 @@ mod estimator;
 mod filter;
 mod track;
 
-use foxhunt_core::Estimator;
+use std::any::Any;
+
+use foxhunt_core::{Estimator, EstimatorError, Smooth};
 
 pub use estimator::{EstimatorConfig, MovingConfig, ReceiverModel};
 pub use filter::{AnyModel, AnyMotion, FilterConfig, FilterOf, GateConfig, OutlierConfig, Prior};
@@ -18,18 +20,56 @@ pub use track::{Components, TimeStep, Track, TrackConfig, TrackError, TrackStep,
 /// An estimator that was chosen at run time, and can be copied with all that it believes.
 pub type BoxedEstimator<const N: usize, const M: usize> = Box<dyn CloneEstimator<N, M>>;
 
-/// An [`Estimator`] that can be copied behind a pointer; every one that is [`Clone`] is.
+/// An [`Estimator`] that can be copied and smoothed behind a pointer; every one that is [`Clone`]
+/// and [`Smooth`] is.
 pub trait CloneEstimator<const N: usize, const M: usize>: Estimator<N, M> {
     /// A copy.
     fn boxed(&self) -> BoxedEstimator<N, M>;
+
+    /// The estimator as a value of its own type.
+    fn as_any(&self) -> &dyn Any;
+
+    /// [`Smooth::smooth`] by an estimator of the same type.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Smooth::smooth`]; [`EstimatorError::Unsupported`] for one of another type.
+    fn smooth_by(
+        &mut self,
+        later: &dyn CloneEstimator<N, M>,
+        dt: f64,
+    ) -> Result<(), EstimatorError>;
 }
 
 impl<E, const N: usize, const M: usize> CloneEstimator<N, M> for E
 where
-    E: Estimator<N, M> + Clone + 'static,
+    E: Smooth<N, M> + Clone + 'static,
 {
     fn boxed(&self) -> BoxedEstimator<N, M> {
         Box::new(self.clone())
+    }
+
+    fn as_any(&self) -> &dyn Any {
+        self
+    }
+
+    fn smooth_by(
+        &mut self,
+        later: &dyn CloneEstimator<N, M>,
+        dt: f64,
+    ) -> Result<(), EstimatorError> {
+        match later.as_any().downcast_ref::<E>() {
+            Some(later) => self.smooth(later, dt),
+            None => Err(EstimatorError::Unsupported {
+                what: "smoothing by an estimator of another kind",
+            }),
+        }
+    }
+}
+
+impl<const N: usize, const M: usize> Smooth<N, M> for BoxedEstimator<N, M> {
+    fn smooth(&mut self, later: &Self, dt: f64) -> Result<(), EstimatorError> {
+        (**self).smooth_by(&**later, dt)
     }
 }
 

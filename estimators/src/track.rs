@@ -2,9 +2,12 @@ use std::mem;
 
 use foxhunt_core::{
     BearingModes, Belief, ByQuantity, Correction, Estimate, Estimator, EstimatorError, Intake,
-    MeasurementModel, ObservationError, Quantity, Reception, parameter::ParameterError,
+    MeasurementModel, ObservationError, Quantity, Reception, Smooth, parameter::ParameterError,
 };
-use foxhunt_filters::consistency::{Monitored, NisHealth, NisWatchdog, Whiteness};
+use foxhunt_filters::{
+    Remembering,
+    consistency::{Monitored, NisHealth, NisWatchdog, Whiteness},
+};
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
@@ -130,6 +133,8 @@ pub struct Track {
     steps: u32,
     watchdog: NisWatchdog,
     health: NisHealth,
+    /// Times of the receptions whose beliefs are remembered, each with its number among these.
+    remembered: Vec<(f64, usize)>,
     /// True if the filter began to count as diverged at the last reception.
     alarm: bool,
 }
@@ -176,6 +181,19 @@ impl Track {
         Self::of(Watched(Joined { estimator, intake }), config)
     }
 
+    /// A track that keeps its innovations, as a [monitored](Self::monitored) one does, and the
+    /// beliefs that [`smoothed`](Self::smoothed) goes back over: a copy of the estimator for each
+    /// time of a reception.
+    pub fn smoothable<const N: usize, const M: usize>(
+        estimator: impl Smooth<N, M> + Clone + 'static,
+        model: impl MeasurementModel<N, M> + 'static,
+        config: TrackConfig,
+    ) -> Self {
+        let intake = ByQuantity(estimator.quantities());
+        let estimator = Monitored::new(Remembering::new(estimator), model);
+        Self::of(Remembered(Watched(Joined { estimator, intake })), config)
+    }
+
     fn of(estimator: impl Fed + 'static, config: TrackConfig) -> Self {
         let watchdog = NisWatchdog::default();
         Self {
@@ -186,6 +204,7 @@ impl Track {
             steps: 0,
             health: watchdog.health(),
             watchdog,
+            remembered: Vec::new(),
             alarm: false,
         }
     }
@@ -232,6 +251,9 @@ impl Track {
         self.time = Some(now);
         let (correction, degrees) = self.estimator.update(&used)?;
         self.steps += u32::from(correction != Correction::Empty);
+        if let Some(last) = self.estimator.remembered().checked_sub(1) {
+            self.remembered.push((used.time, last));
+        }
         let before = mem::replace(&mut self.health, self.watchdog.observe(&correction, degrees));
         let diverged = |health| matches!(health, NisHealth::Diverged { .. });
         self.alarm = diverged(self.health) && !diverged(before);
@@ -278,6 +300,19 @@ impl Track {
     /// Adds its normalised innovations as one run; none unless it is [monitored](Self::monitored).
     pub fn add_innovations_to(&self, whiteness: &mut Whiteness) {
         self.estimator.add_innovations_to(whiteness);
+    }
+
+    /// The time of each reception that went through the estimator, with the place then as all
+    /// receptions have it, the later ones included: smoothed ([`Smooth`]).
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::Unsupported`] names a setting without a smoother, and a track that is not
+    /// [`smoothable`](Self::smoothable).
+    pub fn smoothed(&self) -> Result<Vec<(f64, Estimate<2>)>, EstimatorError> {
+        let places = self.estimator.smoothed()?;
+        let place = |(time, number): &(f64, usize)| Some((*time, *places.get(*number)?));
+        Ok(self.remembered.iter().filter_map(place).collect())
     }
 
     /// Returns the number of receptions that went through the estimator, rejected ones included.
@@ -341,6 +376,18 @@ trait Fed: Belief {
     fn as_belief(&self) -> &dyn Belief;
 
     fn add_innovations_to(&self, _whiteness: &mut Whiteness) {}
+
+    /// Number of the beliefs that are remembered.
+    fn remembered(&self) -> usize {
+        0
+    }
+
+    /// The remembered beliefs, smoothed.
+    fn smoothed(&self) -> Result<Vec<Estimate<2>>, EstimatorError> {
+        Err(EstimatorError::Unsupported {
+            what: "smoothing an estimator that keeps no earlier beliefs",
+        })
+    }
 }
 
 struct Joined<E, I, const N: usize, const M: usize> {
@@ -443,5 +490,62 @@ where
 
     fn add_innovations_to(&self, whiteness: &mut Whiteness) {
         whiteness.add_run(self.0.estimator.innovations());
+    }
+}
+
+/// An estimator that keeps its innovations and its earlier beliefs.
+struct Remembered<E, H, I, const N: usize, const M: usize>(Watched<Remembering<E>, H, I, N, M>);
+
+impl<E, H, I, const N: usize, const M: usize> Belief for Remembered<E, H, I, N, M>
+where
+    E: Estimator<N, M> + Clone,
+    H: MeasurementModel<N, M>,
+{
+    fn position(&self) -> Estimate<2> {
+        self.0.position()
+    }
+
+    fn visit_positions(&self, visit: &mut dyn FnMut(&Vector2<f64>, f64)) {
+        self.0.visit_positions(visit);
+    }
+}
+
+impl<E, H, I, const N: usize, const M: usize> Fed for Remembered<E, H, I, N, M>
+where
+    E: Smooth<N, M> + Clone,
+    H: MeasurementModel<N, M>,
+    I: Intake<M>,
+{
+    fn quantities(&self) -> Vec<Quantity> {
+        self.0.quantities()
+    }
+
+    fn check(&self, reception: &Reception) -> Result<(), ObservationError> {
+        self.0.check(reception)
+    }
+
+    fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
+        self.0.predict(dt)
+    }
+
+    fn update(&mut self, reception: &Reception) -> Result<(Correction, usize), TrackError> {
+        self.0.update(reception)
+    }
+
+    fn as_belief(&self) -> &dyn Belief {
+        self
+    }
+
+    fn add_innovations_to(&self, whiteness: &mut Whiteness) {
+        self.0.add_innovations_to(whiteness);
+    }
+
+    fn remembered(&self) -> usize {
+        self.0.0.estimator.estimator().times()
+    }
+
+    fn smoothed(&self) -> Result<Vec<Estimate<2>>, EstimatorError> {
+        let smoothed = self.0.0.estimator.estimator().smoothed()?;
+        Ok(smoothed.iter().map(|(_, copy)| copy.estimate().position()).collect())
     }
 }

@@ -1,6 +1,8 @@
 //! Estimators over others: one that hands over to the next, and the leading part of a larger state.
 
-use foxhunt_core::{Correction, Estimate, Estimator, EstimatorError, Observation, Quantity, State};
+use foxhunt_core::{
+    Correction, Estimate, Estimator, EstimatorError, Observation, Quantity, Smooth, State,
+};
 
 /// Begins as one estimator and goes on as another, which starts from the moments of the first.
 ///
@@ -115,6 +117,32 @@ where
     }
 }
 
+/// Smooths what each of the two estimated as that one does. At the seam, the second one is made of
+/// what the first believed then, and so on to the beginning of the run: the first one's state need
+/// not hold what the second one's does, such as a velocity.
+impl<S, E, B, const N: usize, const M: usize> Smooth<N, M> for Handover<S, E, B>
+where
+    S: Smooth<N, M>,
+    E: Smooth<N, M>,
+    B: Fn(Estimate<N>) -> Result<E, EstimatorError>,
+{
+    fn smooth(&mut self, later: &Self, dt: f64) -> Result<(), EstimatorError> {
+        match (&mut self.stage, &later.stage) {
+            (Stage::First(first), Stage::First(later)) => first.smooth(later, dt),
+            (Stage::Second(second), Stage::Second(later)) => second.smooth(later, dt),
+            (Stage::First(first), Stage::Second(later)) => {
+                let mut second = (self.build)(first.estimate())?;
+                second.smooth(later, dt)?;
+                self.stage = Stage::Second(second);
+                Ok(())
+            }
+            (Stage::Second(_), Stage::First(_)) => Err(EstimatorError::Unsupported {
+                what: "smoothing by a belief from before the handover",
+            }),
+        }
+    }
+}
+
 /// The active estimator.
 #[derive(Clone, Debug)]
 enum Stage<S, E> {
@@ -187,5 +215,14 @@ where
         self.0.visit_samples(&mut |state, weight| {
             visit(&state.fixed_rows::<K>(0).into_owned(), weight);
         });
+    }
+}
+
+impl<E, const N: usize, const K: usize, const M: usize> Smooth<K, M> for Leading<E, N>
+where
+    E: Smooth<N, M>,
+{
+    fn smooth(&mut self, later: &Self, dt: f64) -> Result<(), EstimatorError> {
+        self.0.smooth(&later.0, dt)
     }
 }

@@ -20,9 +20,11 @@
 //! [`Handover`] begins as one estimator and goes on as another: a grid makes the first bearings a
 //! prior for a Kalman filter. [`Leading`] shows the first components of a larger state.
 //!
-//! [`OutOfOrder`] lets any of them use observations that arrive late at their own time, and
-//! [`rauch_tung_striebel`] smooths the beliefs of Gaussian ones. [`consistency`] tests whether
-//! their covariances are right, and [`PosteriorCramerRao`] bounds what any estimator can reach.
+//! [`OutOfOrder`] lets any of them use observations that arrive late at their own time.
+//! [`Remembering`] and [`fixed_interval`] smooth a run of any that implements
+//! [`Smooth`](foxhunt_core::Smooth), [`rauch_tung_striebel`] the moments of Gaussian ones.
+//! [`consistency`] tests whether their covariances are right, and [`PosteriorCramerRao`] bounds
+//! what any estimator can reach.
 //!
 //! From all readings of one flight at once, [`ShadowingGrid`] locates a transmitter of unknown
 //! power whose level fades alike in neighbouring places.
@@ -85,6 +87,7 @@ mod peaks;
 mod ranges;
 #[cfg(feature = "alloc")]
 mod shadowing_grid;
+mod smoothing;
 #[cfg(feature = "batch")]
 mod track_grid;
 mod transform;
@@ -119,7 +122,7 @@ pub use mixture::{
 #[cfg(feature = "alloc")]
 pub use moment_grid::MomentGrid;
 #[cfg(feature = "alloc")]
-pub use out_of_order::{OutOfOrder, rauch_tung_striebel};
+pub use out_of_order::OutOfOrder;
 #[cfg(feature = "alloc")]
 pub use particle::{KldSampling, ParticleFilter, RaoBlackwellised, Resampling};
 #[cfg(feature = "alloc")]
@@ -134,6 +137,9 @@ pub use shadowing_grid::{
     Censoring, Intercept, Marginal, PlacePrior, PosteriorMap, ShadowedReading, ShadowingFix,
     ShadowingGrid, ShadowingGridConfig, ShadowingGridError, Slope,
 };
+pub use smoothing::{Passage, Passing};
+#[cfg(feature = "alloc")]
+pub use smoothing::{Remembering, fixed_interval, rauch_tung_striebel};
 #[cfg(feature = "batch")]
 pub use track_grid::{Places, TrackGrid, TrackGridFix, TrackModel};
 pub use transform::{Cubature, Image, Kappa, Map, Moments, Taylor, Transform, Unscented};

@@ -32,6 +32,8 @@ pub(super) enum Kind {
     Region,
     /// The fixes of a beacon over time.
     Track,
+    /// The places of a beacon over time, given all receptions.
+    Smoothed,
     /// The true place or way of a beacon.
     Truth,
     /// The path of a receiver.
@@ -49,6 +51,7 @@ impl Kind {
             Self::Ellipse => "ellipse-95",
             Self::Region => "region-95",
             Self::Track => "track",
+            Self::Smoothed => "smoothed-track",
             Self::Truth => "truth",
             Self::Path => "path",
             Self::Bearing => "bearing",
@@ -136,6 +139,10 @@ pub(super) fn features(overview: &Overview, frame: &LocalFrame) -> Vec<Feature> 
         if search.beliefs.len() > 1 {
             let line = search.beliefs.iter().map(|b| (at(&b.estimate.mean), b.time)).collect();
             features.push(Feature::of(Kind::Track, name, Shape::Line(line)));
+        }
+        if search.smoothed.len() > 1 {
+            let line = search.smoothed.iter().map(|b| (at(&b.estimate.mean), b.time)).collect();
+            features.push(Feature::of(Kind::Smoothed, name, Shape::Line(line)));
         }
         for region in &search.regions_95 {
             let ring = |border: &Vec<Vector2<f64>>| border.iter().map(at).collect();

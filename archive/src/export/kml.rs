@@ -8,12 +8,13 @@ use super::{
 use crate::overview::Overview;
 
 /// Line colour (aabbggrr), width and area colour of each kind.
-const STYLES: [(Kind, &str, &str, &str); 8] = [
+const STYLES: [(Kind, &str, &str, &str); 9] = [
     (Kind::Fix, "ff005ed5", "3", "40005ed5"),
     (Kind::Rival, "ff005ed5", "2", "40005ed5"),
     (Kind::Ellipse, "ff005ed5", "3", "40005ed5"),
     (Kind::Region, "ff005ed5", "2", "60005ed5"),
     (Kind::Track, "ff005ed5", "2", "40005ed5"),
+    (Kind::Smoothed, "ffa779cc", "3", "40a779cc"),
     (Kind::Truth, "ff000000", "3", "40000000"),
     (Kind::Path, "ffb27200", "3", "40b27200"),
     (Kind::Bearing, "ff739e00", "1.5", "40739e00"),

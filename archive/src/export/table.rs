@@ -87,9 +87,11 @@ pub(super) fn write(overview: &Overview) -> Result<Vec<u8>, ExportError> {
         csv.write_record(&row.0).map_err(ExportError::write)?;
     }
     for search in &overview.searches {
-        for believed in &search.beliefs {
+        let beliefs = search.beliefs.iter().map(|believed| ("estimate", believed));
+        let smoothed = search.smoothed.iter().map(|believed| ("smoothed", believed));
+        for (kind, believed) in beliefs.chain(smoothed) {
             let place = believed.estimate.mean.push(0.0);
-            let mut row = Row::new(overview, "estimate", &search.name, Some(believed.time), &place);
+            let mut row = Row::new(overview, kind, &search.name, Some(believed.time), &place);
             if let Some(ellipse) = &believed.ellipse_95 {
                 row.number("semi_major_95_m", Some(ellipse.semi_major), 3);
                 row.number("semi_minor_95_m", Some(ellipse.semi_minor), 3);

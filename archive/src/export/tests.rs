@@ -8,7 +8,7 @@ use quick_xml::{Reader, events::Event};
 use serde_json::Value;
 
 use super::*;
-use crate::overview::{Received, SearchOverview};
+use crate::overview::{Believed, Received, SearchOverview};
 
 const ORIGIN: Geodetic = Geodetic { lat_deg: 50.0, lon_deg: 14.0, alt_m: 200.0 };
 const HOSTILE: &str = "fox <&> \"one\" \u{1}";
@@ -50,7 +50,9 @@ fn overview() -> Overview {
         holes: Vec::new(),
     }];
     let truth = Some(Vector2::new(101.0, 50.0));
-    overview.searches.push(SearchOverview::located(HOSTILE.to_owned(), &located, truth, 2.0));
+    let located = SearchOverview::located(HOSTILE.to_owned(), &located, truth, 2.0);
+    let smoothed = [1.0, 2.0].map(|time| Believed { time, ..located.beliefs[0].clone() });
+    overview.searches.push(SearchOverview { smoothed: smoothed.to_vec(), ..located });
     overview
 }
 
@@ -89,6 +91,7 @@ fn geojson_has_every_feature_where_it_is() {
     let of = |kind: &str| features.iter().filter(|f| f["properties"]["kind"] == kind).count();
     let kinds = ["path", "bearing", "fix", "ellipse-95", "region-95", "rival", "truth"];
     assert_eq!(kinds.map(of), [1, 2, 1, 1, 1, 1, 1]);
+    assert_eq!([of("smoothed-track"), of("track")], [1, 0]);
     let found = features.iter().find(|f| f["properties"]["kind"] == "fix").expect("a fix");
     let [lon, lat] = [0, 1].map(|i| found["geometry"]["coordinates"][i].as_f64().expect("degrees"));
     // A hundred-millionth of a degree is a millimetre.
@@ -110,17 +113,17 @@ fn geojson_has_every_feature_where_it_is() {
 #[test]
 fn kml_gpx_and_cot_are_well_formed_and_whole() {
     let kml = text(Format::Kml);
-    assert_eq!(elements(&kml, "Placemark"), 8);
-    assert_eq!((elements(&kml, "Polygon"), elements(&kml, "LineString")), (2, 3));
+    assert_eq!(elements(&kml, "Placemark"), 9);
+    assert_eq!((elements(&kml, "Polygon"), elements(&kml, "LineString")), (2, 4));
     assert!(kml.contains("fox &lt;&amp;&gt;") && !kml.contains('\u{1}'));
     let gpx = text(Format::Gpx);
-    // Fix, rival, truth; path, ellipse, region and the bearings.
-    assert_eq!((elements(&gpx, "wpt"), elements(&gpx, "trk")), (3, 4));
-    assert_eq!(elements(&gpx, "trkseg"), 5);
+    // Fix, rival, truth; path, smoothed track, ellipse, region and the bearings.
+    assert_eq!((elements(&gpx, "wpt"), elements(&gpx, "trk")), (3, 5));
+    assert_eq!(elements(&gpx, "trkseg"), 6);
     let before = gpx.rfind("<wpt").expect("waypoints") < gpx.find("<trk").expect("tracks");
     assert!(before, "the order of the schema");
     let cot = text(Format::Cot);
-    assert_eq!(cot.lines().count(), 9, "the receiver, and each feature");
+    assert_eq!(cot.lines().count(), 10, "the receiver, and each feature");
     for line in cot.lines() {
         assert_eq!((elements(line, "event"), elements(line, "point")), (1, 1), "{line}");
     }
@@ -134,7 +137,9 @@ fn kml_gpx_and_cot_are_well_formed_and_whole() {
 fn a_table_has_metres_with_or_without_an_origin() {
     let with = text(Format::Csv);
     let rows: Vec<_> = with.lines().collect();
-    assert_eq!(rows.len(), 1 + 2 + 1 + 1 + 1, "header, receptions, estimate, rival, truth");
+    let each = "header, receptions, estimate, smoothed, rival, truth";
+    assert_eq!(rows.len(), 1 + 2 + 1 + 2 + 1 + 1, "{each}");
+    assert!(rows[4].starts_with("smoothed,") && rows[4].ends_with(",1.000"), "{}", rows[4]);
     assert!(rows[1].starts_with("reception,drone 1,1.000,2021-03-21T16:51:49Z,50.00000000,"));
     let without = Overview { frame: None, epoch_unix_s: None, ..overview() };
     let table = export(&without, Format::Csv).expect("metres");

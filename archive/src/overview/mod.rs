@@ -136,6 +136,9 @@ pub struct SearchOverview {
     pub truth: Vec<Knot>,
     /// Beliefs in the order of time.
     pub beliefs: Vec<Believed>,
+    /// Beliefs of the same times given all receptions, the later ones included, where the replay is
+    /// smoothed.
+    pub smoothed: Vec<Believed>,
     /// The smallest region that holds it with 95 % in the end, where the estimator has one.
     pub regions_95: Vec<Region>,
     /// Other places that are nearly as probable in the end.
@@ -169,6 +172,18 @@ pub struct Believed {
 }
 
 impl Believed {
+    /// A belief by its moments, without places for its shape.
+    fn of(time: f64, steps: u32, estimate: Estimate<2>, truth: Option<Vector2<f64>>) -> Self {
+        Self {
+            time,
+            steps,
+            estimate,
+            ellipse_95: estimate.ellipse(0.95),
+            error_m: truth.map(|truth| (estimate.mean - truth).norm()),
+            cloud: Vec::new(),
+        }
+    }
+
     fn located(time: f64, located: &Located, truth: Option<Vector2<f64>>) -> Self {
         Self {
             time,

@@ -49,11 +49,9 @@ impl Overview {
         turns: Vec<KeptTurn>,
         antenna: Option<KnownAntenna<'_>>,
     ) -> Result<(Self, Replay), ReplayError> {
-        let received = log.events.iter().filter(|e| matches!(e, Event::Received { .. })).count();
-        let places = ALL_PLACES.checked_div(received).and_then(|each| u32::try_from(each).ok());
         let mut reader = OverviewReader::new(&log.header, registry, other, antenna)?
             .without(struck.clone())
-            .with_places(places.unwrap_or(MOST_PLACES).clamp(100, MOST_PLACES));
+            .with_places(places_of(log));
         for turn in turns {
             reader.turn(turn);
         }
@@ -62,6 +60,37 @@ impl Overview {
         }
         Ok(reader.finish())
     }
+}
+
+impl Overview {
+    /// Reads a hunt from its log as [`of_log`](Self::of_log) does, with the smoothed track of each
+    /// beacon beside its beliefs.
+    ///
+    /// # Errors
+    ///
+    /// [`ReplayError`] as of [`replay`](crate::replay::replay);
+    /// [`ReplayError::Smoothing`] when an estimator has no smoother.
+    pub fn of_log_smoothed(
+        log: &Log,
+        registry: &Registry,
+        other: Option<&EstimatorEntry>,
+        struck: &Struck,
+    ) -> Result<(Self, Replay), ReplayError> {
+        let mut reader = OverviewReader::new(&log.header, registry, other, None)?;
+        reader.replayer = Replayer::smoothable(&log.header, registry, other)?;
+        let mut reader = reader.without(struck.clone()).with_places(places_of(log));
+        for event in &log.events {
+            reader.event(event)?;
+        }
+        reader.finish_smoothed()
+    }
+}
+
+/// Number of places for one belief of a log.
+fn places_of(log: &Log) -> u32 {
+    let received = log.events.iter().filter(|e| matches!(e, Event::Received { .. })).count();
+    let places = ALL_PLACES.checked_div(received).and_then(|each| u32::try_from(each).ok());
+    places.unwrap_or(MOST_PLACES).clamp(100, MOST_PLACES)
 }
 
 /// Key that a reception and its turn have in common: drone, beacon, and the bits of the time.
@@ -166,6 +195,23 @@ impl<'a> OverviewReader<'a> {
         (self.overview, replay)
     }
 
+    /// Returns the overview with the smoothed tracks, and the replay of all events.
+    fn finish_smoothed(mut self) -> Result<(Overview, Replay), ReplayError> {
+        let replay = self.replayer.finish_smoothed()?;
+        for (search, fix) in self.overview.searches.iter_mut().zip(&replay.fixes) {
+            search.remarks.clone_from(&fix.remarks);
+            let beacon = self.header.beacons.get(usize::from(fix.beacon.0));
+            let steps = 1..=u32::MAX;
+            search.smoothed = (fix.smoothed.iter().zip(steps))
+                .map(|((time, estimate), steps)| {
+                    let truth = beacon.and_then(|beacon| beacon.place_at(*time));
+                    Believed::of(*time, steps, *estimate, truth)
+                })
+                .collect();
+        }
+        Ok((self.overview, replay))
+    }
+
     /// Adds what happened.
     ///
     /// # Errors
@@ -215,14 +261,8 @@ impl<'a> OverviewReader<'a> {
             extend_way(&mut search.truth, beacon, time);
         }
         let truth = beacon.and_then(|beacon| beacon.place_at(time));
-        search.beliefs.push(Believed {
-            time,
-            steps: step.steps,
-            estimate: step.estimate,
-            ellipse_95: step.estimate.ellipse(0.95),
-            error_m: truth.map(|truth| (step.estimate.mean - truth).norm()),
-            cloud: step.cloud,
-        });
+        let believed = Believed::of(time, step.steps, step.estimate, truth);
+        search.beliefs.push(Believed { cloud: step.cloud, ..believed });
     }
 
     fn receive(&mut self, drone: usize, reception: &Reception, step: Option<Step>) {

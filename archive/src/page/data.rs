@@ -175,6 +175,9 @@ struct Search<'a> {
     /// Time, East, North.
     truth: Vec<[f64; 3]>,
     beliefs: Vec<Belief>,
+    /// The places given all receptions, where the replay is smoothed.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    smoothed: Vec<Belief>,
     /// Parts of the 95 % region: borders, the holes after the outline.
     regions: Vec<Vec<Vec<[f64; 2]>>>,
     /// East, North, density over that at the estimate.
@@ -451,6 +454,7 @@ impl<'a> Search<'a> {
             outcome: search.outcome.as_deref(),
             truth: truth.iter().map(place).collect(),
             beliefs: beliefs.iter().map(Belief::of).collect(),
+            smoothed: search.smoothed.iter().map(Belief::of).collect(),
             regions: (search.regions_95.iter())
                 .map(|r| std::iter::once(&r.outline).chain(&r.holes).map(border).collect())
                 .collect(),

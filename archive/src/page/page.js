@@ -84,7 +84,7 @@ function survey() {
   receivedTimes = received.map((one) => one.time);
   for (const search of data.searches) {
     search.original ||= search.beliefs;
-    search.first ||= { regions: search.regions, rivals: search.rivals, remarks: search.remarks || [], rows: search.rows || [], of_rows: search.of_rows };
+    search.first ||= { regions: search.regions, rivals: search.rivals, remarks: search.remarks || [], rows: search.rows || [], of_rows: search.of_rows, smoothed: search.smoothed };
     search.times = search.beliefs.map((belief) => belief.time);
     search.unpacked ||= new Map();
   }
@@ -425,6 +425,23 @@ function drawSearch(search, index) {
   }
 }
 
+// The track as all receptions have it, and its ellipse at the time that is shown.
+function drawSmoothed(search, index) {
+  if (!search.smoothed) return;
+  const colour = searchColour(index);
+  context.lineWidth = 2.5 * look.width; context.strokeStyle = colour;
+  path(search.smoothed.map((one) => one.place)); context.stroke();
+  const count = countUntil(search.smoothed.map((one) => one.time), state.time), here = search.smoothed[count - 1];
+  if (!here) return;
+  const [px, py] = [x(here.place[0]), y(here.place[1])];
+  context.beginPath(); context.arc(px, py, 5, 0, TAU); context.fillStyle = colour; context.fill();
+  if (here.ellipse) {
+    const [a, b, along] = here.ellipse;
+    context.beginPath(); context.ellipse(px, py, a * view.scale, b * view.scale, -along, 0, TAU);
+    context.lineWidth = 1.5 * look.width; context.stroke();
+  }
+}
+
 function drawTruth(search) {
   if (!search.truth.length) return;
   const here = placeAt(search.truth, search.truth.map((knot) => knot[0]), state.time) || [search.truth[0][1], search.truth[0][2]];
@@ -450,6 +467,7 @@ function drawMap() {
   if (state.layers.paths) drawPaths();
   drawPlaces(count);
   data.searches.forEach(drawSearch);
+  if (state.layers.smoothed) data.searches.forEach(drawSmoothed);
   if (state.layers.truth) data.searches.forEach(drawTruth);
   if (state.layers.paths) drawReceivers();
   drawScaleAndNorth();
@@ -537,6 +555,8 @@ const LAYERS = [
   ["wedges", "± σ of the latest", `<path d="M0 8L30 0V16z" fill="#0072b2" opacity=".35"/>`, () => hasBearings],
   ["rivals", "rival directions", `<path d="M0 8h30" stroke="#0072b2" stroke-width="2" stroke-dasharray="2 4"/>`, () => received.some((one) => one.modes)],
   ["estimates", "estimates", `<path d="M15 1v14M8 8h14" stroke="#d55e00" stroke-width="3"/>`, () => data.searches.length],
+  ["smoothed", "smoothed track", `<path d="M1 12Q8 2 15 8T29 4" fill="none" stroke="#d55e00" stroke-width="2.5"/><circle cx="15" cy="8" r="3.5" fill="#d55e00"/>`,
+    () => data.searches.some((s) => s.smoothed)],
   ["ellipse", "95 % ellipse", `<ellipse cx="15" cy="8" rx="13" ry="6" fill="none" stroke="#d55e00" stroke-width="2.5"/>`, () => data.searches.length],
   ["conformal", "95 % by your own recordings", `<ellipse cx="15" cy="8" rx="13" ry="6" fill="none" stroke="#d55e00" stroke-width="2" stroke-dasharray="5 3"/>`,
     () => data.searches.some((s) => s.conformal)],

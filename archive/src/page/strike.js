@@ -172,6 +172,8 @@ function showReplayed(result) {
     const now = result ? result.searches[index] : search.first;
     search.beliefs = result ? now.beliefs : search.original;
     search.regions = now.regions; search.rivals = now.rivals;
+    // Of all receptions; without some of them it is not known.
+    search.smoothed = result ? undefined : search.first.smoothed;
     // Estimators of a version without rows have no remarks either.
     search.remarksOfAll = Boolean(result) && search.first.rows.length > 0 && !now.rows && search.beliefs.length > 0;
     search.remarks = search.remarksOfAll ? search.first.remarks : now.remarks || [];

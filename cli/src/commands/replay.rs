@@ -5,7 +5,7 @@ use foxhunt::{
     filters::consistency::Verdict,
     hunt::PlaceEstimate,
     log::{Log, LogError},
-    overview::Overview,
+    overview::{Believed, Overview, SearchOverview},
     page::PageLog,
     registry::EstimatorEntry,
     replay::{Replay, ReplayedFix},
@@ -30,6 +30,7 @@ use crate::{
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt replay out/hunt.jsonl\n  \
                         foxhunt replay out/hunt.jsonl --estimator particle --report cloud.html\n  \
+                        foxhunt replay out/hunt.jsonl --estimator imm --smooth\n  \
                         foxhunt replay out/hunt.jsonl --ignore struck.jsonl --report without.html\n  \
                         foxhunt replay out/hunt.jsonl --export hunt.kml --origin 50.08,14.44")]
 pub(crate) struct Args {
@@ -38,6 +39,10 @@ pub(crate) struct Args {
     /// Another estimator than the log's own
     #[arg(long, value_name = "NAME")]
     estimator: Option<String>,
+    /// Smooth each beacon's track: its place at the time of each reception, from all receptions
+    /// before and after
+    #[arg(long)]
+    smooth: bool,
     /// A list of receptions to leave out: saved by a page, or your own JSON lines (docs/report.md)
     #[arg(long, value_name = "FILE")]
     ignore: Option<PathBuf>,
@@ -91,6 +96,33 @@ struct Replayed {
     outcome: Option<Outcome>,
     logged_estimate: Option<PlaceEstimate>,
     logged_error_m: Option<f64>,
+    /// The smoothed track; absent without `--smooth`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    smoothed: Option<SmoothedTrack>,
+}
+
+/// The track of a beacon given all receptions, with its errors and the errors of the estimates that
+/// knew the earlier ones alone.
+#[derive(Debug, Serialize)]
+struct SmoothedTrack {
+    places: Vec<SmoothedPlace>,
+    /// Root mean square of the errors of `places`; absent where the truth is not known.
+    rms_error_m: Option<f64>,
+    /// Root mean square of the errors of the estimates at the same times.
+    filtered_rms_error_m: Option<f64>,
+    /// Average NEES of `places`, 2 for a consistent smoother.
+    anees: Option<f64>,
+    /// Average NEES of the estimates at the same times.
+    filtered_anees: Option<f64>,
+}
+
+/// A place of a smoothed track.
+#[derive(Debug, Serialize)]
+struct SmoothedPlace {
+    time_s: f64,
+    estimate: PlaceEstimate,
+    ellipse_95: Option<Ellipse>,
+    error_m: Option<f64>,
 }
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
@@ -111,12 +143,21 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         }
         None => Struck::default(),
     };
-    let replayed = Overview::of_log(&log, registry, other, &struck, Vec::new(), None);
+    let replayed = match args.smooth {
+        true => Overview::of_log_smoothed(&log, registry, other, &struck),
+        false => Overview::of_log(&log, registry, other, &struck, Vec::new(), None),
+    };
     let (overview, replayed) = replayed.map_err(|error| {
         let file = args.log.display().to_string();
         CliError::input(InFile { file, source: Box::new(error) })
     })?;
-    let report = Report::new(&log, &replayed, other, struck.len());
+    let mut report = Report::new(&log, &replayed, other, struck.len());
+    if args.smooth {
+        let tracks = report.beacons.iter_mut().zip(&replayed.fixes).zip(&overview.searches);
+        for ((beacon, fix), search) in tracks {
+            beacon.smoothed = Some(SmoothedTrack::new(&log, fix, search));
+        }
+    }
     output.result(&report, tables)?;
     let page_log = PageLog::new(&log.header, other, &log.events);
     args.views.write(&overview, Some(&page_log), output)?;
@@ -172,9 +213,76 @@ impl Replayed {
             remarks: fix.remarks.clone(),
             outcome: logged.map(|logged| logged.outcome),
             logged_estimate: logged.map(|logged| (&logged.estimate).into()),
+            smoothed: None,
             logged_error_m: logged.and_then(|logged| Some((logged.estimate.mean - truth?).norm())),
         }
     }
+}
+
+impl SmoothedTrack {
+    fn new(log: &Log, fix: &ReplayedFix, search: &SearchOverview) -> Self {
+        let beacon = log.header.beacons.get(usize::from(fix.beacon.0));
+        let truth = |time: f64| beacon.and_then(|beacon| beacon.place_at(time));
+        let judged = |beliefs: &[Believed]| {
+            let mut squares = 0.0;
+            let mut nees = 0.0;
+            let mut count = 0.0;
+            for belief in beliefs {
+                let truth = truth(belief.time)?;
+                squares += (belief.estimate.mean - truth).norm_squared();
+                nees += belief.estimate.nees(&truth)?;
+                count += 1.0;
+            }
+            (count > 0.0).then(|| ((squares / count).sqrt(), nees / count))
+        };
+        let smoothed = judged(&search.smoothed);
+        // The first belief is of no reception.
+        let filtered = judged(search.beliefs.get(1..).unwrap_or_default());
+        let place = |believed: &Believed| SmoothedPlace {
+            time_s: believed.time,
+            estimate: (&believed.estimate).into(),
+            ellipse_95: believed.ellipse_95,
+            error_m: believed.error_m,
+        };
+        Self {
+            places: search.smoothed.iter().map(place).collect(),
+            rms_error_m: smoothed.map(|(rms, _)| rms),
+            filtered_rms_error_m: filtered.map(|(rms, _)| rms),
+            anees: smoothed.map(|(_, nees)| nees),
+            filtered_anees: filtered.map(|(_, nees)| nees),
+        }
+    }
+}
+
+/// Errors of the smoothed tracks and of the estimates; empty without `--smooth`.
+fn smoothed_tracks(report: &Report) -> String {
+    if report.beacons.iter().all(|beacon| beacon.smoothed.is_none()) {
+        return String::new();
+    }
+    let mut tracks = table(&[
+        "beacon",
+        "places",
+        "filtered rms m",
+        "smoothed rms m",
+        "filtered ANEES",
+        "smoothed ANEES",
+    ]);
+    for beacon in &report.beacons {
+        let Some(smoothed) = &beacon.smoothed else { continue };
+        tracks.add_row([
+            beacon.name.clone(),
+            smoothed.places.len().to_string(),
+            number(smoothed.filtered_rms_error_m, 2),
+            number(smoothed.rms_error_m, 2),
+            number(smoothed.filtered_anees, 2),
+            number(smoothed.anees, 2),
+        ]);
+    }
+    format!(
+        "\n{tracks}\nThe tracks over the whole flight, by the receptions up to each time and by \
+         all of them. A consistent estimator's ANEES is 2; those of one flight are correlated. --json, \
+         --report and --export have the places."
+    )
 }
 
 fn tables(report: &Report) -> String {
@@ -193,7 +301,8 @@ fn tables(report: &Report) -> String {
     let doubts: String = (report.beacons.iter())
         .map(|beacon| fixes::doubts(&beacon.remarks, &format!(" of {}", beacon.name)))
         .collect();
-    format!("{head}\n{fixes}\n{}\n{LEGEND}\n{verdict}{doubts}", innovations(report))
+    let smoothed = smoothed_tracks(report);
+    format!("{head}\n{fixes}\n{}\n{LEGEND}{smoothed}\n{verdict}{doubts}", innovations(report))
 }
 
 /// Meaning of the columns of [`innovations`].

@@ -108,3 +108,44 @@ fn struck_receptions_are_left_out() {
     let wrong = foxhunt(["replay", &log, "--ignore", &list]);
     wrong.failed(2, &["struck.jsonl, line 5", "time 0.125", "nearest"]);
 }
+
+#[test]
+fn a_track_is_smoothed() {
+    let out = folder("replay_smooth");
+    let out = out.to_str().expect("the target folder is UTF-8");
+    assert_eq!(foxhunt(["hunt", "isaacs-circle-flown", "--seed", "2", "--out", out]).code, 0);
+    let log = format!("{out}/hunt.jsonl");
+    let exported = format!("{out}/track.geojson");
+    let page = format!("{out}/smoothed.html");
+    let origin = ["--origin", "50.0755,14.4378"];
+    let written = ["--json", "replay", &log, "--smooth", "--export", &exported, "--report", &page];
+    let report = foxhunt([&written[..], &origin].concat()).json();
+    assert_eq!((&report["own"], &report["compared"]), (&true.into(), &report["identical"]));
+    let smoothed = &report["beacons"][0]["smoothed"];
+    let places = smoothed["places"].as_array().expect("a list");
+    assert_eq!(
+        Some(u64::try_from(places.len()).expect("few")),
+        report["beacons"][0]["steps"].as_u64()
+    );
+    has(&places[0], &["time_s", "estimate", "ellipse_95", "error_m"]);
+    let [before, after] = ["filtered_rms_error_m", "rms_error_m"]
+        .map(|key| smoothed[key].as_f64().expect("the truth is known"));
+    assert!(after < 0.9 * before, "{after} m, {before} m before");
+    let text = fs::read_to_string(&exported).expect("it was written");
+    assert!(text.contains("smoothed-track"));
+    let text = fs::read_to_string(&page).expect("it was written");
+    assert!(text.contains("\"smoothed\":[{"));
+    let table = foxhunt(["replay", &log, "--smooth"]);
+    assert!(table.code == 0 && table.stdout.contains("smoothed rms m"), "{table:?}");
+    let table = foxhunt(["replay", &log]);
+    assert!(!table.stdout.contains("smoothed"), "{table:?}");
+}
+
+#[test]
+fn an_estimator_without_a_smoother_is_refused_by_name() {
+    let log = log("replay_unsmoothed");
+    foxhunt(["replay", &log, "--smooth"])
+        .failed(2, &["hunt.jsonl", "\"default\"", "beacon", "more than a place is not supported"]);
+    let batch = ["replay", &log, "--smooth", "--estimator", "batch"];
+    foxhunt(batch).failed(2, &["\"batch\"", "smoothing a batch is not supported"]);
+}

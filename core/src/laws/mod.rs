@@ -4,6 +4,7 @@
 //! loop, and in the tests of a crate that brings its own backend.
 
 mod models;
+mod predictive;
 
 use core::fmt;
 
@@ -14,7 +15,11 @@ use crate::{
     PlanError, Pose, Sample, Station, Sweep, angle,
 };
 
-pub use models::{Checks, estimator, estimator_with, measurement_model, motion_model};
+pub use models::{
+    Checks, estimator, estimator_with, measurement_model, measurement_model_at_one_observation,
+    motion_model, smoother,
+};
+pub use predictive::Predictive;
 
 /// The most drones that the laws are tried with.
 const DRONES: usize = 8;

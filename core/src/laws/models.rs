@@ -6,7 +6,11 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::{
     Axis, BearingMode, BearingModes, Correction, Estimator, MeasurementModel, MotionModel,
-    Observation, Pose, State, measurement::around, noise::log_add, numeric_jacobian,
+    Observation, Pose, Smooth, State,
+    laws::predictive::{self, Predictive},
+    measurement::around,
+    noise::log_add,
+    numeric_jacobian,
 };
 
 /// Laws that [`estimator_with`] checks on an estimator, and their tolerances.
@@ -18,12 +22,21 @@ pub struct Checks {
     /// variance of 10¹⁵ from that without the component. `None` leaves this law out: a model of
     /// outliers takes such an observation for one, so that it differs from a missing component.
     pub worthless_tolerance: Option<f64>,
+    /// Laws over all observations that may come. `None` leaves them out: for problems at which an
+    /// estimator's approximation is coarse.
+    pub predictive: Option<Predictive>,
 }
 
-/// A step of 1 s; a worthless component is a missing one, to 10⁻⁶.
+impl Checks {
+    /// The laws at one observation, without those over all that may come.
+    pub const AT_ONE_OBSERVATION: Self =
+        Self { step: 1.0, worthless_tolerance: Some(1e-6), predictive: None };
+}
+
+/// A step of 1 s; a worthless component is a missing one, to 10⁻⁶; laws over all observations.
 impl Default for Checks {
     fn default() -> Self {
-        Self { step: 1.0, worthless_tolerance: Some(1e-6) }
+        Self { predictive: Some(Predictive::default()), ..Self::AT_ONE_OBSERVATION }
     }
 }
 
@@ -76,12 +89,30 @@ pub fn motion_model<const N: usize>(model: &impl MotionModel<N>, state: &State<N
     }
 }
 
-/// A measurement model's laws at one state and one observation.
+/// A measurement model's laws at one state and one observation, and that its likelihood is a
+/// density: ∫ p(z | x) dz = 1 over the components that are present. A Gaussian of the short way
+/// round may lack its own tails beyond half a turn.
 ///
 /// # Panics
 ///
 /// On a breach.
 pub fn measurement_model<const N: usize, const M: usize>(
+    model: &impl MeasurementModel<N, M>,
+    state: &State<N>,
+    observation: &Observation<M>,
+) {
+    measurement_model_at_one_observation(model, state, observation);
+    predictive::likelihood_is_a_density(model, state, observation);
+}
+
+/// A measurement model's laws at one state and one observation, without the integral over all
+/// observations: for a likelihood that is no density over an endless axis, as outliers spread
+/// evenly over a width of levels make it.
+///
+/// # Panics
+///
+/// On a breach.
+pub fn measurement_model_at_one_observation<const N: usize, const M: usize>(
     model: &impl MeasurementModel<N, M>,
     state: &State<N>,
     observation: &Observation<M>,
@@ -252,6 +283,7 @@ pub fn estimator_with<E: Estimator<N, M>, const N: usize, const M: usize>(
     empty_observation_changes_nothing(&fresh, observation);
     for component in 0..M {
         missing_component_is_not_read(&fresh, observation, component, checks);
+        whole_turn_changes_nothing(&fresh, observation, component);
     }
     let mut updated = fresh();
     if let Err(error) = updated.predict(checks.step) {
@@ -275,6 +307,104 @@ pub fn estimator_with<E: Estimator<N, M>, const N: usize, const M: usize>(
         let left = refused.estimate() == fresh().estimate();
         assert!(left, "{name}: a refused step of {step} s changed the belief");
     }
+    if let Some(laws) = &checks.predictive {
+        predictive::predictive(&fresh, observation, checks.step, laws);
+    }
+}
+
+/// An angle and the same angle a turn on are one measurement.
+fn whole_turn_changes_nothing<E: Estimator<N, M>, const N: usize, const M: usize>(
+    fresh: &impl Fn() -> E,
+    observation: &Observation<M>,
+    component: usize,
+) {
+    let name = type_name::<E>();
+    let angle = fresh().quantities()[component].axis() == Axis::Angle;
+    if !angle || !observation.has(component) {
+        return;
+    }
+    let posterior = |turns: f64| {
+        let mut value = *observation.value();
+        value[component] += turns * TAU;
+        let mut estimator = fresh();
+        let correction = estimator.update(&predictive::moved(observation, value));
+        (correction, estimator.estimate())
+    };
+    let (correction, plain) = posterior(0.0);
+    for turns in [-1.0, 1.0] {
+        let (turned, estimate) = posterior(turns);
+        let equal = |a: f64, b: f64| (a - b).abs() <= 1e-6 * (1.0 + a.abs());
+        let alike = match (correction, turned) {
+            (Ok(a), Ok(b)) => {
+                let evidence = |c: Correction| match c {
+                    Correction::Fused { log_evidence, .. } => Some(log_evidence),
+                    _ => None,
+                };
+                let alike = |a: Option<f64>, b| match (a, b) {
+                    (Some(a), Some(b)) => equal(a, b),
+                    (a, b) => a.is_none() && b.is_none(),
+                };
+                alike(a.nis(), b.nis()) && alike(evidence(a), evidence(b))
+            }
+            (a, b) => a.is_err() && b.is_err(),
+        };
+        let spread = plain.covariance.trace();
+        let mean = (estimate.mean - plain.mean).norm() / libm::sqrt(spread);
+        let covariance = (estimate.covariance - plain.covariance).norm() / spread;
+        assert!(
+            alike && mean < 1e-6 && covariance < 1e-6,
+            "{name}: component {component} plus {turns} turns gives another posterior: the mean \
+             is off by {mean} of its σ, the covariance by {covariance}, {turned:?}, not \
+             {correction:?}"
+        );
+    }
+}
+
+/// A smoother's laws after one observation, and a step of `dt` seconds. `fresh` makes the same
+/// estimator each time. `tolerance` is a share of the belief's spread: rounding for Gaussians, the
+/// Monte Carlo error for a cloud, the resolution for cells.
+///
+/// # Panics
+///
+/// On a breach; the message begins with the estimator's type.
+pub fn smoother<E: Smooth<N, M> + Clone, const N: usize, const M: usize>(
+    fresh: impl Fn() -> E,
+    observation: &Observation<M>,
+    dt: f64,
+    tolerance: f64,
+) {
+    let name = type_name::<E>();
+    let mut earlier = fresh();
+    if let Err(error) = earlier.update(observation) {
+        panic!("{name}: the observation was refused: {error}");
+    }
+    let mut later = earlier.clone();
+    if let Err(error) = later.predict(dt) {
+        panic!("{name}: a step of {dt} s was refused: {error}");
+    }
+    let before = earlier.estimate();
+    for step in [-1.0, f64::NAN, f64::INFINITY] {
+        let mut refused = earlier.clone();
+        assert!(refused.smooth(&later, step).is_err(), "{name}: a step of {step} s was accepted");
+        let left = refused.estimate() == before;
+        assert!(left, "{name}: a refused step of {step} s changed the belief");
+    }
+    if let Err(error) = earlier.smooth(&later, dt) {
+        panic!("{name}: there is no smoother: {error}");
+    }
+    let after = earlier.estimate();
+    let root = before.covariance.cholesky().map(|root| root.unpack());
+    let white = root.and_then(|root| root.try_inverse());
+    let Some(white) = white else { panic!("{name}: the covariance is not positive definite") };
+    let mean = (white * (after.mean - before.mean)).amax();
+    let spread = white * (after.covariance - before.covariance) * white.transpose();
+    let covariance = spread.amax();
+    assert!(
+        mean <= tolerance && covariance <= tolerance,
+        "{name}: a later belief without news moved the mean by {mean} of its σ and the \
+         covariance by {covariance} of it"
+    );
+    samples_represent_the_belief(&earlier);
 }
 
 fn empty_observation_changes_nothing<E: Estimator<N, M>, const N: usize, const M: usize>(

@@ -5,7 +5,7 @@ use core::array;
 
 use foxhunt_core::{
     Correction, Covariance, Estimate, Estimator, EstimatorError, MeasurementModel, Observation,
-    Quantity, RandomWalk, Role, State, parameter::not_negative, visit_cubature_points,
+    Quantity, RandomWalk, Role, Smooth, State, parameter::not_negative, visit_cubature_points,
 };
 use nalgebra::{SVector, Vector2};
 
@@ -214,6 +214,16 @@ where
         (self.still, self.belief, self.log_evidence) = (still, belief, whole);
         self.known = known;
         Ok(gained)
+    }
+}
+
+/// Refused: a batch solves for one place from all observations, earlier and later.
+impl<H, const N: usize, const M: usize> Smooth<N, M> for BatchEstimator<H, N, M>
+where
+    H: MeasurementModel<N, M>,
+{
+    fn smooth(&mut self, _: &Self, _: f64) -> Result<(), EstimatorError> {
+        Err(EstimatorError::Unsupported { what: "smoothing a batch" })
     }
 }
 

@@ -4,7 +4,7 @@ use alloc::{collections::VecDeque, vec::Vec};
 
 use foxhunt_core::{
     Correction, Estimate, Estimator, EstimatorError, MeasurementModel, Observation, Quantity,
-    State, parameter::require,
+    Smooth, State, parameter::require,
 };
 use nalgebra::SVector;
 
@@ -52,6 +52,16 @@ impl<E, H, const M: usize> Monitored<E, H, M> {
     #[must_use]
     pub fn estimator(&self) -> &E {
         &self.estimator
+    }
+}
+
+impl<E, H, const N: usize, const M: usize> Smooth<N, M> for Monitored<E, H, M>
+where
+    E: Smooth<N, M>,
+    H: MeasurementModel<N, M>,
+{
+    fn smooth(&mut self, later: &Self, dt: f64) -> Result<(), EstimatorError> {
+        self.estimator.smooth(&later.estimator, dt)
     }
 }
 

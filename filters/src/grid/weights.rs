@@ -20,6 +20,8 @@ pub(super) struct Weights<const N: usize> {
     all: Vec<f64>,
     /// Σ w n over the hypotheses, with n the mean of a further component.
     behind: Vec<Vec<f64>>,
+    /// Covariance of the further components within a cell, on average; 0 in the first two.
+    within: Option<Covariance<N>>,
     total: f64,
     /// Numbers of every cell, of no meaning between two calls.
     scratch: Vec<f64>,
@@ -100,6 +102,11 @@ impl<const N: usize> Weights<N> {
         &self.each
     }
 
+    /// Covariance of the further components within a cell, on average; `None` without them.
+    pub(super) fn within(&self) -> Option<&Covariance<N>> {
+        self.within.as_ref()
+    }
+
     /// The mean of a further component in a cell, over all hypotheses.
     pub(super) fn mean_behind(&self, component: usize, index: usize) -> f64 {
         self.behind[component - 2][index] / self.all()[index]
@@ -130,6 +137,7 @@ impl<const N: usize> Weights<N> {
             means.resize_with(N - 2, Vec::new);
             means.iter_mut().for_each(|means| means.resize(cells, 0.0));
             weighted.resize(cells, 0.0);
+            let mut spread = Covariance::<N>::zeros();
             for (hypothesis, weights) in self.each.iter().enumerate() {
                 columns.means(hypothesis, means);
                 for i in 2..N {
@@ -145,8 +153,11 @@ impl<const N: usize> Weights<N> {
                         square[(i, j)] += run(Dot(weighted, &means[j - 2]));
                     }
                 }
-                square += columns.spread(hypothesis, weights);
+                let own = columns.spread(hypothesis, weights);
+                square += own;
+                spread += own;
             }
+            self.within = Some(spread / place.total);
             for (i, column) in self.behind.iter().enumerate() {
                 let behind = lattice.moments(column);
                 mean[2 + i] = behind.total;

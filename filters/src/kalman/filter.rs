@@ -2,7 +2,7 @@
 
 use foxhunt_core::{
     Axis, Correction, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel,
-    Observation, OutlierMixture, Quantity, RandomWalk, Role, State, absorb_receiver_noise,
+    Observation, OutlierMixture, Quantity, RandomWalk, Role, Smooth, State, absorb_receiver_noise,
 };
 use nalgebra::SMatrix;
 
@@ -11,7 +11,10 @@ use super::{
     belief::{Belief, Conditioned, is_plain, mix},
     gate::{Gate, Record},
 };
-use crate::{Cubature, Gaussian, Innovation, Moments, Taylor, Transform, Unscented, triangle};
+use crate::{
+    Cubature, Gaussian, Innovation, Moments, Passage, Passing, Taylor, Transform, Unscented,
+    triangle,
+};
 
 /// The root of the process noise per step, in metres (Pritzl 2018, §4.4).
 const DRIFT: f64 = 0.1957;
@@ -350,6 +353,31 @@ where
 
     fn quantities(&self) -> [Quantity; M] {
         self.measurement.quantities()
+    }
+}
+
+impl<T, F, H, const N: usize, const M: usize> Passing<N> for Kalman<T, F, H, N, M>
+where
+    F: MotionModel<N>,
+{
+    fn passage(&self, belief: &Estimate<N>, dt: f64) -> Result<Passage<N>, EstimatorError> {
+        Passage::of(&self.motion, belief, dt)
+    }
+}
+
+/// Rauch, Tung & Striebel 1965, linearised about the filtered mean (Särkkä 2013, eqs. 8.6, 9.2).
+impl<T, F, H, const N: usize, const M: usize> Smooth<N, M> for Kalman<T, F, H, N, M>
+where
+    T: Transform,
+    F: MotionModel<N>,
+    H: MeasurementModel<N, M>,
+{
+    fn smooth(&mut self, later: &Self, dt: f64) -> Result<(), EstimatorError> {
+        let belief = self.estimate();
+        let axes = self.motion.axes();
+        let back = self.passage(&belief, dt)?.back(&belief, &later.estimate(), &axes)?;
+        self.belief = Gaussian::new(back, Role::Posterior)?.into();
+        Ok(())
     }
 }
 

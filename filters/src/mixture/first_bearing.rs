@@ -26,8 +26,8 @@ const BEYOND: f64 = 3.0;
 /// has along the ray. The rest of that observation, such as a level, is fused by each.
 #[derive(Clone, Debug)]
 pub struct FirstBearing<T, F, H, const N: usize, const M: usize> {
-    filter: Kalman<T, F, H, N, M>,
-    bank: Option<GaussianSum<T, F, H, N, M>>,
+    pub(super) filter: Kalman<T, F, H, N, M>,
+    pub(super) bank: Option<GaussianSum<T, F, H, N, M>>,
     /// Index of the bearing in the measurement.
     bearing: usize,
     parts: usize,

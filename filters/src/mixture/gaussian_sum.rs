@@ -3,8 +3,8 @@
 use alloc::vec::Vec;
 
 use foxhunt_core::{
-    Correction, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel, Observation,
-    OutlierMixture, Quantity, State,
+    Axis, Correction, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel,
+    Observation, OutlierMixture, Quantity, State,
     noise::log_add,
     parameter::{not_negative, positive, require},
 };
@@ -157,6 +157,18 @@ where
     /// The weights, which sum to 1, and the filters.
     pub fn components(&self) -> impl ExactSizeIterator<Item = (f64, &Kalman<T, F, H, N, M>)> {
         self.bank.components()
+    }
+
+    pub(super) fn axes(&self) -> &[Axis; N] {
+        self.bank.axes()
+    }
+
+    /// Puts other components in place of these, if together they are a belief.
+    pub(super) fn replace(
+        &mut self,
+        components: impl IntoIterator<Item = (f64, Kalman<T, F, H, N, M>)>,
+    ) -> Result<(), EstimatorError> {
+        self.bank.replace(components)
     }
 
     /// The components, split where that is due; `None` where it is nowhere.

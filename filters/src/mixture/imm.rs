@@ -74,7 +74,7 @@ impl Transition {
     }
 
     /// The probability of each mode after each other over `dt` > 0 seconds, row by row.
-    fn over(&self, dt: f64) -> Vec<f64> {
+    pub(super) fn over(&self, dt: f64) -> Vec<f64> {
         match self.per {
             Per::Step => self.matrix.clone(),
             Per::Second => self.exponential(dt),
@@ -178,12 +178,12 @@ enum Per {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Imm<E, const N: usize, const M: usize> {
-    models: Vec<Component<E>>,
+    pub(super) models: Vec<Component<E>>,
     /// Buffer where a step is prepared, to be taken as a whole or not at all.
-    spare: Vec<Component<E>>,
-    chain: Transition,
+    pub(super) spare: Vec<Component<E>>,
+    pub(super) chain: Transition,
     belief: Estimate<N>,
-    axes: [Axis; N],
+    pub(super) axes: [Axis; N],
     innovation: Option<InnovationOf<E, M>>,
 }
 
@@ -261,7 +261,7 @@ where
     }
 
     /// Takes what was prepared.
-    fn take(&mut self) -> Result<(), EstimatorError> {
+    pub(super) fn take(&mut self) -> Result<(), EstimatorError> {
         self.belief = belief_of(&self.spare, &self.axes)?;
         mem::swap(&mut self.models, &mut self.spare);
         Ok(())

@@ -6,6 +6,7 @@ mod first_bearing;
 mod gaussian_sum;
 mod imm;
 mod reduction;
+mod smoothing;
 
 use alloc::{boxed::Box, vec::Vec};
 

@@ -4,7 +4,7 @@ use alloc::{vec, vec::Vec};
 
 use foxhunt_core::{
     Axis, Correction, Covariance, Estimate, Estimator, EstimatorError, MeasurementModel,
-    MotionModel, Observation, Quantity, Role, State, noise, parameter::require,
+    MotionModel, Observation, Quantity, Role, Smooth, State, noise, parameter::require,
 };
 use nalgebra::{SMatrix, SVector};
 use rand::Rng;
@@ -223,6 +223,19 @@ where
             next.set(i, &corrected, &axes);
         }
         Ok((next, log_evidence))
+    }
+}
+
+/// Refused: a smoother would have to draw the Gaussians' states too.
+impl<F, H, R, const N: usize, const M: usize, const K: usize> Smooth<N, M>
+    for RaoBlackwellised<F, H, R, N, M, K>
+where
+    F: MotionModel<N>,
+    H: MeasurementModel<N, M>,
+    R: Rng + Clone,
+{
+    fn smooth(&mut self, _: &Self, _: f64) -> Result<(), EstimatorError> {
+        Err(EstimatorError::Unsupported { what: "smoothing a Rao-Blackwellised cloud" })
     }
 }
 

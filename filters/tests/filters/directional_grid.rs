@@ -163,7 +163,7 @@ fn it_keeps_the_laws_of_estimators() {
     let (_, observations) = drawn(&mut rng, &config, &SITES[..1], 3);
     let received = observations.iter().find(|observation| observation.has(0)).expect("one");
     // A level that fits nothing is one of something else, and a boresight is taken for known.
-    let checks = laws::Checks { worthless_tolerance: None, ..laws::Checks::default() };
+    let checks = laws::Checks { worthless_tolerance: None, ..laws::Checks::AT_ONE_OBSERVATION };
     laws::estimator_with(|| grid(config), received, checks);
 }
 

@@ -309,6 +309,22 @@ impl EstimatorEntry {
         Ok(())
     }
 
+    /// Builds the track of a beacon, one that [`Track::smoothed`] goes back over. A user's own
+    /// estimator is so if its code makes it so, with [`Track::smoothable`].
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`track`](Self::track).
+    pub fn smoothable_track(&self, request: &TrackRequest<'_>) -> Result<Track, EstimatorError> {
+        match &self.build {
+            Build::Stream(Recipe::Settings(settings)) => {
+                let TrackRequest { search, model, seed, .. } = request;
+                settings.smoothable_track((*model).clone(), &search.prior, *seed)
+            }
+            _ => self.track(request, true),
+        }
+    }
+
     /// Builds the track of a beacon. With `monitored` it keeps its innovations, if it is made of
     /// the library's parts.
     ///

@@ -133,6 +133,11 @@ where
             shift[i] = -run(Sum(&weighted)) / total;
             (0..M).for_each(|j| square[(i, j)] = run(Dot(&weighted, &deviations[j])) / total);
         }
+        // Cells have the mean of the further components; what these vary within a cell comes along.
+        if let Some(within) = self.weights.within() {
+            let slope = model.jacobian(mean, receiver);
+            square += slope * within * slope.transpose();
+        }
         Innovation::of_deviations(&centre, &shift, &square, model, &observation)
     }
 
@@ -181,7 +186,7 @@ where
 
     /// Makes `out` a belief over other cells. Beyond its own it falls from what stands on the
     /// border as a Gaussian of the belief's covariance falls from its mean.
-    fn over(
+    pub(super) fn over(
         &self,
         columns: &Columns<N>,
         from: &Lattice,
@@ -244,7 +249,7 @@ where
 
     /// The lattice that a belief with these moments, which this noise has made, needs instead of
     /// its own: along the axes of the noise, and wide enough. `None` where its own will do.
-    fn widened(
+    pub(super) fn widened(
         &self,
         lattice: &Lattice,
         place: &Estimate<2>,

@@ -1,6 +1,7 @@
 //! The particle filter: its state, its making and its resampling.
 
 mod estimator;
+mod smoothing;
 
 use alloc::{vec, vec::Vec};
 

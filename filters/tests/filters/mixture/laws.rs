@@ -2,7 +2,8 @@
 
 use foxhunt_core::{
     ConstantVelocity, CoordinatedTurn, Estimate, Estimator, MeasurementModel, MotionModel, Pose,
-    RandomWalk, State, laws,
+    RandomWalk, State,
+    laws::{self, Checks},
     nalgebra::{Matrix2, Vector2, Vector4},
 };
 use foxhunt_filters::{Bank, Ckf, Ekf, Gate, GaussianSum, Imm, Iterations, Transition, Ukf, split};
@@ -12,6 +13,9 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use super::model::{Bearing, bearing, mean_and_error, rng, white};
 
 const RUNS: u32 = 300;
+
+/// The laws at one observation: these problems are as coarse as they come.
+const AT_ONE: Checks = Checks::AT_ONE_OBSERVATION;
 
 proptest! {
     #[test]
@@ -27,16 +31,16 @@ proptest! {
         let ekf = Ekf::new(still, Bearing, prior).expect("a proper prior");
         let parts = split(&prior, [4, 3]).expect("a proper prior");
         let sum = || GaussianSum::new(&ekf, parts.clone()).expect("proper");
-        laws::estimator(sum, &observed);
-        laws::estimator(|| sum().with_resplitting(0.3, 3).expect("in range"), &observed);
-        laws::estimator(|| sum().with_most_components(5).expect("in range"), &observed);
+        laws::estimator_with(sum, &observed, AT_ONE);
+        laws::estimator_with(|| sum().with_resplitting(0.3, 3).expect("in range"), &observed, AT_ONE);
+        laws::estimator_with(|| sum().with_most_components(5).expect("in range"), &observed, AT_ONE);
         let five = Iterations::at_most(5).expect("in range");
         let ckf = Ckf::new(still, Bearing, prior).expect("a proper prior").with_iterations(five);
-        laws::estimator(|| GaussianSum::new(&ckf, parts.clone()).expect("proper"), &observed);
+        laws::estimator_with(|| GaussianSum::new(&ckf, parts.clone()).expect("proper"), &observed, AT_ONE);
         let gated = ekf.clone().with_gate(Gate::probability(0.9).expect("in range"));
-        laws::estimator(|| GaussianSum::new(&gated, parts.clone()).expect("proper"), &observed);
+        laws::estimator_with(|| GaussianSum::new(&gated, parts.clone()).expect("proper"), &observed, AT_ONE);
         let bank = || Bank::new([(0.3, ekf.clone()), (0.7, gated.clone())]).expect("proper");
-        laws::estimator(bank, &observed);
+        laws::estimator_with(bank, &observed, AT_ONE);
 
         let mut moving = Estimate::isotropic(Vector4::new(east, north, 1.0, -1.0), sigma);
         moving.covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&covariance);
@@ -48,8 +52,8 @@ proptest! {
             let chain = Transition::sojourn(&[30.0, 10.0]).expect("positive");
             Imm::new(models.map(|m| (0.5, ukf(m))), chain).expect("proper")
         };
-        laws::estimator(imm, &observed);
-        laws::estimator(|| imm().with_innovation(Ukf::innovation), &observed);
+        laws::estimator_with(imm, &observed, AT_ONE);
+        laws::estimator_with(|| imm().with_innovation(Ukf::innovation), &observed, AT_ONE);
     }
 
     #[test]

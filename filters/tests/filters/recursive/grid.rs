@@ -457,15 +457,18 @@ fn an_estimator_that_moves_what_stands_behind_is_refused() {
     assert!(GridFilter::new(Spiral, FreePower, prior, GridConfig::default()).is_err());
 }
 
+/// The laws at one observation: these problems are as coarse as they come.
+const AT_ONE: laws::Checks = laws::Checks::AT_ONE_OBSERVATION;
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
     #[test]
     fn the_grid_keeps_the_laws((prior, observed) in problem()) {
         let walk = RandomWalk::uniform(0.2);
         let make = || GridFilter::new(walk, FIELD, prior, self::cells(32)).expect("proper");
-        laws::estimator(make, &observed);
+        laws::estimator_with(make, &observed, AT_ONE);
         let ekf = move |first| Ekf::new(walk, FIELD, first);
-        laws::estimator(|| Handover::new(make(), 1, ekf), &observed);
+        laws::estimator_with(|| Handover::new(make(), 1, ekf), &observed, AT_ONE);
         let mut with_power = Estimate::isotropic(prior.mean.push(-30.0), 8.0);
         with_power.covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&prior.covariance);
         let walk = RandomWalk::uniform(0.2);
@@ -473,6 +476,6 @@ proptest! {
             let cells = self::cells(32);
             GridFilter::new(walk, FreePower, with_power, cells).expect("proper")
         };
-        laws::estimator(make, &observed);
+        laws::estimator_with(make, &observed, AT_ONE);
     }
 }

@@ -21,6 +21,9 @@ use super::{
 
 const STILL: f64 = 0.1957;
 
+/// The laws at one observation: these problems are as coarse as they come.
+const AT_ONE: Checks = Checks::AT_ONE_OBSERVATION;
+
 /// [`FIELD`] with outliers.
 #[derive(Clone, Copy)]
 struct Doubtful;
@@ -81,7 +84,7 @@ proptest! {
 
     #[test]
     fn every_estimator_over_outliers_keeps_the_laws((prior, observed) in problem()) {
-        let checks = Checks { worthless_tolerance: None, ..Checks::default() };
+        let checks = Checks { worthless_tolerance: None, ..AT_ONE };
         let still = RandomWalk::uniform(STILL);
         let ekf = Ekf::new(still, FIELD, prior).expect("a proper prior");
         laws::estimator_with(|| ekf.clone().with_outliers(outliers()), &observed, checks);
@@ -98,7 +101,9 @@ proptest! {
         let config = GridConfig { side: 32, ..GridConfig::default() };
         let grid = || GridFilter::new(still, Doubtful, prior, config.clone()).expect("proper");
         laws::estimator_with(grid, &observed, checks);
-        laws::measurement_model(&Doubtful, &prior.mean, &observed);
+        // Levels spread evenly without an end are no density; bearings all round are.
+        laws::measurement_model_at_one_observation(&Doubtful, &prior.mean, &observed);
+        laws::measurement_model(&Doubtful, &prior.mean, &observed.without(0));
     }
 }
 
@@ -108,28 +113,32 @@ proptest! {
         let still = RandomWalk::uniform(STILL);
 
         let ekf = || Ekf::new(still, FIELD, prior).expect("a proper prior");
-        laws::estimator(ekf, &observed);
-        laws::estimator(|| ekf().with_gate(Gate::probability(0.99).expect("in range")), &observed);
-        laws::estimator(|| Ukf::new(still, FIELD, prior).expect("a proper prior"), &observed);
+        laws::estimator_with(ekf, &observed, AT_ONE);
+        let gate = Gate::probability(0.99).expect("in range");
+        laws::estimator_with(|| ekf().with_gate(gate), &observed, AT_ONE);
+        let ukf = || Ukf::new(still, FIELD, prior).expect("a proper prior");
+        laws::estimator_with(ukf, &observed, AT_ONE);
         let thin = Unscented::new(0.01, 2.0, 0.0).expect("in range");
         let ukf = || Ukf::new(still, FIELD, prior).and_then(|ukf| ukf.with_transform(thin));
-        laws::estimator(|| ukf().expect("a proper prior"), &observed);
+        laws::estimator_with(|| ukf().expect("a proper prior"), &observed, AT_ONE);
         let ckf = || Ckf::new(still, FIELD, prior).expect("a proper prior");
-        laws::estimator(ckf, &observed);
+        laws::estimator_with(ckf, &observed, AT_ONE);
         let five = Iterations::at_most(5).expect("at least one");
-        laws::estimator(|| ckf().with_iterations(five), &observed);
-        laws::estimator(|| ekf().with_iterations(five), &observed);
-        laws::estimator(|| Ukf::pritzl2018(FIELD, prior).expect("a proper prior"), &observed);
-        laws::estimator(|| Ekf::pritzl2018(FIELD, prior).expect("a proper prior"), &observed);
-        laws::estimator(|| particles(prior, Resampling::Systematic, 0.3), &observed);
-        laws::estimator(|| particles(prior, Resampling::Multinomial, 0.0), &observed);
-        laws::estimator(|| particles(prior, Resampling::Stratified, 0.2), &observed);
-        laws::estimator(|| particles(prior, Resampling::Residual, 0.2), &observed);
-        laws::estimator(|| adaptive(prior), &observed);
+        laws::estimator_with(|| ckf().with_iterations(five), &observed, AT_ONE);
+        laws::estimator_with(|| ekf().with_iterations(five), &observed, AT_ONE);
+        let ukf = || Ukf::pritzl2018(FIELD, prior).expect("a proper prior");
+        laws::estimator_with(ukf, &observed, AT_ONE);
+        let ekf = || Ekf::pritzl2018(FIELD, prior).expect("a proper prior");
+        laws::estimator_with(ekf, &observed, AT_ONE);
+        laws::estimator_with(|| particles(prior, Resampling::Systematic, 0.3), &observed, AT_ONE);
+        laws::estimator_with(|| particles(prior, Resampling::Multinomial, 0.0), &observed, AT_ONE);
+        laws::estimator_with(|| particles(prior, Resampling::Stratified, 0.2), &observed, AT_ONE);
+        laws::estimator_with(|| particles(prior, Resampling::Residual, 0.2), &observed, AT_ONE);
+        laws::estimator_with(|| adaptive(prior), &observed, AT_ONE);
         let boxed = || -> Box<dyn Estimator<2, 2>> {
             Box::new(particles(prior, Resampling::Systematic, 0.1))
         };
-        laws::estimator(boxed, &observed);
+        laws::estimator_with(boxed, &observed, AT_ONE);
     }
 }
 
@@ -180,7 +189,7 @@ fn a_breach_names_the_estimator() {
     let observed = observed(Pose::at(40.0, 0.0, 4.0), Vector2::new(-60.0, 1.0), 4.0, 0.1);
     // By the default checks a model of outliers is in breach.
     let ekf = Ekf::new(RandomWalk::uniform(STILL), FIELD, prior).expect("a proper prior");
-    laws::estimator(|| ekf.clone().with_outliers(outliers()), &observed);
+    laws::estimator_with(|| ekf.clone().with_outliers(outliers()), &observed, AT_ONE);
 }
 
 #[test]

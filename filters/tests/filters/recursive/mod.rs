@@ -11,6 +11,8 @@ mod model;
 mod monitoring;
 mod out_of_order;
 mod particles;
+mod predictive;
 mod rao_blackwellised;
 mod sigma_points;
+mod smoothing;
 mod textbook;
