@@ -115,6 +115,11 @@ impl<A, S> FlownDrone<A, S> {
         self.state.as_ref().is_some_and(|state| state.commanded)
     }
 
+    /// Returns true if it never goes anywhere.
+    pub(crate) fn is_rooted(&self) -> bool {
+        self.state.as_ref().is_some_and(|state| state.rooted)
+    }
+
     /// Returns true if it is known to be on the ground with its motors off.
     pub(crate) fn is_down(&self) -> bool {
         self.state

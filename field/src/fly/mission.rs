@@ -287,6 +287,7 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
         for (index, drone) in self.drones.iter_mut().enumerate() {
             drone.take_over_again(time);
             self.hunt.set_away(index, !drone.is_commanded());
+            self.hunt.set_rooted(index, drone.is_rooted());
         }
         if !self.drones.iter().all(|drone| drone.is_out(SILENT_S)) {
             self.attended = time;

@@ -214,7 +214,7 @@ struct Leader<O> {
     leads: Option<(O, Option<f64>)>,
     /// Poorer message that leads when it comes once more.
     follows: Option<(O, Option<f64>)>,
-    /// Span after which times begin anew: a day or a week.
+    /// Period of the times: a day or a week, in seconds.
     period_s: f64,
 }
 

@@ -42,8 +42,8 @@ const FIX_WITHIN_M: f64 = 100.0;
 /// the fix, NAV-VELNED the velocity, NAV-TIMEUTC the time, NAV-DOP the dilution. Without a status a
 /// place counts as a fix by the satellites where it is within 100 m.
 ///
-/// `hAcc` is √(σ_E² + σ_N²), as its users found against GST; East and North get equal shares, and
-/// all three axes those of the accuracy of NAV-SOL. NAV-PVT's heading of the vehicle is that of a
+/// `hAcc` is √(σ_E² + σ_N²), as its users found against GST; East and North get equal shares,
+/// and all three axes those of the accuracy of NAV-SOL. NAV-PVT's heading of the vehicle is that of a
 /// receiver that fuses sensors.
 #[derive(Clone, Debug, Default)]
 pub struct UbloxDecoder {
@@ -387,7 +387,7 @@ fn utc(payload: &Payload, at: usize, nanoseconds: f64) -> Option<f64> {
     (second <= 60).then(|| seconds(time) + f64::from(second) + nanoseconds * 1e-9)
 }
 
-/// Quality of a fix by its type, the flags of validity and corrections, and those of the carrier.
+/// Quality of a fix by its type, its flags of validity and corrections, and the carrier's flags.
 fn quality(fix_type: u8, flags: u8, carrier: u8) -> FixQuality {
     if flags & 1 == 0 {
         return FixQuality::None;

@@ -101,7 +101,7 @@ impl Frames {
         }
     }
 
-    /// Looks for another frame behind the beginning of one that is none.
+    /// Drops the first byte of a damaged frame, so that the next one is looked for.
     fn refuse(&mut self) {
         self.refused += 1;
         self.bytes.pop_front();
