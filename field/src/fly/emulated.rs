@@ -340,8 +340,9 @@ impl EmulatedField {
             self.flight.drones.push(drone);
             return Ok(());
         }
-        // A second at a place, so that a walker hears the level on the way.
-        let plain = OmnidirectionalConfig { questions: 32, ..OmnidirectionalConfig::default() };
+        // A second or four pulses at a place, so that a walker hears the level on the way.
+        let questions = if tags.is_some() { 4 } else { 32 };
+        let plain = OmnidirectionalConfig { questions, ..OmnidirectionalConfig::default() };
         let plain = SourceConfig::Omnidirectional(plain);
         let source = match platform.receiver {
             Some(EmulatedReceiver::Omnidirectional) => &plain,
