@@ -23,9 +23,9 @@ const AMPLITUDE: f64 = 12_000.0;
 /// Time constant by which the tone fades in and out, in seconds: without it every change clicks.
 const FADE_S: f64 = 0.01;
 
-/// Longest piece that is written at once, in seconds: a clock that was set is no reason for hours
-/// of sound.
-const LONGEST_S: f64 = 10.0;
+/// Longest piece that is written at once, in bytes, of 10 s: a clock that was set is no reason for
+/// hours of sound.
+const LONGEST: usize = 160_000;
 
 /// Flags of the tone.
 #[derive(Debug, clap::Args)]
@@ -163,12 +163,11 @@ impl Synthesis {
         let begin = *self.begin.get_or_insert(time);
         let mut bytes = Vec::new();
         let fade = 1.0 - (-1.0 / (FADE_S * rate)).exp();
-        let longest = (LONGEST_S * rate) as usize * 2;
         let tone = self.pitch.hz(time);
         self.hz = tone.unwrap_or(self.hz);
         let goal = f64::from(u8::from(tone.is_some()));
         #[expect(clippy::cast_precision_loss, reason = "flights have less than 2^53 samples")]
-        while begin + self.count as f64 / rate < time && bytes.len() < longest {
+        while begin + self.count as f64 / rate < time && bytes.len() < LONGEST {
             self.loudness += (goal - self.loudness) * fade;
             self.phase = (self.phase + self.hz / rate).fract();
             let value = AMPLITUDE * self.loudness * (TAU * self.phase).sin();

@@ -272,8 +272,7 @@ impl EmulatedField {
                 field.flight.flight.takeoff_up_m = stands.up_m;
             }
             let source = scenario.sources.get(drone).unwrap_or(&scenario.source);
-            let stands_m = [stands.east_m, stands.north_m, stands.up_m];
-            field.add(world, drone, config, stands_m, source, tags.as_ref(), place)?;
+            field.add(world, drone, config, source, tags.as_ref(), place)?;
             // Where a foreign vehicle stands is its own affair.
             let ours = drone >= vehicles;
             if let Some(flown) = field.flight.drones.last_mut().filter(|_| ours) {
@@ -289,7 +288,6 @@ impl EmulatedField {
         world: &World,
         drone: usize,
         config: &EmulatedFieldConfig,
-        stands_m: [f64; 3],
         source: &SourceConfig,
         tags: Option<&Tags>,
         place: &mut Place<'_>,
@@ -297,7 +295,7 @@ impl EmulatedField {
         let name = name(drone);
         let faults = config.faults.get(drone).cloned().unwrap_or_default();
         let platform = config.platforms.get(drone).copied().unwrap_or_default();
-        let [_, _, up_m] = stands_m;
+        let up_m = world.pose(drone)?.position.z;
         let mut gnss = None;
         let vehicle = match (platform.vehicle, config.vehicles.get(drone)) {
             (EmulatedVehicle::Carried, _) => {

@@ -46,6 +46,8 @@ pub struct FlownDrone<A, S> {
     pub aircraft: A,
     /// Source with which it listens.
     pub source: S,
+    /// True if its source listens between the hunt's turns, too.
+    pub(crate) listens_between: bool,
     /// Its present state; absent while its link fails.
     state: Option<AircraftState>,
     /// The state that was logged last.
@@ -89,6 +91,7 @@ impl<A, S> FlownDrone<A, S> {
             name: name.into(),
             aircraft,
             source,
+            listens_between: false,
             state: None,
             reported_state: None,
             reported_health: None,

@@ -46,7 +46,8 @@ impl FlightConfig {
             let mut open = drone.open(self, ground, ports, clock, clock_origin_unix_s, goal)?;
             if let Some(tap) = tap {
                 let tap = tap.clone();
-                open.source = if drone.listens_on_the_way() {
+                open.listens_between = drone.listens_on_the_way();
+                open.source = if open.listens_between {
                     let beacons = u16::try_from(self.beacons.len()).unwrap_or(u16::MAX);
                     boxed_source(Eager::new(open.source, index, beacons, tap))
                 } else {

@@ -311,8 +311,8 @@ fn a_gga_without_quality_or_height_is_made_the_best_of() {
     let sea = "GPGGA,123411.00,5006.0,N,01430.0,E,1,9,1.0,355.0,M,,,,";
     let fixes = fixes_of(&mut decoder, &[flat, sea, &flat.replace("10.00", "12.00")]);
     let heights: Vec<_> = fixes.iter().map(|fix| fix.height).collect();
-    use HeightOrigin::{Earlier, Geoid, SeaLevel};
-    assert_eq!(heights, [SeaLevel, Geoid, Earlier]);
+    let expected = [HeightOrigin::SeaLevel, HeightOrigin::Geoid, HeightOrigin::Earlier];
+    assert_eq!(heights, expected);
     // EGM96 has 44.6 m in Prague's North.
     let alt_m = |at: usize| fixes[at].place.expect("a fix").alt_m;
     assert!(close(alt_m(1), 399.6, 1.5) && close(alt_m(2), alt_m(1), 0.0), "{}", alt_m(1));
