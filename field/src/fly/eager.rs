@@ -119,7 +119,7 @@ mod tests {
         source.begin(&[BeaconId(1)]).expect("infallible");
         assert_eq!(polls(&mut source, 10), [1]);
         assert_eq!(heard.borrow()[2..4], [(3, 1), (3, 0)]);
-        assert_eq!(source.source.begun[1], [BeaconId(1)]);
-        assert!(source.source.begun.len() >= 3);
+        assert_eq!(source.source.begun[2], [BeaconId(1)]);
+        assert!(source.source.begun.len() >= 4);
     }
 }
