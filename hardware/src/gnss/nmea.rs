@@ -62,6 +62,9 @@ impl Origin {
     }
 }
 
+/// Height above the sea, and the geoid's above the ellipsoid where it is known.
+type SeaHeight = (f64, Option<f64>);
+
 /// A place as a sentence reports it.
 #[derive(Clone, Copy, Debug)]
 struct Report {
@@ -72,7 +75,7 @@ struct Report {
     spot: Option<(f64, f64)>,
     quality: FixQuality,
     /// Height above the sea, and the geoid's above the ellipsoid.
-    height: Option<(f64, Option<f64>)>,
+    height: Option<SeaHeight>,
     satellites: Option<u32>,
     hdop: Option<f64>,
 }
@@ -87,7 +90,7 @@ struct Sentences {
     /// Time of the day, where it is known, and velocity of the last RMC or VTG.
     velocity: Option<(Option<f64>, Vector3<f64>)>,
     /// Time of the day and height of the last GGA whose quality is missing.
-    height: Option<(Option<f64>, (f64, Option<f64>))>,
+    height: Option<(Option<f64>, SeaHeight)>,
     /// Time of the day, where it is known, and the last fix.
     fix: Option<(Option<f64>, GnssFix)>,
     heights: Heights,
