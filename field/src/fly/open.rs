@@ -21,6 +21,12 @@ use super::{
     wrapped::{Advised, OverGround},
 };
 
+/// A GNSS receiver whose port is open.
+type OpenGnss<C> = GnssReceiver<Box<dyn ByteStream>, C, Box<dyn GnssDecoder>>;
+
+/// A KrakenSDR whose page is fetched again and again.
+type OpenKraken<C> = KrakenSource<Box<dyn ByteStream>, Connector, Shared<BoxedAircraft>, C>;
+
 /// A drone whose devices are open.
 pub type OpenDrone = FlownDrone<Shared<BoxedAircraft>, BoxedSource>;
 
@@ -192,7 +198,7 @@ impl DroneConfig {
         gnss: &GnssDevice,
         ports: &mut dyn Ports,
         clock: &C,
-    ) -> Result<GnssReceiver<Box<dyn ByteStream>, C, Box<dyn GnssDecoder>>, FlyError> {
+    ) -> Result<OpenGnss<C>, FlyError> {
         let stream = self.stream("gnss", &gnss.endpoint, ports)?;
         GnssReceiver::new(gnss.settings, stream, clock.clone()).map_err(|error| self.wrong(error))
     }
@@ -295,8 +301,7 @@ impl DroneConfig {
         aircraft: Shared<BoxedAircraft>,
         ports: &mut dyn Ports,
         clock: &C,
-    ) -> Result<KrakenSource<Box<dyn ByteStream>, Connector, Shared<BoxedAircraft>, C>, FlyError>
-    {
+    ) -> Result<OpenKraken<C>, FlyError> {
         let ListenConfig::Kraken { endpoint, settings } = &self.source else {
             return Err(self.wrong("source.kind is not \"kraken\""));
         };
