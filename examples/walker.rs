@@ -10,7 +10,9 @@ use std::error::Error;
 use foxhunt::{
     filters::{GridConfig, GridFilter},
     geodesy::LocalFrame,
-    hardware::{GnssConfig, GnssReceiver, Shared, StillVehicle, XbeeConfig, XbeeRadio},
+    hardware::{
+        CarriedConfig, CarriedVehicle, GnssConfig, GnssReceiver, Shared, XbeeConfig, XbeeRadio,
+    },
     prelude::*,
     sensors::{LogDistance, Pritzl2018, RssBearing, StepperConfig, StepperSource},
     sim::{
@@ -46,7 +48,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let config = XbeeConfig { beacons, ..XbeeConfig::default() };
     let radio = XbeeRadio::new(config, radio_port, world.clock())?;
     let gnss = GnssReceiver::new(GnssConfig::default(), gnss_port, world.clock())?;
-    let walker = Shared::new(StillVehicle::new(gnss, frame));
+    let walker = Shared::new(CarriedVehicle::new(CarriedConfig::default(), gnss, frame));
     let stepper = StepperConfig::pritzl2018();
     let rotator = world.rotator(0)?;
     let mut source = StepperSource::new(stepper, radio, rotator, walker.clone(), world.clock());

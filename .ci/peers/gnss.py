@@ -138,7 +138,123 @@ def query_gpsd(port, origin, wanted):
     raise SystemExit("gpsd went without a fix")
 
 
+def nmea(body):
+    total = 0
+    for character in body:
+        total ^= ord(character)
+    return f"${body}*{total:02X}\r\n".encode()
+
+
+def ubx(number, payload):
+    body = bytes([1, number, len(payload), 0]) + payload
+    a = b = 0
+    for byte in body:
+        a = (a + byte) % 256
+        b = (b + a) % 256
+    return b"\xb5\x62" + body + bytes([a, b])
+
+
+def old_ublox(now):
+    """NAV-POSLLH, NAV-SOL, NAV-VELNED and NAV-TIMEUTC, as generations 4 to 6 send them."""
+    import struct
+
+    lat, lon, alt = PLACE
+    seconds = now.timestamp() - 315964800 + 18  # GPS time since 1980-01-06
+    week, itow = int(seconds // 604800), round(seconds % 604800 * 1000)
+    a, e2 = 6378137.0, 6.69437999014e-3
+    sin, cos = math.sin(math.radians(lat)), math.cos(math.radians(lat))
+    n = a / math.sqrt(1 - e2 * sin * sin)
+    ecef = ((n + alt) * cos * math.cos(math.radians(lon)), (n + alt) * cos * math.sin(math.radians(lon)),
+            (n * (1 - e2) + alt) * sin)
+    posllh = struct.pack("<IiiiiII", itow, round(lon * 1e7), round(lat * 1e7), round(alt * 1e3),
+                         round((alt - 22.5) * 1e3), 3000, 5000)
+    status = struct.pack("<IBBBBII", itow, 3, 0x0D, 0, 0, 30000, 900000)
+    sol = struct.pack("<IihBBiiiIiiiIHBB4x", itow, 0, week, 3, 0x0D, *(round(x * 100) for x in ecef), 580, 0, 0, 0, 10,
+                      180, 0, 9)
+    velned = struct.pack("<IiiiIIiII", itow, 0, 0, 0, 0, 0, 0, 50, 18000000)
+    utc = struct.pack("<IIiHBBBBBB", itow, 20, now.microsecond * 1000, now.year, now.month, now.day, now.hour,
+                      now.minute, now.second, 7)
+    return ubx(2, posllh) + ubx(3, status) + ubx(6, sol) + ubx(0x12, velned) + ubx(0x21, utc)
+
+
+def epoch(name, now):
+    """An epoch of a stream that a receiver which people have sends, without what others send."""
+    if name == "ublox-6":
+        return old_ublox(now)
+    time_of_day, date = now.strftime("%H%M%S.00"), now.strftime("%d%m%y")
+    lat, lon, alt = PLACE
+    spot = "3351.4068,S,15112.9174,E"
+    gga = lambda quality, height, geoid: nmea(f"GPGGA,{time_of_day},{spot},{quality},09,0.9,{height},M,{geoid},M,,")
+    rmc = nmea(f"GPRMC,{time_of_day},A,{spot},0.0,0.0,{date},,,A")
+    gsa = lambda mode: nmea(f"GPGSA,A,{mode},01,04,07,08,11,13,17,20,28,,,,1.8,0.9,1.5")
+    gll = nmea(f"IIGLL,{spot},{time_of_day},A,A")
+    zda = nmea(f"GPZDA,{time_of_day},{now:%d},{now:%m},{now:%Y},00,00")
+    return {
+        "rmc": rmc,
+        "gll": gll,
+        "gll-zda": gll + zda,
+        "gga-without-height": gga(1, "", "") + rmc,
+        "gga-without-geoid": gsa(3) + gga(1, f"{alt - 22.5:.1f}", "") + rmc,
+        "gga-without-quality": gsa(2) + gga("", "", "") + rmc,
+        "gga-zda": gsa(3) + gga(1, f"{alt - 22.5:.1f}", "22.5") + zda,
+    }[name]
+
+
+def serve_stream(port_file, name):
+    """Sends a stream to a pseudo-terminal, whose name is in port_file.pty, and to each client of a TCP port."""
+    import pty, select, tty
+
+    ours, theirs = pty.openpty()
+    tty.setraw(theirs)
+    os.symlink(os.ttyname(theirs), port_file + ".pty")
+    server = socket.create_server(("127.0.0.1", 0))
+    with open(port_file + ".new", "w") as out:
+        out.write(str(server.getsockname()[1]))
+    os.rename(port_file + ".new", port_file)
+    clients = []
+    while True:
+        for _ in range(10):
+            while select.select([server], [], [], 0)[0]:
+                clients.append(server.accept()[0])
+            if select.select([ours], [], [], 0)[0]:
+                os.read(ours, 4096)  # what gpsd asks it
+            time.sleep(0.05)
+        # A whole second: times of the day have no others here.
+        data = epoch(name, datetime.datetime.now(datetime.timezone.utc).replace(microsecond=0))
+        os.write(ours, data)
+        for client in clients[:]:
+            try:
+                client.sendall(data)
+            except OSError:
+                clients.remove(client)
+
+
+def judge(port):
+    """Prints gpsd's place, with its height above the ellipsoid if it has one."""
+    for _ in range(100):
+        try:
+            client = socket.create_connection(("127.0.0.1", port))
+            break
+        except OSError:
+            time.sleep(0.1)
+    client.sendall(b'?WATCH={"enable":true,"json":true};\n')
+    client.settimeout(30)
+    fixes = 0
+    for line in client.makefile():
+        report = json.loads(line)
+        fixes += report["class"] == "TPV" and "lat" in report
+        # The first ones may lack what comes later in their epoch.
+        if report["class"] == "TPV" and fixes >= 4 and "lat" in report:
+            place = [report["lat"], report["lon"]] + ([report["altHAE"]] if "altHAE" in report else [])
+            return print(",".join(map(str, place)))
+    raise SystemExit("gpsd went without a place")
+
+
 command, target = sys.argv[1:3]
+if command == "serve-stream":
+    serve_stream(target, sys.argv[3])
+if command == "judge":
+    sys.exit(judge(int(target)))
 origin = [float(part) for part in sys.argv[3].split(",")] if len(sys.argv) > 3 else None
 {
     "read-nmea": lambda: read_nmea(target, origin),

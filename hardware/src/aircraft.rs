@@ -148,6 +148,8 @@ pub struct AircraftState {
     pub offered: bool,
     /// Holder of the aircraft: who flies it.
     pub hands: Hands,
+    /// True if it never goes anywhere: a station at a fixed place.
+    pub rooted: bool,
     /// Reason why it takes no orders, or stays on the ground; empty without one.
     pub hindrance: String,
     /// Charge of the battery, from 0 to 1, if it reports that.

@@ -10,13 +10,13 @@
 //! # #[cfg(feature = "gnss")]
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! use foxhunt_core::Vehicle;
-//! use foxhunt_hardware::{GnssConfig, GnssReceiver, StillVehicle, SystemClock};
+//! use foxhunt_hardware::{CarriedConfig, CarriedVehicle, GnssConfig, GnssReceiver, SystemClock};
 //! use foxhunt_wire::{ByteStream, geodesy::{Geodetic, LocalFrame}, memory_pair};
 //!
 //! let (port, mut device) = memory_pair();
 //! let gnss = GnssReceiver::new(GnssConfig::default(), port, SystemClock::start())?;
 //! let frame = LocalFrame::new(Geodetic { lat_deg: 50.0, lon_deg: 14.0, alt_m: 300.0 })?;
-//! let mut walker = StillVehicle::new(gnss, frame);
+//! let mut walker = CarriedVehicle::new(CarriedConfig::default(), gnss, frame);
 //!
 //! device.send(b"$GPGGA,120000.00,5000.0100,N,01400.0000,E,4,17,0.7,255.0,M,45.0,M,,*69\r\n")?;
 //! let place = walker.pose()?.position;
@@ -55,8 +55,9 @@ pub use finding::{Finding, OwnFence, Watch};
 pub use foxhunt_wire::FixQuality;
 #[cfg(feature = "gnss")]
 pub use gnss::{
-    GnssConfig, GnssDecoder, GnssError, GnssFix, GnssFloors, GnssKind, GnssPosition, GnssReceiver,
-    GpsdDecoder, NmeaDecoder, Placed, PlacedError, Positioning, StillVehicle, UbloxDecoder,
+    CarriedConfig, CarriedError, CarriedVehicle, FixedConfig, GnssConfig, GnssDecoder, GnssError,
+    GnssFix, GnssFloors, GnssKind, GnssPosition, GnssReceiver, GpsdDecoder, HeightOrigin, Mark,
+    NmeaDecoder, Placed, PlacedError, Positioning, UbloxDecoder,
 };
 #[cfg(feature = "mavlink")]
 pub use mavlink::{

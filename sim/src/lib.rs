@@ -51,8 +51,8 @@ pub use devices::{
 #[cfg(feature = "emulators")]
 pub use emulate::{
     AutopilotConfig, AutopilotFaults, CableFaults, Cabled, EmulatedArDrone, EmulatedAutopilot,
-    EmulatedDongle, EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind, EmulatedKraken,
-    EmulatedKrakenConfig, EmulatedRtlTcp, EmulatedRtlTcpConfig, EmulatedStepper,
+    EmulatedCarrier, EmulatedDongle, EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind,
+    EmulatedKraken, EmulatedKrakenConfig, EmulatedRtlTcp, EmulatedRtlTcpConfig, EmulatedStepper,
     EmulatedStepperConfig, EmulatedSwitch, EmulatedXbee, EmulatedXbeeConfig, Emulator,
     FailsafeOrder, GpsStep, InterfererConfig, PilotOrder, PlayedPulse, Port, xbee_address,
 };

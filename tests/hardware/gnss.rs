@@ -6,8 +6,8 @@ use foxhunt::{
     filters::Ukf,
     geodesy::LocalFrame,
     hardware::{
-        FixQuality, GnssConfig, GnssDecoder, GnssError, GnssKind, GnssReceiver, Placed,
-        Positioning, StillVehicle,
+        CarriedConfig, CarriedVehicle, FixQuality, GnssConfig, GnssDecoder, GnssError, GnssKind,
+        GnssReceiver, Placed, Positioning,
     },
     prelude::*,
     sensors::{
@@ -322,7 +322,9 @@ fn a_walker_is_a_vehicle() {
     let (mut emulator, mut receiver) =
         pair(&world, 2, EmulatedGnssConfig::default().with_quality(FixQuality::RtkFixed));
     run(&world, &mut emulator, &mut receiver, 1.0);
-    let mut walker = StillVehicle::new(receiver, frame()).with_heading(0.5);
+    let config = CarriedConfig { up_m: 30.0, ..CarriedConfig::default() };
+    let mut walker = CarriedVehicle::new(config, receiver, frame());
+    walker.set_heading(0.5);
     let pose = walker.pose().expect("a fix");
     assert!((pose.position - world.pose(0).expect("one").position).norm() < 0.1);
     assert!((pose.heading - 0.5).abs() < 1e-12);

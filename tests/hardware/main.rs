@@ -17,6 +17,7 @@ mod mavlink_link;
 mod mission;
 mod network;
 mod nodes;
+mod on_foot;
 mod peers;
 mod pulsed;
 mod px4;

@@ -4,7 +4,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use foxhunt_core::angle;
-use map_3d::{Ellipsoid, enu2geodetic, geodetic2enu};
+use map_3d::{Ellipsoid, ecef2geodetic, enu2geodetic, geodetic2enu};
 use nalgebra::{Matrix2, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -37,6 +37,27 @@ impl Geodetic {
             return Err(GeodesyError::Altitude { alt_m });
         }
         Ok(Self { lat_deg, lon_deg, alt_m })
+    }
+
+    /// The place at Earth-centred, Earth-fixed coordinates in metres; `None` where these are not
+    /// finite, or so deep in the Earth that no receiver is there.
+    ///
+    /// ```
+    /// use foxhunt_wire::geodesy::Geodetic;
+    ///
+    /// let null_island = Geodetic::from_ecef(6_378_147.0, 0.0, 0.0).expect("10 m above it");
+    /// assert!(null_island.lat_deg.abs() < 1e-9 && (null_island.alt_m - 10.0).abs() < 1e-6);
+    /// assert_eq!(Geodetic::from_ecef(0.0, 0.0, 0.0), None);
+    /// ```
+    #[must_use]
+    pub fn from_ecef(x_m: f64, y_m: f64, z_m: f64) -> Option<Self> {
+        // The poles are 6,356,752 m from the centre.
+        let radius_m = x_m.hypot(y_m).hypot(z_m);
+        if !radius_m.is_finite() || radius_m < 6_300_000.0 {
+            return None;
+        }
+        let (lat, lon, alt_m) = ecef2geodetic(x_m, y_m, z_m, Ellipsoid::WGS84);
+        Self::new(lat.to_degrees(), lon.to_degrees(), alt_m).ok()
     }
 }
 

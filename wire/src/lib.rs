@@ -1,7 +1,8 @@
 //! The edge of foxhunt: conversions between its own units and values and those that others use.
 //!
 //! [`geodesy`] turns WGS84 and compass degrees into East-North-Up metres and radians, and the
-//! feature `declination` knows where compasses point to; `terrain` reads tiles of elevation models.
+//! feature `declination` knows where compasses point to, and `geoid` the height of the sea;
+//! `terrain` reads tiles of elevation models.
 //! The codecs turn the bytes of devices into values and back, and do no I/O; [`ByteStream`] carries
 //! bytes, and never blocks. The drivers of `foxhunt-hardware` and the emulated devices of `foxhunt-sim` are made of the same codecs; what
 //! keeps both honest are vectors and programs of others.
@@ -14,6 +15,8 @@ pub mod declination;
 pub mod firmata;
 mod fix_quality;
 pub mod geodesy;
+#[cfg(feature = "geoid")]
+pub mod geoid;
 #[cfg(feature = "mavlink")]
 pub mod mavlink;
 #[cfg(feature = "receivers")]

@@ -69,6 +69,8 @@ pub fn notice(event: &Event) -> Option<Notice> {
         Event::FlightStage { time, stage, reason } => (time, true, format!("{stage}: {reason}")),
         Event::Aircraft { time, drone, mode, armed, airborne, hindrance, .. } => {
             let place = match (airborne, armed) {
+                // Carried receivers and stations count as in the air while they take part.
+                (true, _) if matches!(mode.as_str(), "CARRIED" | "FIXED") => "takes part",
                 (true, _) => "in the air",
                 (false, true) => "armed",
                 (false, false) => "on the ground",

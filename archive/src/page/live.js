@@ -19,12 +19,33 @@ function take(news) {
   data.notices.push(...news.notices);
 }
 
+// Where each receiver is to go next, by its number, and the way there from where it was last.
+const next = new Map();
+function showNext() {
+  const ways = [...next].map(([index, [east, north]]) => {
+    const receiver = data.receivers[index], here = receiver?.path.at(-1);
+    if (!here) return null;
+    const metres = Math.hypot(east - here[1], north - here[2]);
+    const compass = (Math.atan2(east - here[1], north - here[2]) * 180 / Math.PI + 360) % 360;
+    const towards = String(Math.round(compass) % 360).padStart(3, "0");
+    return `${receiver.name}: ${metres.toFixed(0)} m towards ${towards}°, to ${east.toFixed(1)} m East, ${north.toFixed(1)} m North`;
+  });
+  const text = ways.filter(Boolean).join("; ");
+  byId("next").textContent = text ? `Next place — ${text}` : "";
+  byId("next").hidden = !text;
+}
+
 let waiting = [], shown = 0;
 function showNews() {
   shown = 0;
   const follows = state.time >= end - 1e-6;
   const searches = data.searches.length;
-  for (const { news, log } of waiting.splice(0)) { take(news); logLines.push(...log); }
+  for (const { news, log, sent } of waiting.splice(0)) {
+    take(news);
+    logLines.push(...log);
+    for (const [index, east, north] of sent ?? []) next.set(index, [east, north]);
+  }
+  showNext();
   if (data.searches.length !== searches) view.moved = false;
   refresh();
   if (follows && !state.playing) { state.time = end; redraw(); }
@@ -55,6 +76,8 @@ source.addEventListener("message", (event) => {
 source.addEventListener("over", () => {
   source.close();
   liveStatus("the hunt is over", true);
+  next.clear();
+  showNext();
   byId("break-off").hidden = true;
 });
 // The program runs another hunt than the one that this page began with.

@@ -32,7 +32,7 @@ use foxhunt::{
 };
 
 use super::{
-    advice::advise,
+    advice::Adviser,
     checklist::checklist,
     choice,
     emulate::{Emulated, Emulation},
@@ -40,6 +40,7 @@ use super::{
     live::{LiveArgs, LiveView, PaceArgs, Shown},
     mission_files,
     notices::Notices,
+    tone::ToneArgs,
     views::{Antennas, Exports, keep_turns, write_page},
 };
 use crate::{
@@ -59,6 +60,9 @@ use crate::{
 /// same field, seed and faults fly the same flight, however busy the computer is. It ends with the
 /// errors against the truth.
 ///
+/// A vehicle that is carried or fixed needs no pilot: the next place is printed, beside the level,
+/// its peak, and whether the way leads nearer. --tone makes the level audible.
+///
 /// With --advise the pilots fly with their own controls: foxhunt listens to the telemetry, turns
 /// the antennas, and prints where to fly next.
 #[derive(Debug, clap::Args)]
@@ -67,6 +71,7 @@ use crate::{
                         foxhunt fly --emulate pritzl-6.1\n  \
                         foxhunt fly meadow.toml --advise\n  \
                         foxhunt fly meadow.toml --live\n  \
+                        foxhunt fly walker.toml --tone - | aplay\n  \
                         foxhunt fly meadow.toml --mission-to meadow.plan --hold-s 40\n\n\
                         Look at every device first: foxhunt devices meadow.toml")]
 pub(crate) struct Args {
@@ -112,6 +117,8 @@ pub(crate) struct Args {
     live: LiveArgs,
     #[command(flatten)]
     pace: PaceArgs,
+    #[command(flatten)]
+    tone: ToneArgs,
     #[command(flatten)]
     exports: Exports,
 }
@@ -213,7 +220,11 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     if field.emulated.is_none() && args.pace.is_given() {
         return Err(CliError::input("--pace: real devices fly in their own time"));
     }
-    let confirms = !args.yes && !args.advise && field.emulated.is_none();
+    if args.tone.takes_stdout() && output.streams() {
+        return Err(CliError::input("--tone -: standard output is taken by --json"));
+    }
+    let flies = !config.is_on_the_ground();
+    let confirms = flies && !args.yes && !args.advise && field.emulated.is_none();
     if confirms && !io::stdin().is_terminal() {
         return Err(CliError::input(
             "standard input is not a terminal, so the take-off cannot be confirmed; use --yes to \
@@ -250,10 +261,14 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let shown =
         Shown { header: &header, registry, estimator, extractor: &config.extractor, orders: true };
     let live = live.map(|plan| LiveView::start(&plan, &shown)).transpose()?;
+    let adviser = Rc::new(RefCell::new(Adviser::new(&config, args.advise)));
+    let advised = Rc::clone(&adviser);
+    let mut tone = args.tone.open()?;
     let kept = Rc::clone(&samples);
     let (keep_turn, turns) = keep_turns();
     let keep = move |drone: usize, sweep: &Sweep<'_>| {
         kept.borrow_mut().keep(drone, sweep);
+        advised.borrow_mut().received(drone, sweep);
         (keep_turn.borrow_mut())(drone, sweep);
     };
     let tap: Tap = Rc::new(RefCell::new(keep));
@@ -297,9 +312,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
             if let Some(live) = &live {
                 live.show(&event, &turns.borrow());
             }
-            if args.advise {
-                advise(&event, &config, mission.hunt());
-            }
+            adviser.borrow().advise(&event, &config, mission.hunt());
             if let Err(error) = log.event(&event) {
                 mission.abort(time, &format!("{}: {error}", files.log.display()));
             }
@@ -308,7 +321,17 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         if let Some(error) = samples.borrow_mut().failure.take() {
             mission.abort(time, &format!("{}: {error}", files.samples.display()));
         }
+        let levels = adviser.borrow_mut().report(time, mission.hunt());
+        if let Some(tone) = &mut tone {
+            for (time, level_dbm) in levels {
+                tone.received(time, level_dbm);
+            }
+            tone.pass(time)?;
+        }
         field.pass()?;
+    }
+    if let Some(tone) = tone {
+        tone.finish()?;
     }
     while let Some(event) = mission.poll_event() {
         notices.print(&event);

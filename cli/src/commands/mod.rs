@@ -61,6 +61,8 @@ mod scores;
 mod settings;
 #[cfg(feature = "store")]
 mod storing;
+#[cfg(feature = "hardware")]
+mod tone;
 mod views;
 
 use clap::Subcommand;

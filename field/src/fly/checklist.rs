@@ -114,6 +114,9 @@ impl FlightConfig {
     }
 
     fn rules(&self) -> Vec<Check> {
+        if self.is_on_the_ground() {
+            return Vec::new();
+        }
         let airspace = &self.hunt.airspace;
         let flight = &self.flight;
         let mut checks = Vec::new();
@@ -177,10 +180,11 @@ impl DroneConfig {
                 let text = format!("it turns about itself, by up to {speed}° a second");
                 checks.push(open("body", &text));
             }
-        } else {
+        } else if matches!(self.vehicle, VehicleDevice::ArDrone { .. }) {
             checks.push(open("remote control", "the application that lands it is at hand"));
         }
-        if let Some([east, north]) = self.launch_m {
+        let stands = !matches!(self.vehicle, VehicleDevice::Carried { .. });
+        if let Some([east, north]) = self.launch_m.filter(|_| stands) {
             let text = format!("it stands {east:.1} m East, {north:.1} m North of the origin");
             checks.push(open("launch", &text));
         }

@@ -63,6 +63,13 @@ pub struct FlightConfig {
 /// Distance within which a pilot reaches the place where he is advised to fly, in metres.
 const BY_HAND_M: f64 = 2.0;
 
+/// Distance within which somebody who carries a receiver has arrived, in metres: twice the σ of a
+/// GNSS receiver without corrections.
+const CARRIED_M: f64 = 3.0;
+
+/// Time without a place after which a carried receiver takes no part, in seconds: a bridge.
+const CARRIED_LOST_S: f64 = 20.0;
+
 /// A day, in seconds: nobody flies longer.
 const DAY_S: f64 = 86_400.0;
 
@@ -110,7 +117,39 @@ impl FlightConfig {
         };
         config.model.resolve_terrain(there).map_err(|error| error.within("model"))?;
         config.check()?;
+        config.make_room_for_carriers();
         Ok(config)
+    }
+
+    /// Widens tolerances and time-outs where receivers are carried: a GNSS receiver on foot wanders
+    /// by metres, and people take their time.
+    pub(super) fn make_room_for_carriers(&mut self) {
+        let carried = |drone: &DroneConfig| matches!(drone.vehicle, VehicleDevice::Carried { .. });
+        if !self.drones.iter().any(carried) {
+            return;
+        }
+        let nothing_flies = self.is_on_the_ground();
+        let hunt = &mut self.hunt;
+        hunt.arrival_tolerance_m = hunt.arrival_tolerance_m.max(CARRIED_M);
+        hunt.separation_m = hunt.separation_m.max(CARRIED_M);
+        hunt.attendance.still_m = hunt.attendance.still_m.max(CARRIED_M);
+        hunt.attendance.lost_after_s = hunt.attendance.lost_after_s.max(CARRIED_LOST_S);
+        if nothing_flies {
+            // Planners of drones send them up, where nobody goes.
+            let heights = self.drones.iter().filter_map(DroneConfig::own_up_m);
+            let (least, most) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), up_m| {
+                (a.min(up_m), b.max(up_m))
+            });
+            hunt.airspace.altitude_m.get_or_insert([least, most]);
+            hunt.move_timeout_s = hunt.move_timeout_s.max(DAY_S);
+            self.flight.ready_timeout_s = self.flight.ready_timeout_s.max(DAY_S);
+        }
+    }
+
+    /// Returns true if nothing flies: every receiver is carried, or stands.
+    #[must_use]
+    pub fn is_on_the_ground(&self) -> bool {
+        self.drones.iter().all(|drone| drone.vehicle.is_on_the_ground())
     }
 
     /// The ground, where it has an elevation model.
@@ -143,6 +182,7 @@ impl FlightConfig {
             terrain.check().map_err(|error| error.within("terrain"))?;
             for drone in &self.drones {
                 let own = match (&drone.vehicle, &drone.gnss) {
+                    (vehicle, _) if vehicle.is_on_the_ground() => continue,
                     (VehicleDevice::ArDrone { .. }, _) => "vehicle.kind is \"ar-drone\"",
                     (_, Some(_)) => "there is a gnss of its own",
                     _ => continue,
@@ -256,9 +296,14 @@ impl FlightConfig {
     /// duration of a real antenna's turn, are unknown.
     #[must_use]
     pub fn field(&self) -> Field {
-        let speeds: Option<Vec<f64>> = self.drones.iter().map(DroneConfig::speed_mps).collect();
+        let rooted = |drone: &&DroneConfig| matches!(drone.vehicle, VehicleDevice::Fixed { .. });
+        let movers = self.drones.iter().filter(|drone| !rooted(drone));
+        let speeds: Option<Vec<f64>> = movers.map(DroneConfig::speed_mps).collect();
         let up = self.flight.takeoff_up_m;
-        let launches = self.drones.iter().filter_map(|drone| drone.launch_m);
+        let launches = self
+            .drones
+            .iter()
+            .filter_map(|drone| Some((drone.launch_m?, drone.own_up_m().unwrap_or(up))));
         Field {
             planner: self.planner.clone(),
             exponent: self.model.exponent,
@@ -266,7 +311,7 @@ impl FlightConfig {
             climb_mps: None,
             turn_s: None,
             hunt: self.hunt.clone(),
-            drones_m: launches.map(|[east, north]| Vector3::new(east, north, up)).collect(),
+            drones_m: launches.map(|([east, north], up)| Vector3::new(east, north, up)).collect(),
         }
     }
 

@@ -4,8 +4,8 @@ use foxhunt_core::{
     BeaconId, Clock, Pose, Radio, Rotator, Spinner, SteadyMotion, Vehicle, Waypoint,
 };
 use foxhunt_hardware::{
-    Aircraft, AircraftState, ArDrone, Finding, FirmataStepper, GnssDecoder, GnssReceiver,
-    KrakenSource, MavlinkVehicle, Placed, RtlTcpRadio, SikRadio, XbeeRadio,
+    Aircraft, AircraftState, ArDrone, CarriedVehicle, Finding, FirmataStepper, GnssDecoder,
+    GnssReceiver, KrakenSource, Mark, MavlinkVehicle, Placed, RtlTcpRadio, SikRadio, XbeeRadio,
 };
 use foxhunt_hunt::hunt::DeviceError;
 use foxhunt_wire::ByteStream;
@@ -112,6 +112,18 @@ impl<V: Examine, S: ByteStream, C: Clock, D: GnssDecoder> Examine
         let mut findings = self.vehicle().examine(pause);
         findings.extend(self.gnss().examine(pause));
         findings
+    }
+}
+
+impl<S: ByteStream, C: Clock, D: GnssDecoder> Examine for CarriedVehicle<GnssReceiver<S, C, D>> {
+    fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding> {
+        self.gnss().examine(pause)
+    }
+}
+
+impl Examine for CarriedVehicle<Mark> {
+    fn examine(&mut self, _pause: &mut dyn FnMut()) -> Vec<Finding> {
+        vec![Finding::good("place", "that of launch_m")]
     }
 }
 

@@ -58,6 +58,27 @@ impl DroneConfig {
                 let settings = self.with_launch(settings);
                 settings.check().map_err(|error| nested("vehicle.settings", error))?;
             }
+            VehicleDevice::Carried { settings, .. } => {
+                settings.check().map_err(|error| nested("vehicle.settings", error))?;
+                if self.gnss.is_none() {
+                    return Err("vehicle.kind is \"carried\", and there is no gnss".into());
+                }
+            }
+            VehicleDevice::Fixed { settings } => {
+                settings.check().map_err(|error| nested("vehicle.settings", error))?;
+                if self.launch_m.is_none() || self.gnss.is_some() {
+                    return Err(
+                        "vehicle.kind is \"fixed\", which stands at launch_m and needs no \
+                                gnss"
+                            .into(),
+                    );
+                }
+                if matches!(self.source, ListenConfig::RotatingBody(_)) {
+                    return Err("source.kind is \"rotating-body\", and vehicle.kind \"fixed\", \
+                                which nobody turns"
+                        .into());
+                }
+            }
         }
         if self.is_listened_to() && matches!(self.source, ListenConfig::RotatingBody(_)) {
             return Err("source.kind is \"rotating-body\", which turns the drone, and \
@@ -65,7 +86,7 @@ impl DroneConfig {
                 .into());
         }
         if let Some(gnss) = &self.gnss {
-            if site.ground_alt_m.is_none() {
+            if site.ground_alt_m.is_none() && !self.vehicle.is_on_the_ground() {
                 return Err(
                     "a gnss of its own needs site.ground_alt_m, which heights are above".into()
                 );
@@ -147,6 +168,25 @@ impl DroneConfig {
                 (settings.limits.min_up_m, settings.limits.max_up_m)
             }
             VehicleDevice::ArDrone { settings, .. } => (settings.min_up_m, settings.max_up_m),
+            VehicleDevice::Carried { .. } | VehicleDevice::Fixed { .. } => {
+                (f64::NEG_INFINITY, f64::INFINITY)
+            }
+        }
+    }
+
+    /// Returns true if it listens between the turns of the hunt, too: somebody carries it, and
+    /// nothing has to turn.
+    pub(super) fn listens_on_the_way(&self) -> bool {
+        matches!(self.vehicle, VehicleDevice::Carried { .. })
+            && matches!(self.source, ListenConfig::Omnidirectional(_))
+    }
+
+    /// Returns its height above the ground in metres where that is not the one of take-off.
+    pub(super) fn own_up_m(&self) -> Option<f64> {
+        match &self.vehicle {
+            VehicleDevice::Carried { settings, .. } => Some(settings.up_m),
+            VehicleDevice::Fixed { settings } => Some(settings.up_m),
+            _ => None,
         }
     }
 
@@ -175,6 +215,7 @@ impl DroneConfig {
             VehicleDevice::ArDrone { .. } => {
                 Err("vehicle.kind is \"ar-drone\", which reports nothing unless it is flown".into())
             }
+            VehicleDevice::Carried { .. } | VehicleDevice::Fixed { .. } => Ok(()),
         }
     }
 
@@ -198,6 +239,10 @@ impl DroneConfig {
                 settings.fence_radius_m,
                 settings.link_timeout_s
             ),
+            VehicleDevice::Carried { settings, .. } => {
+                format!("carried {} m up, at {} m/s", settings.up_m, settings.speed_mps)
+            }
+            VehicleDevice::Fixed { settings } => format!("stands, {} m up", settings.up_m),
         }
     }
 
@@ -206,14 +251,21 @@ impl DroneConfig {
         match &self.vehicle {
             VehicleDevice::Mavlink { settings, .. } => settings.cruise_speed_mps,
             VehicleDevice::ArDrone { settings, .. } => Some(settings.speed_mps),
+            VehicleDevice::Carried { settings, .. } => Some(settings.speed_mps),
+            VehicleDevice::Fixed { .. } => None,
         }
     }
 
     /// Its devices, each with where it is reached.
     pub fn endpoints(&self) -> impl Iterator<Item = (&'static str, &Endpoint)> {
         let (vehicle, navdata) = match &self.vehicle {
-            VehicleDevice::Mavlink { endpoint, .. } => (endpoint, None),
-            VehicleDevice::ArDrone { endpoint, navdata, .. } => (endpoint, Some(navdata)),
+            VehicleDevice::Mavlink { endpoint, .. } => (Some(endpoint), None),
+            VehicleDevice::ArDrone { endpoint, navdata, .. } => (Some(endpoint), Some(navdata)),
+            VehicleDevice::Carried { .. } | VehicleDevice::Fixed { .. } => (None, None),
+        };
+        let guide = match &self.vehicle {
+            VehicleDevice::Carried { guide, .. } => guide.as_ref(),
+            _ => None,
         };
         let radio = match &self.radio {
             Some(RadioDevice::Xbee { endpoint, .. } | RadioDevice::RtlTcp { endpoint, .. }) => {
@@ -228,7 +280,8 @@ impl DroneConfig {
         let rotator = self.rotator.as_ref().map(|RotatorDevice::Firmata { endpoint, .. }| endpoint);
         let gnss = self.gnss.as_ref().map(|gnss| &gnss.endpoint);
         [
-            ("vehicle", Some(vehicle)),
+            ("vehicle", vehicle),
+            ("guide", guide),
             ("navdata", navdata),
             ("gnss", gnss),
             ("radio", radio),

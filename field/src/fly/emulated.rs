@@ -2,27 +2,39 @@ use std::{io, path::Path};
 
 use foxhunt_core::BeaconId;
 use foxhunt_formation::EnduranceConfig;
-use foxhunt_hardware::{FirmataConfig, FlightLimits, MavlinkConfig, MavlinkOrigin, XbeeConfig};
+use foxhunt_hardware::{
+    CarriedConfig, FirmataConfig, FixedConfig, FlightLimits, GnssConfig, KrakenConfig,
+    MavlinkConfig, MavlinkOrigin, XbeeConfig,
+};
 use foxhunt_hunt::{config::SourceConfig, scenario::Scenario};
 use foxhunt_sensors::{BodyConfig, OmnidirectionalConfig};
 use foxhunt_sim::{
-    AutopilotConfig, AutopilotFaults, CableFaults, EmulatedAutopilot, EmulatedRtlTcp,
+    AutopilotConfig, AutopilotFaults, CableFaults, EmulatedAutopilot, EmulatedCarrier,
+    EmulatedGnss, EmulatedGnssConfig, EmulatedKraken, EmulatedKrakenConfig, EmulatedRtlTcp,
     EmulatedRtlTcpConfig, EmulatedStepper, EmulatedStepperConfig, EmulatedXbee, EmulatedXbeeConfig,
     Emulator, ReliefConfig, World, xbee_address,
 };
-use foxhunt_wire::{geodesy::Geodetic, mavlink::Autopilot};
+use foxhunt_wire::{
+    geodesy::{Geodetic, radians_to_compass_deg},
+    mavlink::Autopilot,
+};
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
 use super::{
     CarriedDrone, DroneConfig, EmulatedFieldError, FlightConfig, FlightRules, FlownBeacon,
-    ForeignVehicle, ListenConfig, RadioDevice, RotatorDevice, Site, TerrainConfig, VehicleDevice,
+    ForeignVehicle, GnssDevice, ListenConfig, RadioDevice, RotatorDevice, Site, TerrainConfig,
+    VehicleDevice,
     emulated_ports::{EmulatedPorts, Place, Tags},
 };
 
 /// Longest time of a position and of the first one of a turn with a real motor, in seconds.
 const STEP_S: f64 = 1.0;
 const FIRST_STEP_S: f64 = 10.0;
+
+/// Frequency of the first beacon that a KrakenSDR receives, and from one to the next, in MHz.
+const CHANNELS_MHZ: f64 = 433.92;
+const CHANNEL_MHZ: f64 = 0.05;
 
 /// Longest time of a turn with a real motor, in seconds.
 const TURN_S: f64 = 150.0;
@@ -55,12 +67,50 @@ pub struct EmulatedFieldConfig {
     /// are left out are emulated.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub vehicles: Vec<ForeignVehicle>,
+    /// Platforms, drone by drone: those that are left out fly by autopilots, with the scenario's
+    /// own receivers.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub platforms: Vec<EmulatedPlatform>,
     /// Faults, drone by drone; drones that are left out have no faults.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<DroneFaults>,
     /// The RTL-SDRs by which tags that pulse are received, and what is on air besides; each drone's
     /// has noise of its own.
     pub rtl_tcp: EmulatedRtlTcpConfig,
+}
+
+/// Platform of a receiver of an emulated field.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct EmulatedPlatform {
+    /// Way in which it moves.
+    pub vehicle: EmulatedVehicle,
+    /// Receiver, if not the scenario's own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub receiver: Option<EmulatedReceiver>,
+}
+
+/// Way in which the receiver of an emulated field moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EmulatedVehicle {
+    /// An autopilot flies it.
+    #[default]
+    Autopilot,
+    /// Somebody who follows each proposal carries it, beside an NMEA receiver.
+    Carried,
+    /// It stands where the scenario's drone begins.
+    Fixed,
+}
+
+/// Receiver of an emulated field in place of the scenario's own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EmulatedReceiver {
+    /// An antenna without a direction, on the scenario's radio.
+    Omnidirectional,
+    /// A KrakenSDR.
+    Kraken,
 }
 
 /// Faults of a drone's devices.
@@ -83,6 +133,7 @@ impl Default for EmulatedFieldConfig {
         let autopilot = Autopilot::ArduPilot;
         let rtl_tcp = EmulatedRtlTcpConfig::default();
         let vehicles = Vec::new();
+        let platforms = Vec::new();
         let faults = Vec::new();
         Self {
             site,
@@ -91,6 +142,7 @@ impl Default for EmulatedFieldConfig {
             terrain_data: false,
             first_port: None,
             vehicles,
+            platforms,
             faults,
             rtl_tcp,
         }
@@ -160,13 +212,17 @@ impl EmulatedField {
             site: site_of(config.site, terrain.as_ref())?,
             ..config.clone()
         };
+        let kraken = Some(EmulatedReceiver::Kraken);
+        let tunes = config.platforms.iter().any(|platform| platform.receiver == kraken);
         // Beacons that appear later are looked for from the start: a flight's list is of all.
         let tags = Tags::of(world, scenario.world.beacons.len())?;
         let beacons = (0..).map(BeaconId).map_while(|beacon| {
             let name = world.beacon_name(beacon)?;
             let (address, _) = xbee_address(beacon);
             let address = tags.is_none().then(|| address.to_string());
+            let channel_mhz = tunes.then(|| CHANNELS_MHZ + CHANNEL_MHZ * f64::from(beacon.0));
             let frequency_mhz = world.frequency_mhz(beacon).filter(|_| tags.is_some());
+            let frequency_mhz = frequency_mhz.or(channel_mhz);
             Some(FlownBeacon { name, address, frequency_mhz })
         });
         let mut field = Self {
@@ -187,31 +243,43 @@ impl EmulatedField {
                 drones: Vec::new(),
             },
         };
+        let platform = |drone: usize| config.platforms.get(drone).copied().unwrap_or_default();
+        let drones = scenario.world.drones.len();
+        let flies = (0..drones).any(|drone| platform(drone).vehicle == EmulatedVehicle::Autopilot);
         let hunt = &mut field.flight.hunt;
         hunt.turn_timeout_s = hunt.turn_timeout_s.max(TURN_S);
         let known = scenario.field();
-        let platform = EnduranceConfig::default();
-        hunt.endurance.get_or_insert(EnduranceConfig {
+        let usual = EnduranceConfig::default();
+        let battery = EnduranceConfig {
             endurance_s: AutopilotConfig::default().endurance_s,
-            speed_mps: known.speed_mps.unwrap_or(platform.speed_mps),
-            climb_mps: known.climb_mps.unwrap_or(platform.climb_mps),
-            ..platform
-        });
+            speed_mps: known.speed_mps.unwrap_or(usual.speed_mps),
+            climb_mps: known.climb_mps.unwrap_or(usual.climb_mps),
+            ..usual
+        };
+        // Legs have no battery.
+        hunt.endurance = hunt.endurance.or(Some(battery)).filter(|_| flies);
         let vehicles = config.vehicles.len();
-        let drones = scenario.world.drones.len();
+        if config.platforms.len() > drones {
+            let platforms = config.platforms.len();
+            return Err(EmulatedFieldError::Platforms { platforms, drones });
+        }
         if vehicles > drones {
             return Err(EmulatedFieldError::Vehicles { vehicles, drones });
         }
         for (drone, stands) in scenario.world.drones.iter().enumerate() {
-            field.flight.flight.takeoff_up_m = stands.up_m;
+            let place = &mut place;
+            if platform(drone).vehicle == EmulatedVehicle::Autopilot {
+                field.flight.flight.takeoff_up_m = stands.up_m;
+            }
             let source = scenario.sources.get(drone).unwrap_or(&scenario.source);
-            field.add(world, drone, config, source, tags.as_ref(), &mut place)?;
+            field.add(world, drone, config, source, tags.as_ref(), place)?;
             // Where a foreign vehicle stands is its own affair.
             let ours = drone >= vehicles;
             if let Some(flown) = field.flight.drones.last_mut().filter(|_| ours) {
                 flown.launch_m = Some([stands.east_m, stands.north_m]);
             }
         }
+        field.flight.make_room_for_carriers();
         Ok(field)
     }
 
@@ -226,20 +294,70 @@ impl EmulatedField {
     ) -> Result<(), EmulatedFieldError> {
         let name = name(drone);
         let faults = config.faults.get(drone).cloned().unwrap_or_default();
-        let vehicle = match config.vehicles.get(drone) {
-            Some(foreign) => self.follow(world, drone, config.site, foreign, place)?,
-            None => self.fly(world, drone, config, faults.vehicle, place)?,
+        let platform = config.platforms.get(drone).copied().unwrap_or_default();
+        let up_m = world.pose(drone)?.position.z;
+        let mut gnss = None;
+        let vehicle = match (platform.vehicle, config.vehicles.get(drone)) {
+            (EmulatedVehicle::Carried, _) => {
+                let (carrier, receiver) = self.carry(world, drone, config.site, up_m, place)?;
+                gnss = Some(receiver);
+                carrier
+            }
+            (EmulatedVehicle::Fixed, _) => {
+                let heading = world.pose(drone)?.heading;
+                let heading_deg_compass = radians_to_compass_deg(heading);
+                let settings = FixedConfig { up_m, heading_deg_compass, ..FixedConfig::default() };
+                VehicleDevice::Fixed { settings }
+            }
+            (EmulatedVehicle::Autopilot, Some(foreign)) => {
+                self.follow(world, drone, config.site, foreign, place)?
+            }
+            (EmulatedVehicle::Autopilot, None) => {
+                self.fly(world, drone, config, faults.vehicle, place)?
+            }
         };
+        if platform.receiver == Some(EmulatedReceiver::Kraken) {
+            let (stream, endpoint) = place.page(&name)?;
+            let mhz = self.flight.beacons.iter().filter_map(|beacon| beacon.frequency_mhz);
+            let emulated = EmulatedKrakenConfig {
+                frequencies_hz: mhz.map(|mhz| mhz * 1e6).collect(),
+                seed: u64::try_from(drone).unwrap_or(0).wrapping_add(1),
+                ..EmulatedKrakenConfig::default()
+            };
+            self.keep(&name, "kraken", EmulatedKraken::new(world, drone, emulated, stream)?);
+            let source = ListenConfig::Kraken { endpoint, settings: KrakenConfig::default() };
+            let drone = DroneConfig {
+                name,
+                launch_m: None,
+                vehicle,
+                gnss,
+                radio: None,
+                rotator: None,
+                source,
+            };
+            self.flight.drones.push(drone);
+            return Ok(());
+        }
+        // A second or four pulses at a place, so that a walker hears the level on the way.
+        let questions = if tags.is_some() { 4 } else { 32 };
+        let plain = OmnidirectionalConfig { questions, ..OmnidirectionalConfig::default() };
+        let plain = SourceConfig::Omnidirectional(plain);
+        let source = match platform.receiver {
+            Some(EmulatedReceiver::Omnidirectional) => &plain,
+            _ => source,
+        };
+        let directional = !matches!(source, SourceConfig::Omnidirectional(_));
 
         let radio = if let Some(tags) = tags {
             let (stream, endpoint) = place.server(world, &name, faults.radio)?;
             let seed = config.rtl_tcp.seed.wrapping_add(u64::try_from(drone).unwrap_or(0));
-            let settings = EmulatedRtlTcpConfig { seed, ..config.rtl_tcp.clone() };
+            let settings = EmulatedRtlTcpConfig { seed, directional, ..config.rtl_tcp.clone() };
             self.keep(&name, "radio", EmulatedRtlTcp::new(world, drone, settings, stream)?);
             RadioDevice::RtlTcp { endpoint, settings: tags.receiver(config.rtl_tcp.full_scale_dbm) }
         } else {
             let (stream, endpoint) = place.cable(world, &name, "radio", faults.radio)?;
-            let device = EmulatedXbee::new(world, drone, EmulatedXbeeConfig::default(), stream)?;
+            let emulated = EmulatedXbeeConfig { directional, ..EmulatedXbeeConfig::default() };
+            let device = EmulatedXbee::new(world, drone, emulated, stream)?;
             self.keep(&name, "radio", device);
             RadioDevice::Xbee { endpoint, settings: XbeeConfig::default() }
         };
@@ -282,7 +400,7 @@ impl EmulatedField {
         };
         let radio = Some(radio);
         let launch_m = None;
-        let drone = DroneConfig { name, launch_m, vehicle, gnss: None, radio, rotator, source };
+        let drone = DroneConfig { name, launch_m, vehicle, gnss, radio, rotator, source };
         self.flight.drones.push(drone);
         Ok(())
     }
@@ -317,6 +435,29 @@ impl EmulatedField {
             ..MavlinkConfig::default()
         };
         Ok(VehicleDevice::Mavlink { endpoint, settings })
+    }
+
+    /// Somebody who carries a receiver, and the GNSS receiver beside it.
+    fn carry(
+        &mut self,
+        world: &World,
+        drone: usize,
+        site: Site,
+        up_m: f64,
+        place: &mut Place<'_>,
+    ) -> Result<(VehicleDevice, GnssDevice), EmulatedFieldError> {
+        let name = name(drone);
+        let origin = Geodetic::new(site.lat_deg, site.lon_deg, site.ground_alt_m.unwrap_or(0.0))?;
+        let (stream, endpoint) = place.cable(world, &name, "gnss", CableFaults::default())?;
+        let seed = u64::try_from(drone).unwrap_or(0).wrapping_add(1);
+        let emulated =
+            EmulatedGnssConfig { origin, compass: true, ..EmulatedGnssConfig::default() };
+        self.keep(&name, "gnss", EmulatedGnss::new(world, drone, emulated, seed, stream)?);
+        let (stream, guide) = place.cable(world, &name, "guide", CableFaults::default())?;
+        self.keep(&name, "guide", EmulatedCarrier::new(world, drone, origin, stream)?);
+        let settings = CarriedConfig { up_m, ..CarriedConfig::default() };
+        let vehicle = VehicleDevice::Carried { guide: Some(guide), settings };
+        Ok((vehicle, GnssDevice { endpoint, settings: GnssConfig::default() }))
     }
 
     /// Returns limits within which a drone reaches the places and heights of its world: the

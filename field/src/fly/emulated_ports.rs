@@ -1,11 +1,13 @@
 //! Ports of emulated devices, their tags, and the reasons why a field cannot be emulated.
 
 use std::{
+    cell::RefCell,
     collections::HashMap,
     fs, io,
     net::UdpSocket,
     os::unix::fs::symlink,
     path::{Path, PathBuf},
+    rc::Rc,
 };
 
 use foxhunt_core::BeaconId;
@@ -16,7 +18,7 @@ use foxhunt_wire::{
     geodesy::GeodesyError, memory_pair,
 };
 
-use super::{CarriedDroneError, Ports};
+use super::{CarriedDroneError, Connector, Ports};
 
 /// The bits per second of the serial ports.
 const BAUD: u32 = 57_600;
@@ -70,6 +72,14 @@ pub enum EmulatedFieldError {
     Vehicles {
         /// Number of vehicles.
         vehicles: usize,
+        /// Number of drones.
+        drones: usize,
+    },
+    /// There are more platforms than drones.
+    #[error("there are {platforms} platforms for {drones} drones")]
+    Platforms {
+        /// Number of platforms.
+        platforms: usize,
         /// Number of drones.
         drones: usize,
     },
@@ -145,12 +155,37 @@ impl Tags {
 #[derive(Debug, Default)]
 pub struct EmulatedPorts {
     streams: HashMap<Endpoint, MemoryStream>,
+    /// Servers that take a connection for each question.
+    servers: HashMap<Endpoint, Rc<RefCell<MemoryStream>>>,
+}
+
+/// One of the connections to a server in memory, which are all the same stream.
+#[derive(Debug)]
+struct Connection(Rc<RefCell<MemoryStream>>);
+
+impl ByteStream for Connection {
+    fn receive(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        self.0.borrow_mut().receive(into)
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.0.borrow_mut().send(bytes)
+    }
 }
 
 impl Ports for EmulatedPorts {
     fn open(&mut self, endpoint: &Endpoint) -> io::Result<Box<dyn ByteStream>> {
         let none = || io::Error::new(io::ErrorKind::NotFound, format!("{endpoint}: no free port"));
         Ok(Box::new(self.streams.remove(endpoint).ok_or_else(none)?))
+    }
+
+    fn connector(&mut self, endpoint: &Endpoint) -> Connector {
+        let server = self.servers.get(endpoint).cloned();
+        let none = format!("{endpoint}: no server");
+        Box::new(move || match &server {
+            Some(server) => Ok(Box::new(Connection(Rc::clone(server)))),
+            None => Err(io::Error::new(io::ErrorKind::NotFound, none.clone())),
+        })
     }
 }
 
@@ -209,6 +244,26 @@ impl Place<'_> {
                 let endpoint = Endpoint::Tcp { address: format!("{drone}:1234") };
                 let stream: Box<dyn ByteStream> = Box::new(ports.add(&endpoint));
                 Ok((Cabled::new(stream, world.clock(), faults, seed(drone)), endpoint))
+            }
+        }
+    }
+
+    /// The end of a KrakenSDR's server, with the endpoint of its page.
+    pub(super) fn page(
+        &mut self,
+        drone: &str,
+    ) -> Result<(Box<dyn ByteStream>, Endpoint), EmulatedFieldError> {
+        match self {
+            Self::Folder(_) => {
+                let server = TcpServerStream::listen("127.0.0.1:0")?;
+                let address = server.local_address()?.to_string();
+                Ok((Box::new(server), Endpoint::Tcp { address }))
+            }
+            Self::Memory(ports) => {
+                let endpoint = Endpoint::Tcp { address: format!("{drone}:8081") };
+                let (near, far) = memory_pair();
+                ports.servers.insert(endpoint.clone(), Rc::new(RefCell::new(near)));
+                Ok((Box::new(far), endpoint))
             }
         }
     }

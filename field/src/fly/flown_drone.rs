@@ -46,6 +46,8 @@ pub struct FlownDrone<A, S> {
     pub aircraft: A,
     /// Source with which it listens.
     pub source: S,
+    /// True if its source listens between the hunt's turns, too.
+    pub(crate) listens_between: bool,
     /// Its present state; absent while its link fails.
     state: Option<AircraftState>,
     /// The state that was logged last.
@@ -89,6 +91,7 @@ impl<A, S> FlownDrone<A, S> {
             name: name.into(),
             aircraft,
             source,
+            listens_between: false,
             state: None,
             reported_state: None,
             reported_health: None,
@@ -113,6 +116,11 @@ impl<A, S> FlownDrone<A, S> {
     /// Returns true if it takes our orders.
     pub(crate) fn is_commanded(&self) -> bool {
         self.state.as_ref().is_some_and(|state| state.commanded)
+    }
+
+    /// Returns true if it never goes anywhere.
+    pub(crate) fn is_rooted(&self) -> bool {
+        self.state.as_ref().is_some_and(|state| state.rooted)
     }
 
     /// Returns true if it is known to be on the ground with its motors off.

@@ -287,6 +287,7 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
         for (index, drone) in self.drones.iter_mut().enumerate() {
             drone.take_over_again(time);
             self.hunt.set_away(index, !drone.is_commanded());
+            self.hunt.set_rooted(index, drone.is_rooted());
         }
         if !self.drones.iter().all(|drone| drone.is_out(SILENT_S)) {
             self.attended = time;
@@ -300,6 +301,21 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
             self.abort(time, &error.to_string());
         } else if self.hunt.is_finished() {
             self.end(time, self.rules.at_end, "the hunt is over".into());
+        } else {
+            self.listen_between(time);
+        }
+    }
+
+    /// Has receivers that listen between the hunt's turns do so: what they receive then is for ears
+    /// and recordings.
+    fn listen_between(&mut self, time: f64) {
+        for (index, drone) in self.drones.iter_mut().enumerate() {
+            if drone.listens_between
+                && !self.hunt.awaits(index)
+                && let Err(error) = drone.source.poll().map(drop)
+            {
+                self.hunt.device_failed(time, Some(index), error.to_string());
+            }
         }
     }
 

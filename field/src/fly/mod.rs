@@ -5,6 +5,7 @@ mod checklist;
 mod config;
 mod driver;
 mod drone;
+mod eager;
 #[cfg(unix)]
 mod emulated;
 #[cfg(unix)]
@@ -13,6 +14,7 @@ mod emulated_flight;
 mod emulated_ports;
 mod error;
 mod flown_drone;
+mod guide;
 mod identify;
 mod mission;
 mod open;
@@ -32,7 +34,10 @@ pub use driver::{
 };
 pub use drone::DroneConfig;
 #[cfg(unix)]
-pub use emulated::{DroneFaults, EmulatedField, EmulatedFieldConfig};
+pub use emulated::{
+    DroneFaults, EmulatedField, EmulatedFieldConfig, EmulatedPlatform, EmulatedReceiver,
+    EmulatedVehicle,
+};
 #[cfg(unix)]
 pub use emulated_flight::{
     EmulatedFlight, EmulatedFlightError, EmulatedFlown, ReportedMode, pilot_modes,
@@ -43,9 +48,10 @@ pub use error::FlyError;
 pub(crate) use flown_drone::Departure;
 pub use flown_drone::FlownDrone;
 pub use foxhunt_hunt::hunt::{Tap, Tapped};
+pub use guide::{Pitch, PitchConfig, Warmth};
 pub use identify::identify;
 pub use mission::{Mission, MissionError};
-pub use open::{OpenDrone, Ports, SystemPorts};
+pub use open::{Connector, OpenDrone, Ports, SystemPorts};
 pub use plan::{FlightPlan, FlightReport, FlownFix, FlownTruth, PlannedDrone};
 pub use route::{MissionFormat, MissionFormatError, Route};
 pub use rules::{Ending, FlightRules};

@@ -4,8 +4,8 @@ use std::io;
 
 use foxhunt_core::Clock;
 use foxhunt_hardware::{
-    ArDrone, Finding, FirmataStepper, GnssReceiver, KrakenSource, MavlinkVehicle, Placed,
-    Reconnecting, RtlTcpRadio, Shared, SikFeed, SikRadio, XbeeRadio,
+    ArDrone, CarriedVehicle, Finding, FirmataStepper, GnssDecoder, GnssReceiver, KrakenSource,
+    MavlinkVehicle, Placed, Reconnecting, RtlTcpRadio, Shared, SikFeed, SikRadio, XbeeRadio,
 };
 use foxhunt_hunt::hunt::{BoxedSource, boxed_source};
 use foxhunt_sensors::{BodySource, OmnidirectionalSource, StepperSource, TurnGoal};
@@ -13,12 +13,19 @@ use foxhunt_wire::{ByteStream, Endpoint, SharedPort, SharedStream};
 
 use super::{
     BoxedAircraft, BoxedRadio, BoxedRotator, DroneConfig, Examine, FlightConfig, FlownBeacon,
-    FlownDrone, FlyError, Ground, ListenConfig, RadioDevice, RotatorDevice, Site, Tap, Tapped,
-    VehicleDevice,
+    FlownDrone, FlyError, GnssDevice, Ground, ListenConfig, RadioDevice, RotatorDevice, Site, Tap,
+    Tapped, VehicleDevice,
     driver::{Driver, ExaminedAircraft},
     drone::{found_at, tuned, with_addresses, with_origin},
+    eager::Eager,
     wrapped::{Advised, OverGround},
 };
+
+/// A GNSS receiver whose port is open.
+type OpenGnss<C> = GnssReceiver<Box<dyn ByteStream>, C, Box<dyn GnssDecoder>>;
+
+/// A KrakenSDR whose page is fetched again and again.
+type OpenKraken<C> = KrakenSource<Box<dyn ByteStream>, Connector, Shared<BoxedAircraft>, C>;
 
 /// A drone whose devices are open.
 pub type OpenDrone = FlownDrone<Shared<BoxedAircraft>, BoxedSource>;
@@ -44,7 +51,14 @@ impl FlightConfig {
         let open = |(index, drone): (usize, &DroneConfig)| {
             let mut open = drone.open(self, ground, ports, clock, clock_origin_unix_s, goal)?;
             if let Some(tap) = tap {
-                open.source = boxed_source(Tapped::new(open.source, index, tap.clone()));
+                let tap = tap.clone();
+                open.listens_between = drone.listens_on_the_way();
+                open.source = if open.listens_between {
+                    let beacons = u16::try_from(self.beacons.len()).unwrap_or(u16::MAX);
+                    boxed_source(Eager::new(open.source, index, beacons, tap))
+                } else {
+                    boxed_source(Tapped::new(open.source, index, tap))
+                };
             }
             Ok(open)
         };
@@ -70,6 +84,8 @@ impl DroneConfig {
     ) -> Result<OpenDrone, FlyError> {
         let feed = SikFeed::default();
         let site = &flight.site;
+        // Heights of what is carried or stands are above the ground already.
+        let ground = ground.filter(|_| !self.vehicle.is_on_the_ground());
         let aircraft: BoxedAircraft = match ground {
             None => self.open_aircraft(site, &feed, ports, clock, clock_origin_unix_s)?,
             Some(ground) => {
@@ -115,7 +131,7 @@ impl DroneConfig {
             ListenConfig::Kraken { .. } => {
                 let aircraft = self.open_aircraft(site, &feed, ports, clock, clock_origin_unix_s);
                 let aircraft = aircraft.map(Shared::new);
-                let source = aircraft.and_then(|a| self.open_kraken(beacons, a, clock));
+                let source = aircraft.and_then(|a| self.open_kraken(beacons, a, ports, clock));
                 examine("kraken", source.map(|device| Box::new(device) as _));
             }
             _ => {
@@ -158,7 +174,33 @@ impl DroneConfig {
                 let vehicle = ArDrone::new(settings, orders, navdata, clock.clone());
                 self.placed(vehicle.map_err(|error| self.wrong(error))?, site, ports, clock)
             }
+            VehicleDevice::Carried { guide, settings } => {
+                let gnss = self.gnss.as_ref().ok_or_else(|| self.wrong("there is no gnss"))?;
+                let receiver = self.open_gnss(gnss, ports, clock)?;
+                let carrier = CarriedVehicle::new(*settings, receiver, site.frame()?)
+                    .with_antenna(gnss.settings.antenna());
+                let guide = guide.as_ref().map(|guide| self.stream("guide", guide, ports));
+                Ok(match guide.transpose()? {
+                    Some(guide) => Box::new(Driver(carrier.with_guide(guide))),
+                    None => Box::new(Driver(carrier)),
+                })
+            }
+            VehicleDevice::Fixed { settings } => {
+                let place = self.launch_m.ok_or_else(|| self.wrong("there is no launch_m"))?;
+                let station = CarriedVehicle::fixed(*settings, place, site.frame()?);
+                Ok(Box::new(Driver(station)))
+            }
         }
+    }
+
+    fn open_gnss<C: Clock + Clone + 'static>(
+        &self,
+        gnss: &GnssDevice,
+        ports: &mut dyn Ports,
+        clock: &C,
+    ) -> Result<OpenGnss<C>, FlyError> {
+        let stream = self.stream("gnss", &gnss.endpoint, ports)?;
+        GnssReceiver::new(gnss.settings, stream, clock.clone()).map_err(|error| self.wrong(error))
     }
 
     /// The aircraft, placed by its own GNSS receiver if it has one.
@@ -170,9 +212,7 @@ impl DroneConfig {
         clock: &C,
     ) -> Result<BoxedAircraft, FlyError> {
         let Some(gnss) = &self.gnss else { return Ok(Box::new(Driver(aircraft))) };
-        let stream = self.stream("gnss", &gnss.endpoint, ports)?;
-        let receiver = GnssReceiver::new(gnss.settings, stream, clock.clone());
-        let receiver = receiver.map_err(|error| self.wrong(error))?;
+        let receiver = self.open_gnss(gnss, ports, clock)?;
         let antenna = gnss.settings.antenna();
         Ok(Box::new(Driver(Placed::new(aircraft, receiver, site.frame()?, antenna))))
     }
@@ -224,7 +264,7 @@ impl DroneConfig {
         goal: Option<&TurnGoal>,
     ) -> Result<BoxedSource, FlyError> {
         if matches!(self.source, ListenConfig::Kraken { .. }) {
-            return Ok(boxed_source(self.open_kraken(beacons, aircraft, clock)?));
+            return Ok(boxed_source(self.open_kraken(beacons, aircraft, ports, clock)?));
         }
         let radio = self.open_radio(beacons, feed, ports, clock)?;
         let clock = clock.clone();
@@ -255,27 +295,19 @@ impl DroneConfig {
         })
     }
 
-    #[expect(clippy::type_complexity, reason = "the connection's maker has no name")]
     fn open_kraken<C: Clock + Clone + 'static>(
         &self,
         beacons: &[FlownBeacon],
         aircraft: Shared<BoxedAircraft>,
+        ports: &mut dyn Ports,
         clock: &C,
-    ) -> Result<
-        KrakenSource<
-            Box<dyn foxhunt_wire::ByteStream + Send>,
-            impl FnMut() -> std::io::Result<Box<dyn foxhunt_wire::ByteStream + Send>> + use<C>,
-            Shared<BoxedAircraft>,
-            C,
-        >,
-        FlyError,
-    > {
+    ) -> Result<OpenKraken<C>, FlyError> {
         let ListenConfig::Kraken { endpoint, settings } = &self.source else {
             return Err(self.wrong("source.kind is not \"kraken\""));
         };
         let settings = found_at(settings, beacons).map_err(|error| self.wrong(error))?;
-        let endpoint = endpoint.clone();
-        let source = KrakenSource::new(settings, move || endpoint.open(), aircraft, clock.clone());
+        let source =
+            KrakenSource::new(settings, ports.connector(endpoint), aircraft, clock.clone());
         source.map_err(|error| self.wrong(error))
     }
 
@@ -305,7 +337,17 @@ pub trait Ports {
     ///
     /// Any error of the port, with its name or address.
     fn open(&mut self, endpoint: &Endpoint) -> io::Result<Box<dyn ByteStream>>;
+
+    /// Returns a maker of connections to a server that takes one for each question. Unless
+    /// overridden the server is on the network.
+    fn connector(&mut self, endpoint: &Endpoint) -> Connector {
+        let endpoint = endpoint.clone();
+        Box::new(move || Ok(endpoint.open()?))
+    }
 }
+
+/// Maker of connections to a server.
+pub type Connector = Box<dyn FnMut() -> io::Result<Box<dyn ByteStream>>>;
 
 /// The ports of this machine. One that disappears is opened again when it is back; one that several
 /// devices are behind, vehicles of one radio or router, is shared.

@@ -60,11 +60,15 @@ impl FlightConfig {
     pub fn plan(&self, mut hunt: Hunt) -> Result<FlightPlan, FlyError> {
         let mut drones: Vec<PlannedDrone> = self.drones.iter().map(PlannedDrone::new).collect();
         let mut remarks = Vec::new();
-        let launches: Option<Vec<[f64; 2]>> = self.drones.iter().map(|d| d.launch_m).collect();
+        let takeoff_up = self.flight.takeoff_up_m;
+        let station = |drone: &DroneConfig| {
+            let [east, north] = drone.launch_m?;
+            let up = drone.own_up_m().unwrap_or(takeoff_up);
+            Some(Station::holding(Pose::at(east, north, up)))
+        };
+        let launches: Option<Vec<Station>> = self.drones.iter().map(station).collect();
         if let Some(launches) = launches {
-            let up = self.flight.takeoff_up_m;
-            let station = |&[east, north]: &[f64; 2]| Station::holding(Pose::at(east, north, up));
-            hunt.start(0.0, launches.iter().map(station).collect()).map_err(FlyError::Plan)?;
+            hunt.start(0.0, launches).map_err(FlyError::Plan)?;
             hunt.advance(0.0).map_err(FlyError::Plan)?;
             for (drone, station) in drones.iter_mut().zip(hunt.stations()) {
                 drone.first_goal_m = Some(station.goal.position.into());

@@ -1,7 +1,8 @@
 //! Sections of a flight's file: its origin, its beacons, and the devices of a drone.
 
 use foxhunt_hardware::{
-    ArDroneConfig, FirmataConfig, GnssConfig, KrakenConfig, MavlinkConfig, RtlTcpConfig, XbeeConfig,
+    ArDroneConfig, CarriedConfig, FirmataConfig, FixedConfig, GnssConfig, KrakenConfig,
+    MavlinkConfig, RtlTcpConfig, XbeeConfig,
 };
 use foxhunt_sensors::{BodyConfig, OmnidirectionalConfig, StepperConfig};
 use foxhunt_wire::{
@@ -55,7 +56,7 @@ pub struct FlownBeacon {
     pub frequency_mhz: Option<f64>,
 }
 
-/// The device that flies a drone.
+/// The device that flies a drone, or the way in which a receiver is carried or stands.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 #[non_exhaustive]
@@ -78,6 +79,29 @@ pub enum VehicleDevice {
         #[serde(default)]
         settings: ArDroneConfig,
     },
+    /// A person, a car or a boat, whose place the drone's `gnss` knows. Goals are proposals.
+    Carried {
+        /// Endpoint that each goal is sent to, as a waypoint of NMEA 0183: a plotter or a phone.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        guide: Option<Endpoint>,
+        /// Settings of the carrier.
+        #[serde(default)]
+        settings: CarriedConfig,
+    },
+    /// A station that stands at the drone's `launch_m`.
+    Fixed {
+        /// Settings of the station.
+        #[serde(default)]
+        settings: FixedConfig,
+    },
+}
+
+impl VehicleDevice {
+    /// Returns true if nothing flies: it is carried, or stands.
+    #[must_use]
+    pub fn is_on_the_ground(&self) -> bool {
+        matches!(self, Self::Carried { .. } | Self::Fixed { .. })
+    }
 }
 
 /// A GNSS receiver.

@@ -83,6 +83,8 @@ pub struct Attendance {
     /// Place and time since when it has not moved on.
     mark: (Vector3<f64>, f64),
     still: bool,
+    /// True if it never goes anywhere.
+    rooted: bool,
     /// Time to wait for another chance.
     patience_s: f64,
     /// Duty that it was ordered to do instead of hunting.
@@ -101,6 +103,7 @@ impl Attendance {
             away: false,
             mark: (position, time),
             still: false,
+            rooted: false,
             patience_s: config.tried_again_after_s,
             dismissed: None,
         }
@@ -114,7 +117,7 @@ impl Attendance {
             None if self.away => Duty::Away,
             None if self.lost => Duty::Lost,
             None if self.misses >= self.config.misses => Duty::Silent,
-            None if self.still => Duty::Still,
+            None if self.still || self.rooted => Duty::Still,
             None => Duty::Formation,
         }
     }
@@ -122,7 +125,7 @@ impl Attendance {
     /// Returns true if it cannot be counted on to fly where it is sent.
     #[must_use]
     pub fn is_astray(&self) -> bool {
-        self.lost || self.still || self.away
+        self.lost || self.still || self.rooted || self.away
     }
 
     /// Returns true if it takes no orders, so that nothing may be expected of it.
@@ -134,6 +137,12 @@ impl Attendance {
     /// Sets whether it takes orders; at first it does.
     pub fn set_away(&mut self, away: bool) {
         self.away = away;
+    }
+
+    /// Sets whether it never goes anywhere; at first it does. It listens where it is, and no
+    /// formation counts on it.
+    pub fn set_rooted(&mut self, rooted: bool) {
+        self.rooted = rooted;
     }
 
     /// For how many seconds its place has not been known.
@@ -289,6 +298,18 @@ mod tests {
         assert!(drone.duty() == Duty::Away && drone.is_astray());
         drone.set_away(false);
         assert_eq!(drone.duty(), Duty::Formation);
+    }
+
+    #[test]
+    fn one_that_is_rooted_stands_still_whatever_it_does() {
+        let mut station = drone();
+        station.set_rooted(true);
+        assert!(station.duty() == Duty::Still && station.is_astray());
+        station.located(1.0, at(9.0), true);
+        station.give_another_chance(1000.0);
+        assert_eq!(station.duty(), Duty::Still);
+        station.sent_home();
+        assert_eq!(station.duty(), Duty::Returning);
     }
 
     #[test]

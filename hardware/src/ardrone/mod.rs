@@ -276,6 +276,7 @@ impl<A: ByteStream, N: ByteStream, C: Clock> Aircraft for ArDrone<A, N, C> {
                 Phase::Lost => Hands::GivenBack,
                 _ => Hands::Ours,
             },
+            rooted: false,
             hindrance: self.hindrance(now),
             battery: demo.map(|demo| f64::from(demo.battery_percent.min(100)) / 100.0),
             above_ground: None,

@@ -1,9 +1,9 @@
 use foxhunt_core::parameter::{FieldError, finite, not_negative, positive};
-use foxhunt_wire::FixQuality;
+use foxhunt_wire::{FixQuality, geoid::GEOID_SIGMA_M};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{GnssDecoder, GnssFix, GpsdDecoder, NmeaDecoder, UbloxDecoder};
+use super::{GnssDecoder, GnssFix, GpsdDecoder, HeightOrigin, NmeaDecoder, UbloxDecoder};
 
 /// The protocol of a receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -45,8 +45,10 @@ pub struct GnssConfig {
     /// horizontal dilution of precision.
     #[serde(alias = "untold_factor")]
     pub unreported_factor: f64,
-    /// σ of Up in metres where a fix has no height of its own.
+    /// σ of Up in metres where a fix has the height of an earlier one.
     pub flat_up_sigma_m: f64,
+    /// σ of Up in metres where no fix has had a height, and sea level is assumed.
+    pub unknown_up_sigma_m: f64,
 }
 
 /// The least σ of East and of North in metres, by what a fix rests on.
@@ -99,7 +101,7 @@ impl GnssFloors {
 impl Default for GnssConfig {
     /// NMEA, the antenna in the vehicle's middle, 2 m/s, fixes of at most 5 s, set up again after 3
     /// s of silence, the default floors, twice that for Up, twice the floor times HDOP where σ is
-    /// not reported, 50 m for a height that is not known.
+    /// not reported, 50 m for an earlier height, 500 m for one that is unknown.
     fn default() -> Self {
         Self {
             kind: GnssKind::Nmea,
@@ -113,6 +115,7 @@ impl Default for GnssConfig {
             up_factor: 2.0,
             unreported_factor: 2.0,
             flat_up_sigma_m: 50.0,
+            unknown_up_sigma_m: 500.0,
         }
     }
 }
@@ -146,8 +149,11 @@ impl GnssConfig {
         let floors = Vector3::new(floor, floor, floor * self.up_factor);
         let unreported = || floors * self.unreported_factor * fix.hdop.unwrap_or(UNREPORTED_HDOP);
         let mut sigma = fix.sigma_m.unwrap_or_else(unreported).sup(&floors);
-        if fix.flat {
-            sigma.z = sigma.z.max(self.flat_up_sigma_m);
+        match fix.height {
+            HeightOrigin::Fix => {}
+            HeightOrigin::Geoid => sigma.z = sigma.z.hypot(GEOID_SIGMA_M),
+            HeightOrigin::Earlier => sigma.z = sigma.z.max(self.flat_up_sigma_m),
+            HeightOrigin::SeaLevel => sigma.z = sigma.z.max(self.unknown_up_sigma_m),
         }
         Some(sigma)
     }
@@ -178,6 +184,7 @@ impl GnssConfig {
             ("up_factor", self.up_factor),
             ("unreported_factor", self.unreported_factor),
             ("flat_up_sigma_m", self.flat_up_sigma_m),
+            ("unknown_up_sigma_m", self.unknown_up_sigma_m),
         ] {
             positive(field, value)?;
         }

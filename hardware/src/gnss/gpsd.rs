@@ -1,9 +1,12 @@
 use chrono::DateTime;
-use foxhunt_wire::{FixQuality, geodesy::Geodetic};
+use foxhunt_wire::{FixQuality, geodesy::compass_deg_to_radians};
 use nalgebra::Vector3;
 use serde::Deserialize;
 
-use super::{GnssDecoder, GnssFix, Line, axis_of, over_ground, sane, sane_sigma, seconds};
+use super::{
+    GnssDecoder, GnssFix, HeightOrigin, Heights, Line, axis_of, over_ground, sane, sane_sigma,
+    seconds,
+};
 
 /// The longest report that is read, in bytes; a sky of 150 satellites has 15 000.
 const LONGEST: usize = 32_768;
@@ -11,8 +14,11 @@ const LONGEST: usize = 32_768;
 /// Longest time by which a GST may precede its fix, in seconds.
 const GST_AGE_S: f64 = 2.0;
 
-/// Reads the JSON reports of gpsd (`gpsd_json(5)`): TPV, GST for σ, and SKY for satellites and
-/// dilution.
+/// Reads the JSON reports of gpsd (`gpsd_json(5)`): TPV, GST for σ, SKY for satellites and
+/// dilution, and ATT for the heading.
+///
+/// A height above the sea alone is made one above the ellipsoid by EGM2008. Without a height the
+/// fix is flat ([`HeightOrigin`](super::HeightOrigin)).
 ///
 /// Without a GST of the same time or up to 2 s before, σ is `epx`, `epy` and `epv`. These come with
 /// "certainty unknown", are often no more than dilutions times a constant, and are taken for one σ.
@@ -27,7 +33,11 @@ pub struct GpsdDecoder {
 struct Reports {
     satellites: Option<u32>,
     hdop: Option<f64>,
-    alt_m: Option<f64>,
+    heights: Heights,
+    /// Heading since it was taken last.
+    heading: Option<f64>,
+    /// True once a position without a height came, and none with one.
+    no_height: bool,
     /// Time and σ of the last GST.
     gst: Option<(f64, Vector3<f64>)>,
     messages: u64,
@@ -43,6 +53,8 @@ enum Report {
     Sky(Sky),
     #[serde(rename = "GST")]
     Gst(Gst),
+    #[serde(rename = "ATT")]
+    Att(Att),
     #[serde(other)]
     Other,
 }
@@ -82,6 +94,12 @@ struct Gst {
     lat: Option<f64>,
     lon: Option<f64>,
     alt: Option<f64>,
+}
+
+#[derive(Deserialize)]
+struct Att {
+    /// In degrees clockwise from true North.
+    heading: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -144,6 +162,16 @@ impl GnssDecoder for GpsdDecoder {
     fn refused(&self) -> u64 {
         self.reports.refused
     }
+
+    fn take_heading(&mut self) -> Option<f64> {
+        self.reports.heading.take()
+    }
+
+    fn missing(&self) -> Option<String> {
+        self.reports
+            .no_height
+            .then(|| "gpsd has no height: its receiver sends neither GGA nor a 3D fix".to_owned())
+    }
 }
 
 impl Reports {
@@ -168,6 +196,11 @@ impl Reports {
                 self.gst = utc(gst.time.as_deref()).zip(sigma(&gst));
                 None
             }
+            Report::Att(att) => {
+                let heading = att.heading.filter(|deg| deg.is_finite());
+                self.heading = heading.map(compass_deg_to_radians).or(self.heading);
+                None
+            }
             Report::Other => None,
         }
     }
@@ -178,14 +211,21 @@ impl Reports {
             (-1e-3..=GST_AGE_S).contains(&(now - of)).then_some(sigma)
         });
         let above_sea = tpv.alt_msl.or(tpv.alt);
-        let height = tpv.alt_hae.or_else(|| Some(above_sea? + tpv.geoid_separation.unwrap_or(0.0)));
-        let flat = tpv.mode < 3 || height.is_none();
-        if !flat {
-            self.alt_m = height;
+        let has_height = tpv.mode >= 3;
+        let spot = tpv.lat.zip(tpv.lon).filter(|_| tpv.mode >= 2);
+        let placed = spot.and_then(|(lat_deg, lon_deg)| match (tpv.alt_hae, above_sea) {
+            (Some(alt_m), _) if has_height => self.heights.place(lat_deg, lon_deg, Some(alt_m)),
+            (None, Some(above_sea)) if has_height => {
+                self.heights.above_sea(lat_deg, lon_deg, Some((above_sea, tpv.geoid_separation)))
+            }
+            _ => self.heights.place(lat_deg, lon_deg, None),
+        });
+        let place = placed.map(|(place, _)| place);
+        let height = placed.map(|(_, height)| height).unwrap_or_default();
+        let flat = height.is_flat();
+        if place.is_some() {
+            self.no_height = height == HeightOrigin::SeaLevel;
         }
-        let placed =
-            (tpv.mode >= 2).then(|| Geodetic::new(tpv.lat?, tpv.lon?, self.alt_m.or(height)?).ok());
-        let place = placed.flatten();
         let horizontal = tpv.eph.map(axis_of);
         let east = tpv.epx.or(horizontal);
         let north = tpv.epy.or(horizontal);
@@ -193,7 +233,7 @@ impl Reports {
         GnssFix {
             utc_s,
             place,
-            flat,
+            height,
             quality: place.map_or(FixQuality::None, |_| quality(tpv.status)),
             sigma_m: of_gst.or_else(|| sane_sigma(east?, north?, up?)),
             velocity_mps: tpv

@@ -1,19 +1,23 @@
 //! GNSS receivers: where a vehicle is, and how uncertain that is. A [`GnssDecoder`] makes fixes of
-//! bytes, a [`GnssReceiver`] ages them, [`Placed`] and [`StillVehicle`] put them under a pose.
+//! bytes, a [`GnssReceiver`] ages them, [`Placed`] and [`CarriedVehicle`] put them under a pose.
 
+mod carried;
 mod config;
 mod gpsd;
 mod nmea;
 mod placed;
 mod receiver;
+mod sentence;
 #[cfg(test)]
 mod tests;
 mod ublox;
+mod ubx;
 
+pub use carried::{CarriedConfig, CarriedError, CarriedVehicle, FixedConfig, Mark};
 pub use config::{GnssConfig, GnssFloors, GnssKind};
 pub use gpsd::GpsdDecoder;
 pub use nmea::NmeaDecoder;
-pub use placed::{Placed, PlacedError, StillVehicle};
+pub use placed::{Placed, PlacedError};
 pub use receiver::{GnssError, GnssPosition, GnssReceiver, Positioning};
 pub use ublox::UbloxDecoder;
 
@@ -22,6 +26,7 @@ use std::f64::consts::SQRT_2;
 use foxhunt_wire::{
     FixQuality,
     geodesy::{Geodetic, compass_deg_to_radians},
+    geoid::geoid_height_m,
 };
 use nalgebra::Vector3;
 
@@ -31,11 +36,10 @@ pub struct GnssFix {
     /// Time of the fix in seconds of UNIX time, by the receiver; `None` while it does not know the
     /// date.
     pub utc_s: Option<f64>,
-    /// Place of its antenna; `None` without a fix. The height of a [`flat`](Self::flat) fix is that
-    /// of the last one that had a height.
+    /// Place of its antenna; `None` without a fix.
     pub place: Option<Geodetic>,
-    /// True if it has no height of its own: a 2D fix.
-    pub flat: bool,
+    /// Origin of the place's height.
+    pub height: HeightOrigin,
     /// Quality of the fix.
     pub quality: FixQuality,
     /// σ of East, North and Up in metres, as the receiver reports; `None` where it does not.
@@ -46,6 +50,28 @@ pub struct GnssFix {
     pub satellites: Option<u32>,
     /// The horizontal dilution of precision, where it reports that.
     pub hdop: Option<f64>,
+}
+
+/// Origin of the height of a fix.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum HeightOrigin {
+    /// The fix itself, as a height above the ellipsoid.
+    #[default]
+    Fix,
+    /// The fix itself, as a height above the sea; the geoid's height is that of a model.
+    Geoid,
+    /// The last fix that had a height: this one is flat.
+    Earlier,
+    /// Mean sea level: this fix is flat, and no earlier one had a height.
+    SeaLevel,
+}
+
+impl HeightOrigin {
+    /// Returns true if the fix has no height of its own.
+    #[must_use]
+    pub fn is_flat(self) -> bool {
+        matches!(self, Self::Earlier | Self::SeaLevel)
+    }
 }
 
 /// Makes fixes of the bytes of a receiver, however they are cut, and finds its way back after bytes
@@ -134,6 +160,18 @@ pub trait GnssDecoder {
 
     /// Returns the number of messages that were refused until now: a wrong checksum, or malformed.
     fn refused(&self) -> u64;
+
+    /// Returns the direction of the vehicle's nose in radians counter-clockwise from East, by a
+    /// compass or two antennas, if one came since the last call.
+    fn take_heading(&mut self) -> Option<f64> {
+        None
+    }
+
+    /// Returns a sentence about what the receiver does not send, and what mends it; `None` where
+    /// it sends everything.
+    fn missing(&self) -> Option<String> {
+        None
+    }
 }
 
 impl<D: GnssDecoder + ?Sized> GnssDecoder for Box<D> {
@@ -154,6 +192,115 @@ impl<D: GnssDecoder + ?Sized> GnssDecoder for Box<D> {
     }
     fn refused(&self) -> u64 {
         (**self).refused()
+    }
+    fn take_heading(&mut self) -> Option<f64> {
+        (**self).take_heading()
+    }
+    fn missing(&self) -> Option<String> {
+        (**self).missing()
+    }
+}
+
+const DAY_S: f64 = 86_400.0;
+
+/// Time in seconds after which a message that no longer comes is replaced by a poorer one.
+const LEADS_S: f64 = 10.0;
+
+/// Choice among the messages of a receiver that have a place. The best one leads; a poorer one
+/// from its second epoch on without a better one.
+#[derive(Clone, Copy, Debug)]
+struct Leader<O> {
+    /// Message that gives the place, and its last time.
+    leads: Option<(O, Option<f64>)>,
+    /// Poorer message that leads when it comes once more.
+    follows: Option<(O, Option<f64>)>,
+    /// Period of the times: a day or a week, in seconds.
+    period_s: f64,
+}
+
+impl<O: Copy + Ord> Leader<O> {
+    fn new(period_s: f64) -> Self {
+        Self { leads: None, follows: None, period_s }
+    }
+
+    /// The message that gives the place.
+    fn leader(&self) -> Option<O> {
+        self.leads.map(|(origin, _)| origin)
+    }
+
+    /// The message that leads when it comes once more.
+    fn waits(&self) -> Option<O> {
+        self.follows.map(|(origin, _)| origin)
+    }
+
+    /// True if a message gives the place: it is the `best` one, or no better one came lately.
+    fn leads(&mut self, origin: O, best: O, time: Option<f64>) -> bool {
+        let lately = |(_, of): &(O, Option<f64>)| match (of, time) {
+            (Some(of), Some(time)) => {
+                let ahead = (time - of).rem_euclid(self.period_s);
+                ahead.min(self.period_s - ahead) <= LEADS_S
+            }
+            _ => true,
+        };
+        let better = |other: &(O, Option<f64>)| other.0 > origin && lately(other);
+        if self.leads.as_ref().is_some_and(better) || self.follows.as_ref().is_some_and(better) {
+            return false;
+        }
+        let already = self.leader() == Some(origin);
+        let repeated =
+            self.follows.is_some_and(|(same, of)| same == origin && (of != time || time.is_none()));
+        if already || repeated || origin == best {
+            self.leads = Some((origin, time));
+            self.follows = None;
+            return true;
+        }
+        self.follows = Some((origin, time));
+        false
+    }
+}
+
+/// Heights above the ellipsoid of a receiver's fixes.
+#[derive(Clone, Copy, Debug, Default)]
+struct Heights {
+    /// Height of the last fix that had one.
+    last_m: Option<f64>,
+}
+
+impl Heights {
+    /// A place with a height above the ellipsoid, or without one.
+    fn place(
+        &mut self,
+        lat_deg: f64,
+        lon_deg: f64,
+        alt_m: Option<f64>,
+    ) -> Option<(Geodetic, HeightOrigin)> {
+        let sea = Geodetic::new(lat_deg, lon_deg, 0.0).ok()?;
+        let alt_m = alt_m.filter(|alt_m| alt_m.is_finite());
+        self.last_m = alt_m.or(self.last_m);
+        let (alt_m, origin) = match (alt_m, self.last_m) {
+            (Some(own), _) => (own, HeightOrigin::Fix),
+            (None, Some(last)) => (last, HeightOrigin::Earlier),
+            (None, None) => (geoid_height_m(&sea), HeightOrigin::SeaLevel),
+        };
+        Some((Geodetic { alt_m, ..sea }, origin))
+    }
+
+    /// A place with a height above the sea and the geoid's separation, or without one of them.
+    fn above_sea(
+        &mut self,
+        lat_deg: f64,
+        lon_deg: f64,
+        height: Option<(f64, Option<f64>)>,
+    ) -> Option<(Geodetic, HeightOrigin)> {
+        let Some((above_sea, None)) = height else {
+            let alt_m = height.map(|(above_sea, geoid)| above_sea + geoid.unwrap_or(0.0));
+            return self.place(lat_deg, lon_deg, alt_m);
+        };
+        let sea = Geodetic::new(lat_deg, lon_deg, 0.0).ok()?;
+        let (place, origin) =
+            self.place(lat_deg, lon_deg, Some(above_sea + geoid_height_m(&sea)))?;
+        let modelled = origin == HeightOrigin::Fix;
+        Some((place, if modelled { HeightOrigin::Geoid } else { origin }))
     }
 }
 

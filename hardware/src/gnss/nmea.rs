@@ -1,54 +1,136 @@
-use chrono::{NaiveTime, Timelike};
-use foxhunt_wire::{FixQuality, geodesy::Geodetic};
+use chrono::{NaiveDate, NaiveTime};
+use foxhunt_wire::{FixQuality, declination::declination_deg, geodesy::compass_deg_to_radians};
 use nalgebra::Vector3;
-use nmea::{
-    SentenceType, parse_nmea_sentence,
-    sentences::{
-        FixType, GgaData, GstData, RmcData, parse_gga, parse_gst, parse_rmc, rmc::RmcStatusOfFix,
-    },
+
+use super::{
+    DAY_S, GnssDecoder, GnssFix, Heights, Leader, Line, over_ground, sane, sane_sigma, seconds,
+    sentence::{Malformed, Sentence},
 };
 
-use super::{GnssDecoder, GnssFix, Line, over_ground, sane, sane_sigma, seconds};
+/// The longest sentence that is read, in bytes. The standard has 82; some receivers send more.
+const LONGEST: usize = 102;
 
-/// The longest sentence that is read, in bytes: what the crate takes.
-const LONGEST: usize = nmea::SENTENCE_MAX_LEN;
-
-/// Longest time by which a GST or the velocity of an RMC may precede its fix, in seconds: the last
+/// Longest time by which a GST, a velocity or a height may precede its fix, in seconds: the last
 /// one, at 1 Hz.
 const COMPANION_AGE_S: f64 = 2.0;
 
 /// Metres per second in a knot.
 const KNOT_MPS: f64 = 1852.0 / 3600.0;
 
-const DAY_S: f64 = 86_400.0;
-
-/// Reads GGA for the place and its quality, GST for σ, RMC for date and velocity, of any talker
-/// (NMEA 0183). A sentence without the right checksum is dropped.
+/// Reads NMEA 0183 of any talker. A sentence without the right checksum is dropped.
 ///
-/// A GGA is a fix at once, with σ of the GST and the velocity of the RMC before it where these are
-/// not older than 2 s; when the GST or RMC of the same moment comes after it, the fix is repeated.
-/// RMC has no climb: Up is taken to be 0. A course is missing while the receiver stands. A receiver
-/// that does not send the geoid's height is taken to send heights above the ellipsoid.
+/// The place comes from the best of these sentences that the receiver sends: GGA, GNS, RMC, GLL.
+/// A poorer one counts from its second epoch on in which no better one came. RMC, GLL and some GGA
+/// have no height: the fix is then flat ([`HeightOrigin`](super::HeightOrigin)). A height above
+/// the sea without the geoid's separation is made one above the ellipsoid by EGM2008. A GGA
+/// without a quality, or a GLL without a status, is an estimated place where no other sentence has
+/// a status.
+///
+/// GST has σ, GSA the dilution, RMC and ZDA the date, RMC and VTG the velocity. These count for a
+/// fix of the same moment or up to 2 s later; when they come after the fix of their moment, the fix
+/// is repeated. RMC and VTG have no climb: Up is taken to be 0. A course is missing while the
+/// receiver stands.
+///
+/// HDT and THS are headings. HDG and HDM are headings of a magnetic compass, which are turned by
+/// the sentence's own variation, that of the RMC, or the World Magnetic Model.
 #[derive(Clone, Debug)]
 pub struct NmeaDecoder {
     line: Line,
     sentences: Sentences,
 }
 
+/// The sentences with a place, from the poorest to the best.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Origin {
+    /// A GGA without a quality, or a GLL without a status.
+    Unsure,
+    Gll,
+    Rmc,
+    Gns,
+    Gga,
+}
+
+impl Origin {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Unsure => "sentence without a status",
+            Self::Gll => "GLL",
+            Self::Rmc => "RMC",
+            Self::Gns => "GNS",
+            Self::Gga => "GGA",
+        }
+    }
+}
+
+/// Height above the sea, and the geoid's above the ellipsoid where it is known.
+type SeaHeight = (f64, Option<f64>);
+
+/// A place as a sentence reports it.
+#[derive(Clone, Copy, Debug)]
+struct Report {
+    origin: Origin,
+    /// Time of the day.
+    time: Option<f64>,
+    /// Latitude and longitude in degrees.
+    spot: Option<(f64, f64)>,
+    quality: FixQuality,
+    /// Height above the sea, and the geoid's above the ellipsoid.
+    height: Option<SeaHeight>,
+    satellites: Option<u32>,
+    hdop: Option<f64>,
+}
+
 /// Values of the sentences until now.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Sentences {
     /// Beginning of the day of the last date, in seconds of UNIX time, and the time of that day.
     date: Option<(f64, f64)>,
     /// Time of the day and σ of the last GST.
     gst: Option<(f64, Vector3<f64>)>,
-    /// Time of the day and velocity of the last RMC.
-    velocity: Option<(f64, Vector3<f64>)>,
-    /// Time of the day and fix of the last GGA.
-    gga: Option<(f64, GnssFix)>,
-    alt_m: Option<f64>,
+    /// Time of the day, where it is known, and velocity of the last RMC or VTG.
+    velocity: Option<(Option<f64>, Vector3<f64>)>,
+    /// Time of the day and height of the last GGA whose quality is missing.
+    height: Option<(Option<f64>, SeaHeight)>,
+    /// Time of the day, where it is known, and the last fix.
+    fix: Option<(Option<f64>, GnssFix)>,
+    heights: Heights,
+    /// Dilution of the last GSA.
+    hdop: Option<f64>,
+    leader: Leader<Origin>,
+    /// True once a sentence reported whether its place is valid.
+    has_status: bool,
+    /// Magnetic variation of the last RMC, in degrees East.
+    variation_deg: Option<f64>,
+    /// Heading since it was taken last.
+    heading: Option<f64>,
+    /// Number of headings of a compass whose variation is unknown.
+    compass_only: u64,
+    /// Number of sentences without a checksum.
+    unchecked: u64,
     messages: u64,
     refused: u64,
+}
+
+impl Sentences {
+    fn new() -> Self {
+        Self {
+            date: None,
+            gst: None,
+            velocity: None,
+            height: None,
+            fix: None,
+            heights: Heights::default(),
+            hdop: None,
+            leader: Leader::new(DAY_S),
+            has_status: false,
+            variation_deg: None,
+            heading: None,
+            compass_only: 0,
+            unchecked: 0,
+            messages: 0,
+            refused: 0,
+        }
+    }
 }
 
 impl Default for NmeaDecoder {
@@ -61,7 +143,7 @@ impl NmeaDecoder {
     /// A decoder without any bytes so far.
     #[must_use]
     pub fn new() -> Self {
-        Self { line: Line::new(LONGEST, Some(b'$')), sentences: Sentences::default() }
+        Self { line: Line::new(LONGEST, Some(b'$')), sentences: Sentences::new() }
     }
 }
 
@@ -86,7 +168,7 @@ impl GnssDecoder for NmeaDecoder {
     fn reset(&mut self) {
         self.line.clear();
         let Sentences { messages, refused, .. } = self.sentences;
-        self.sentences = Sentences { messages, refused, ..Sentences::default() };
+        self.sentences = Sentences { messages, refused, ..Sentences::new() };
     }
 
     fn messages(&self) -> u64 {
@@ -96,104 +178,249 @@ impl GnssDecoder for NmeaDecoder {
     fn refused(&self) -> u64 {
         self.sentences.refused
     }
+
+    fn take_heading(&mut self) -> Option<f64> {
+        self.sentences.heading.take()
+    }
+
+    fn missing(&self) -> Option<String> {
+        self.sentences.missing()
+    }
 }
 
 impl Sentences {
     fn sentence(&mut self, text: &str) -> Option<GnssFix> {
-        let read = self.read(text);
-        if read.is_none() {
-            self.refused += 1;
-        } else {
-            self.messages += 1;
-        }
-        read.flatten()
-    }
-
-    /// `None` where it is no proper sentence; otherwise the fix that it completes, if any.
-    fn read(&mut self, text: &str) -> Option<Option<GnssFix>> {
-        if !text.is_ascii() {
-            return None;
-        }
-        let mut sentence = match parse_nmea_sentence(text) {
-            Ok(sentence) if sentence.calc_checksum() == sentence.checksum => sentence,
-            Ok(_) => return None,
-            // Sentences of a maker's own, and those that the crate does not know.
-            Err(_) => return is_whole(text).then_some(None),
-        };
-        match sentence.message_id {
-            SentenceType::GGA => parse_gga(sentence).ok().map(|gga| self.gga(&gga)),
-            SentenceType::GST => parse_gst(sentence).ok().map(|gst| self.gst(&gst)),
-            SentenceType::RMC => {
-                let mended = without_variation(sentence.data);
-                sentence.data = &mended;
-                parse_rmc(sentence).ok().map(|rmc| self.rmc(&rmc))
+        let read = Sentence::parse(text).and_then(|sentence| self.read(&sentence));
+        match read {
+            Ok(fix) => {
+                self.messages += 1;
+                fix
             }
-            _ => Some(None),
+            Err(malformed) => {
+                self.refused += 1;
+                self.unchecked += u64::from(malformed == Malformed::Unchecked);
+                None
+            }
         }
     }
 
-    fn rmc(&mut self, rmc: &RmcData) -> Option<GnssFix> {
-        let time = of_day(rmc.fix_time?);
-        if let Some(date) = rmc.fix_date {
-            let midnight = date.and_time(NaiveTime::MIN).and_utc().timestamp_millis();
-            self.date = Some((seconds(midnight), time));
+    /// The fix that a sentence completes, if any.
+    fn read(&mut self, sentence: &Sentence<'_>) -> Result<Option<GnssFix>, Malformed> {
+        match sentence.kind() {
+            "GGA" => self.gga(sentence),
+            "GNS" => self.gns(sentence),
+            "RMC" => self.rmc(sentence),
+            "GLL" => self.gll(sentence),
+            "GST" => self.gst(sentence),
+            "VTG" => self.vtg(sentence),
+            "GSA" => {
+                self.hdop = sentence.number(15)?.and_then(sane).or(self.hdop);
+                Ok(None)
+            }
+            "ZDA" => {
+                let time = sentence.time(0)?;
+                let numbers = (sentence.number(1)?, sentence.number(2)?, sentence.number(3)?);
+                if let (Some(time), (Some(day), Some(month), Some(year))) = (time, numbers) {
+                    self.dated(date(day, month, year)?, time);
+                }
+                Ok(None)
+            }
+            "HDT" | "THS" => {
+                self.heading = sentence.number(0)?.map(compass_deg_to_radians).or(self.heading);
+                Ok(None)
+            }
+            "HDG" => {
+                let own = sentence.signed(3, "E", "W")?;
+                let deviation = sentence.signed(1, "E", "W")?.unwrap_or(0.0);
+                self.compass(sentence.number(0)?.map(|deg| deg + deviation), own);
+                Ok(None)
+            }
+            "HDM" => {
+                self.compass(sentence.number(0)?, None);
+                Ok(None)
+            }
+            _ => Ok(None),
         }
-        if rmc.status_of_fix == RmcStatusOfFix::Invalid {
-            return None;
+    }
+
+    /// Takes the heading of a magnetic compass.
+    fn compass(&mut self, magnetic_deg: Option<f64>, own_variation_deg: Option<f64>) {
+        let Some(magnetic_deg) = magnetic_deg else { return };
+        let by_model = || {
+            let (_, fix) = self.fix?;
+            declination_deg(&fix.place?, fix.utc_s?).ok()
+        };
+        match own_variation_deg.or(self.variation_deg).or_else(by_model) {
+            Some(east) => self.heading = Some(compass_deg_to_radians(magnetic_deg + east)),
+            None => self.compass_only += 1,
         }
-        let speed_mps = f64::from(rmc.speed_over_ground?) * KNOT_MPS;
-        let velocity = over_ground(speed_mps, f64::from(rmc.true_course?), 0.0)?;
+    }
+
+    fn gga(&mut self, gga: &Sentence<'_>) -> Result<Option<GnssFix>, Malformed> {
+        let time = gga.time(0)?;
+        let spot = gga.spot(1)?;
+        let geoid = gga.number(10)?;
+        let height = gga.number(8)?.map(|height| (height, geoid));
+        let (origin, quality) = match gga.text(5) {
+            Some(text) => {
+                self.has_status = true;
+                (Origin::Gga, gga_quality(text)?)
+            }
+            // Another sentence reports whether this place is valid.
+            None if self.has_status => {
+                self.height = height.map(|height| (time, height));
+                return Ok(None);
+            }
+            None => (Origin::Unsure, FixQuality::Estimated),
+        };
+        let satellites = gga.count(6)?;
+        let hdop = gga.number(7)?.and_then(sane);
+        Ok(self.place(Report { origin, time, spot, quality, height, satellites, hdop }))
+    }
+
+    fn gns(&mut self, gns: &Sentence<'_>) -> Result<Option<GnssFix>, Malformed> {
+        let time = gns.time(0)?;
+        let spot = gns.spot(1)?;
+        let modes = gns.text(5).unwrap_or_default();
+        let quality = modes.chars().map(mode_quality).max().unwrap_or_default();
+        self.has_status = true;
+        let geoid = gns.number(9)?;
+        let height = gns.number(8)?.map(|height| (height, geoid));
+        let satellites = gns.count(6)?;
+        let hdop = gns.number(7)?.and_then(sane);
+        let origin = Origin::Gns;
+        Ok(self.place(Report { origin, time, spot, quality, height, satellites, hdop }))
+    }
+
+    fn rmc(&mut self, rmc: &Sentence<'_>) -> Result<Option<GnssFix>, Malformed> {
+        let time = rmc.time(0)?;
+        if let (Some(time), Some(text)) = (time, rmc.text(8)) {
+            self.dated(short_date(text)?, time);
+        }
+        self.variation_deg = rmc.signed(9, "E", "W").ok().flatten().or(self.variation_deg);
+        let spot = rmc.spot(2)?;
+        let mode = rmc.text(11).and_then(|mode| mode.chars().next());
+        let quality = match (rmc.text(1), mode) {
+            (Some("A"), None) => FixQuality::Autonomous,
+            (Some("A"), Some(mode)) => mode_quality(mode),
+            (Some("D"), _) => FixQuality::Differential,
+            (Some("V") | None, _) => FixQuality::None,
+            (Some(_), _) => return Err(Malformed::Field),
+        };
+        self.has_status = true;
+        let speed = rmc.number(6)?;
+        let course = rmc.number(7)?;
+        let moving = if quality > FixQuality::None { speed.zip(course) } else { None };
+        let velocity =
+            moving.and_then(|(knots, course)| over_ground(knots * KNOT_MPS, course, 0.0));
+        self.velocity = velocity.map(|velocity| (time, velocity)).or(self.velocity);
+        let report = Report { spot, quality, ..Report::without_height(Origin::Rmc, time) };
+        if let Some(fix) = self.place(report) {
+            return Ok(Some(fix));
+        }
+        let velocity_of = velocity.zip(time);
+        Ok(velocity_of.and_then(|(velocity, time)| self.moves(Some(time), velocity)))
+    }
+
+    fn gll(&mut self, gll: &Sentence<'_>) -> Result<Option<GnssFix>, Malformed> {
+        let spot = gll.spot(0)?;
+        let time = gll.time(4)?;
+        let mode = gll.text(6).and_then(|mode| mode.chars().next());
+        let quality = match (gll.text(5), mode) {
+            (Some("A"), None) => FixQuality::Autonomous,
+            (Some("A"), Some(mode)) => mode_quality(mode),
+            (Some("V"), _) => FixQuality::None,
+            (Some(_), _) => return Err(Malformed::Field),
+            // So sends a receiver of before NMEA 2.0.
+            (None, _) if self.has_status => return Ok(None),
+            (None, _) => FixQuality::Estimated,
+        };
+        self.has_status |= gll.text(5).is_some();
+        let origin = if gll.text(5).is_some() { Origin::Gll } else { Origin::Unsure };
+        let report = Report { spot, quality, ..Report::without_height(origin, time) };
+        Ok(self.place(report))
+    }
+
+    fn gst(&mut self, gst: &Sentence<'_>) -> Result<Option<GnssFix>, Malformed> {
+        let time = gst.time(0)?;
+        let numbers = (gst.number(6)?, gst.number(5)?, gst.number(7)?);
+        let (Some(time), (Some(east), Some(north), Some(up))) = (time, numbers) else {
+            return Ok(None);
+        };
+        let Some(sigma) = sane_sigma(east, north, up) else { return Ok(None) };
+        self.gst = Some((time, sigma));
+        let fix = self.fix_at(Some(time)).filter(|fix| fix.sigma_m != Some(sigma));
+        Ok(fix.and_then(|fix| self.repeat(GnssFix { sigma_m: Some(sigma), ..fix })))
+    }
+
+    /// Course and speed, whose time is that of the last fix.
+    fn vtg(&mut self, vtg: &Sentence<'_>) -> Result<Option<GnssFix>, Malformed> {
+        let invalid = vtg.text(8) == Some("N");
+        let moving = vtg.number(0)?.zip(vtg.number(4)?).filter(|_| !invalid);
+        let velocity =
+            moving.and_then(|(course, knots)| over_ground(knots * KNOT_MPS, course, 0.0));
+        let (Some(velocity), Some((time, _))) = (velocity, self.fix) else { return Ok(None) };
         self.velocity = Some((time, velocity));
+        Ok(self.moves(time, velocity))
+    }
+
+    fn dated(&mut self, date: NaiveDate, time: f64) {
+        let midnight = date.and_time(NaiveTime::MIN).and_utc().timestamp_millis();
+        self.date = Some((seconds(midnight), time));
+    }
+
+    /// The fix of a time, with a velocity that came after it.
+    fn moves(&mut self, time: Option<f64>, velocity: Vector3<f64>) -> Option<GnssFix> {
         let fix = self.fix_at(time).filter(|fix| fix.velocity_mps != Some(velocity))?;
         self.repeat(GnssFix { velocity_mps: Some(velocity), ..fix })
     }
 
     /// The fix of a time of the day, if it is the last one.
-    fn fix_at(&self, time: f64) -> Option<GnssFix> {
-        let (of, fix) = self.gga?;
-        ((of - time).abs() < 1e-3 && fix.place.is_some()).then_some(fix)
+    fn fix_at(&self, time: Option<f64>) -> Option<GnssFix> {
+        let (of, fix) = self.fix?;
+        let same = match (of, time) {
+            (Some(of), Some(time)) => (of - time).abs() < 1e-3,
+            (None, None) => true,
+            _ => false,
+        };
+        (same && fix.place.is_some()).then_some(fix)
     }
 
     /// The last fix with what came after it.
     fn repeat(&mut self, fix: GnssFix) -> Option<GnssFix> {
-        let (_, last) = self.gga.as_mut()?;
+        let (_, last) = self.fix.as_mut()?;
         *last = fix;
         Some(fix)
     }
 
-    fn gga(&mut self, gga: &GgaData) -> Option<GnssFix> {
-        let height = gga.altitude.map(f64::from).filter(|alt| alt.is_finite());
-        let geoid = gga.geoid_separation.map(f64::from).filter(|alt| alt.is_finite());
-        let flat = height.is_none();
-        let quality = gga.fix_type.map_or(FixQuality::None, quality);
-        if quality > FixQuality::None && !flat {
-            self.alt_m = height.map(|height| height + geoid.unwrap_or(0.0));
+    fn place(&mut self, report: Report) -> Option<GnssFix> {
+        let Report { origin, time, .. } = report;
+        if !self.leader.leads(origin, Origin::Gga, time) {
+            return None;
         }
-        let placed = (quality > FixQuality::None)
-            .then(|| Geodetic::new(gga.latitude?, gga.longitude?, self.alt_m?).ok());
-        let place = placed.flatten();
-        let time = gga.fix_time.map(of_day);
+        let beside = self.height.filter(|(of, _)| *of == time).map(|(_, height)| height);
+        let spot = report.spot.filter(|_| report.quality > FixQuality::None);
+        let placed = spot.and_then(|(lat_deg, lon_deg)| {
+            self.heights.above_sea(lat_deg, lon_deg, report.height.or(beside))
+        });
+        let place = placed.map(|(place, _)| place);
+        let velocity = match time {
+            Some(time) => self.velocity.and_then(|(of, velocity)| at(Some((of?, velocity)), time)),
+            // Once, as its age is unknown.
+            None => self.velocity.take().map(|(_, velocity)| velocity),
+        };
         let fix = GnssFix {
             utc_s: time.and_then(|time| self.utc(time)),
             place,
-            flat,
-            quality: place.map_or(FixQuality::None, |_| quality),
+            height: placed.map(|(_, height)| height).unwrap_or_default(),
+            quality: place.map_or(FixQuality::None, |_| report.quality),
             sigma_m: time.and_then(|time| at(self.gst, time)),
-            velocity_mps: time.and_then(|time| at(self.velocity, time)),
-            satellites: gga.fix_satellites,
-            hdop: gga.hdop.map(f64::from).and_then(sane),
+            velocity_mps: velocity.filter(|_| place.is_some()),
+            satellites: report.satellites,
+            hdop: report.hdop.or(self.hdop),
         };
-        self.gga = time.map(|time| (time, fix));
+        self.fix = Some((time, fix));
         Some(fix)
-    }
-
-    fn gst(&mut self, gst: &GstData) -> Option<GnssFix> {
-        let time = of_day(gst.time?);
-        let [east, north, up] = [gst.long_sd, gst.lat_sd, gst.alt_sd].map(|sd| sd.map(f64::from));
-        let sigma = sane_sigma(east?, north?, up?)?;
-        self.gst = Some((time, sigma));
-        let fix = self.fix_at(time).filter(|fix| fix.sigma_m != Some(sigma))?;
-        self.repeat(GnssFix { sigma_m: Some(sigma), ..fix })
     }
 
     /// UNIX time of a time of the day, on the day that brings it next to the last date.
@@ -201,6 +428,44 @@ impl Sentences {
         let (midnight, dated) = self.date?;
         let days = ((dated - time) / DAY_S).round();
         Some(midnight + time + days * DAY_S)
+    }
+
+    fn missing(&self) -> Option<String> {
+        let mut missing = Vec::new();
+        if self.unchecked > 0 {
+            missing.push(format!("{} sentences have no checksum and are not read", self.unchecked));
+        }
+        let leads = self.leader.leader();
+        match (leads, self.leader.waits()) {
+            (None, None) if self.messages > 0 => {
+                missing.push("no sentence has a place: turn GGA, GNS, RMC or GLL on".to_owned());
+            }
+            (None, Some(origin)) => {
+                missing.push(format!("one {} came, and its next one is waited for", origin.name()));
+            }
+            (Some(origin @ (Origin::Rmc | Origin::Gll)), _) => {
+                let name = origin.name();
+                missing.push(format!("the place comes from {name}, without a height: turn GGA on"));
+            }
+            _ => {}
+        }
+        if leads.is_some() && !self.has_status {
+            missing.push("no sentence reports whether the place is valid".to_owned());
+        }
+        if leads.is_some() && self.date.is_none() {
+            missing.push("there is no date: turn RMC or ZDA on".to_owned());
+        }
+        if self.compass_only > 0 && self.heading.is_none() {
+            missing.push("the compass's variation is unknown until date and place are".to_owned());
+        }
+        (!missing.is_empty()).then(|| missing.join("; "))
+    }
+}
+
+impl Report {
+    fn without_height(origin: Origin, time: Option<f64>) -> Self {
+        let quality = FixQuality::None;
+        Self { origin, time, spot: None, quality, height: None, satellites: None, hdop: None }
     }
 }
 
@@ -211,35 +476,46 @@ fn at(companion: Option<(f64, Vector3<f64>)>, time: f64) -> Option<Vector3<f64>>
     (age <= COMPANION_AGE_S).then_some(value)
 }
 
-/// Returns true if it is a sentence by its checksum, whatever its content.
-fn is_whole(text: &str) -> bool {
-    let Some((body, sum_digits)) = text.strip_prefix('$').and_then(|rest| rest.split_once('*'))
-    else {
-        return false;
-    };
-    let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
-    sum_digits.get(..2).and_then(|digits| u8::from_str_radix(digits, 16).ok()) == Some(sum)
+/// Quality by the number in a GGA.
+fn gga_quality(text: &str) -> Result<FixQuality, Malformed> {
+    Ok(match text {
+        "0" => FixQuality::None,
+        // Satellites, with the military's code too; 9 is of NovAtel, with the almanac alone.
+        "1" | "3" => FixQuality::Autonomous,
+        "2" => FixQuality::Differential,
+        "4" => FixQuality::RtkFixed,
+        "5" => FixQuality::RtkFloat,
+        "6" | "7" | "8" | "9" => FixQuality::Estimated,
+        _ => return Err(Malformed::Field),
+    })
 }
 
-/// An RMC without its magnetic variation: it is not needed, and the crate refuses one that has no
-/// direction.
-fn without_variation(data: &str) -> String {
-    let keep = |(at, field)| if matches!(at, 9 | 10) { "" } else { field };
-    data.split(',').enumerate().map(keep).collect::<Vec<_>>().join(",")
-}
-
-/// Seconds since midnight.
-fn of_day(time: NaiveTime) -> f64 {
-    f64::from(time.num_seconds_from_midnight()) + f64::from(time.nanosecond()) * 1e-9
-}
-
-fn quality(fix: FixType) -> FixQuality {
-    match fix {
-        FixType::Invalid => FixQuality::None,
-        FixType::Gps | FixType::Pps => FixQuality::Autonomous,
-        FixType::DGps => FixQuality::Differential,
-        FixType::Rtk => FixQuality::RtkFixed,
-        FixType::FloatRtk => FixQuality::RtkFloat,
-        FixType::Estimated | FixType::Manual | FixType::Simulation => FixQuality::Estimated,
+/// Quality by the letter of NMEA 2.3 and later.
+fn mode_quality(mode: char) -> FixQuality {
+    match mode {
+        'A' | 'P' => FixQuality::Autonomous,
+        'D' => FixQuality::Differential,
+        'R' => FixQuality::RtkFixed,
+        'F' => FixQuality::RtkFloat,
+        'E' | 'M' | 'S' => FixQuality::Estimated,
+        _ => FixQuality::None,
     }
+}
+
+/// The date of an RMC: day, month and two digits of the year. NMEA 0183 is of 1983.
+fn short_date(text: &str) -> Result<NaiveDate, Malformed> {
+    let digits = text.parse::<u32>().ok().filter(|_| text.len() == 6).ok_or(Malformed::Field)?;
+    let year = digits % 100;
+    let century = if year >= 83 { 1900 } else { 2000 };
+    let [day, month, year] = [digits / 10_000, digits / 100 % 100, century + year].map(f64::from);
+    date(day, month, year)
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "it saturates, and such dates are refused"
+)]
+fn date(day: f64, month: f64, year: f64) -> Result<NaiveDate, Malformed> {
+    NaiveDate::from_ymd_opt(year as i32, month as u32, day as u32).ok_or(Malformed::Field)
 }

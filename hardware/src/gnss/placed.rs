@@ -116,76 +116,6 @@ impl<V: Aircraft, G: Positioning> Aircraft for Placed<V, G> {
     }
 }
 
-/// A receiver that nothing flies: on a tripod, on a parked car, or in the hands of a person. A GNSS
-/// receiver alone has a place and no attitude.
-///
-/// It goes nowhere by itself. An order is kept as its [`goal`](Self::goal), which is shown to the
-/// person who walks there, or does not.
-#[derive(Debug)]
-pub struct StillVehicle<G> {
-    gnss: G,
-    frame: LocalFrame,
-    heading: f64,
-    goal: Option<Waypoint>,
-    sigma: Option<Vector3<f64>>,
-}
-
-impl<G> StillVehicle<G> {
-    /// Something with its nose to the East.
-    pub fn new(gnss: G, frame: LocalFrame) -> Self {
-        Self { gnss, frame, heading: 0.0, goal: None, sigma: None }
-    }
-
-    /// Something whose nose is at `heading`, in radians counter-clockwise from East.
-    #[must_use]
-    pub fn with_heading(self, heading: f64) -> Self {
-        Self { heading, ..self }
-    }
-
-    /// Sets the direction of its nose from now on, in radians counter-clockwise from East; a
-    /// compass knows.
-    pub fn set_heading(&mut self, heading: f64) {
-        self.heading = heading;
-    }
-
-    /// The last goal.
-    pub fn goal(&self) -> Option<Waypoint> {
-        self.goal
-    }
-
-    /// The receiver.
-    pub fn gnss(&mut self) -> &mut G {
-        &mut self.gnss
-    }
-}
-
-impl<G: Positioning> Vehicle for StillVehicle<G> {
-    type Error = GnssError;
-
-    fn pose(&mut self) -> Result<Pose, GnssError> {
-        self.sigma = None;
-        let position = self.gnss.position()?;
-        self.sigma = Some(position.sigma_m);
-        let level = Pose::level(self.frame.to_local(&position.place), self.heading);
-        Ok(Pose { velocity: position.velocity_mps, ..level })
-    }
-
-    fn position_sigma(&self) -> Option<Vector3<f64>> {
-        self.sigma
-    }
-
-    fn go_to(&mut self, goal: &Waypoint) -> Result<(), GnssError> {
-        self.goal = Some(*goal);
-        Ok(())
-    }
-
-    /// It is on the ground; there is nowhere to go any more.
-    fn land(&mut self) -> Result<(), GnssError> {
-        self.goal = None;
-        Ok(())
-    }
-}
-
 /// A direction of the body, forward, left and up, in the world: the inverse of
 /// [`Pose::to_body`], which is a rotation.
 fn to_world(pose: &Pose, body: &Vector3<f64>) -> Vector3<f64> {
@@ -200,7 +130,7 @@ mod tests {
     use foxhunt_wire::{FixQuality, geodesy::Geodetic};
 
     use super::*;
-    use crate::{GnssPosition, StillVehicle};
+    use crate::{GnssPosition, HeightOrigin};
 
     /// A receiver at a fixed place.
     struct Fixed(Geodetic);
@@ -210,7 +140,15 @@ mod tests {
             let sigma_m = Vector3::new(1.0, 2.0, 3.0);
             let quality = FixQuality::Autonomous;
             let velocity_mps = Some(Vector3::new(0.5, 0.0, 0.0));
-            Ok(GnssPosition { place: self.0, sigma_m, velocity_mps, quality, age_s: 0.0 })
+            Ok(GnssPosition {
+                place: self.0,
+                height: HeightOrigin::Fix,
+                sigma_m,
+                velocity_mps,
+                heading: None,
+                quality,
+                age_s: 0.0,
+            })
         }
     }
 
@@ -266,15 +204,5 @@ mod tests {
         let goal = Waypoint { position: Vector3::new(1.0, 2.0, 3.0) };
         placed.go_to(&goal).expect("accepted");
         assert_eq!(placed.vehicle().1, Some(goal));
-
-        let mut walker = StillVehicle::new(gnss(), frame).with_heading(1.0);
-        let pose = walker.pose().expect("a fix");
-        assert!((pose.position - antenna_at).norm() < 1e-4 && (pose.heading - 1.0).abs() <= 0.0);
-        assert_eq!(walker.position_sigma(), Some(Vector3::new(1.0, 2.0, 3.0)));
-        assert_eq!(pose.velocity, Some(Vector3::new(0.5, 0.0, 0.0)));
-        walker.go_to(&goal).expect("kept");
-        assert_eq!(walker.goal(), Some(goal));
-        walker.land().expect("it is on the ground");
-        assert_eq!(walker.goal(), None);
     }
 }

@@ -6,7 +6,7 @@ use foxhunt_core::{Clock, parameter::FieldError};
 use foxhunt_wire::{ByteStream, FixQuality, geodesy::Geodetic};
 use nalgebra::Vector3;
 
-use super::{GnssConfig, GnssDecoder, GnssFix, GnssKind};
+use super::{GnssConfig, GnssDecoder, GnssFix, GnssKind, HeightOrigin};
 use crate::Finding;
 
 /// The most that is read at once, in pieces of 512 bytes: a stream that never runs dry must not
@@ -18,6 +18,9 @@ const PATIENCE_S: f64 = 10.0;
 
 /// The most pauses, for a clock that stands still.
 const PAUSES: u32 = 100_000;
+
+/// Greatest age of a heading, in seconds: compasses send several a second.
+const HEADING_AGE_S: f64 = 1.5;
 
 /// A σ of East or North above this, in metres, is worth a word: bearings at 100 m move by 3°.
 const POOR_M: f64 = 5.0;
@@ -36,6 +39,8 @@ pub struct GnssReceiver<S, C, D> {
     placed: Option<(GnssFix, f64)>,
     /// The last fix, with a place or without.
     last: Option<GnssFix>,
+    /// The last heading, and when it came.
+    heading: Option<(f64, f64)>,
     /// Time at which a fix came last, or the receiver was set up.
     received_at: Option<f64>,
     connections: u32,
@@ -84,6 +89,7 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
             clock,
             placed: None,
             last: None,
+            heading: None,
             received_at: None,
             connections,
             bytes: 0,
@@ -125,6 +131,7 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
                     *placed = Some((fix, now));
                 }
             });
+            self.heading = self.decoder.take_heading().map(|at| (at, now)).or(self.heading);
         }
         Ok(())
     }
@@ -157,10 +164,10 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
     /// The last place, if it is not too old.
     fn placed(&self) -> Result<GnssPosition, GnssError> {
         let satellites = self.last.and_then(|fix| fix.satellites);
-        let none = GnssError::NoFix { satellites };
-        let Some((fix, at)) = self.placed else { return Err(none) };
+        let none = || GnssError::NoFix { satellites, missing: self.decoder.missing() };
+        let Some((fix, at)) = self.placed else { return Err(none()) };
         let (Some(place), Some(sigma)) = (fix.place, self.config.sigma(&fix)) else {
-            return Err(none);
+            return Err(none());
         };
         let age_s = self.clock.now() - at;
         let limit_s = self.config.stale_s;
@@ -170,7 +177,11 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
         let moved = Vector3::repeat(self.config.speed_mps * age_s);
         let sigma_m = sigma.zip_map(&moved, f64::hypot);
         let velocity_mps = fix.velocity_mps;
-        Ok(GnssPosition { place, sigma_m, velocity_mps, quality: fix.quality, age_s })
+        let young = |(_, at): &(f64, f64)| self.clock.now() - at <= HEADING_AGE_S;
+        let heading = self.heading.filter(young).map(|(heading, _)| heading);
+        let height = fix.height;
+        let quality = fix.quality;
+        Ok(GnssPosition { place, height, sigma_m, velocity_mps, heading, quality, age_s })
     }
 }
 
@@ -192,10 +203,15 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> Positioning for GnssReceiver<S, C,
 pub struct GnssPosition {
     /// Place at the last fix.
     pub place: Geodetic,
+    /// Origin of the place's height.
+    pub height: HeightOrigin,
     /// σ of East, North and Up in metres now, with what may have happened since.
     pub sigma_m: Vector3<f64>,
     /// Velocity to East, North and Up in metres per second at the last fix, where that is known.
     pub velocity_mps: Option<Vector3<f64>>,
+    /// Direction of the vehicle's nose in radians counter-clockwise from East, by a compass or two
+    /// antennas, if one came lately.
+    pub heading: Option<f64>,
     /// Quality of the fix.
     pub quality: FixQuality,
     /// Age of the fix, in seconds.
@@ -204,22 +220,27 @@ pub struct GnssPosition {
 
 /// Something that knows where its antenna is.
 ///
-/// An antenna on a surveyed mark:
+/// A measured chain of places:
 ///
 /// ```
 /// use foxhunt_core::Vehicle;
-/// use foxhunt_hardware::{FixQuality, GnssError, GnssPosition, Positioning, StillVehicle};
+/// use foxhunt_hardware::{
+///     CarriedConfig, CarriedVehicle, FixQuality, GnssError, GnssPosition, HeightOrigin,
+///     Positioning,
+/// };
 /// use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
 /// use nalgebra::Vector3;
 ///
-/// struct Mark(Geodetic);
+/// struct Surveyor(Geodetic);
 ///
-/// impl Positioning for Mark {
+/// impl Positioning for Surveyor {
 ///     fn position(&mut self) -> Result<GnssPosition, GnssError> {
 ///         Ok(GnssPosition {
 ///             place: self.0,
+///             height: HeightOrigin::Fix,
 ///             sigma_m: Vector3::repeat(0.02),
-///             velocity_mps: Some(Vector3::zeros()),
+///             velocity_mps: None,
+///             heading: Some(1.0),
 ///             quality: FixQuality::RtkFixed,
 ///             age_s: 0.0,
 ///         })
@@ -227,8 +248,9 @@ pub struct GnssPosition {
 /// }
 ///
 /// let place = Geodetic { lat_deg: 50.1, lon_deg: 14.5, alt_m: 400.0 };
-/// let mut station = StillVehicle::new(Mark(place), LocalFrame::new(place)?);
-/// assert!(station.pose()?.position.norm() < 1e-6);
+/// let frame = LocalFrame::new(place)?;
+/// let mut walker = CarriedVehicle::new(CarriedConfig::default(), Surveyor(place), frame);
+/// assert!(walker.pose()?.position.xy().norm() < 1e-6);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub trait Positioning {
@@ -264,12 +286,15 @@ pub enum GnssError {
     Stream(#[from] io::Error),
     /// It has had no fix until now.
     #[error(
-        "the GNSS receiver has no fix yet{}",
-        satellites.map_or(String::new(), |n| format!("; it uses {n} satellites"))
+        "the GNSS receiver has no fix yet{}{}",
+        satellites.map_or(String::new(), |n| format!("; it uses {n} satellites")),
+        missing.as_ref().map_or(String::new(), |missing| format!("; {missing}"))
     )]
     NoFix {
         /// Number of satellites that it uses, where it reports that.
         satellites: Option<u32>,
+        /// Sentence about what the receiver does not send ([`GnssDecoder::missing`]).
+        missing: Option<String>,
     },
     /// The last fix is too old.
     #[error("the last GNSS fix is {age_s:.1} s old; at most {limit_s} s are allowed")]
@@ -303,6 +328,10 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
         findings.push(self.speech());
         if self.decoder().messages() > 0 {
             findings.push(self.fix());
+        }
+        if let Some(missing) = self.decoder().missing() {
+            let remedy = "set the receiver up to send it, or go on without";
+            findings.push(Finding::bad("sentences", missing, remedy));
         }
         if let Ok(position) = position {
             findings.push(noise(&position));
@@ -340,7 +369,7 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
         let subject = "fix";
         let Some(last) = self.last() else {
             let remedy = match self.config().kind {
-                GnssKind::Nmea => "turn its GGA sentences on",
+                GnssKind::Nmea => "turn its GGA sentences on, or at least RMC",
                 GnssKind::Ublox => "turn UBX output on at this port, or use kind = \"nmea\"",
                 GnssKind::Gpsd => "check that gpsd has a receiver: `gpspipe -w`",
             };
@@ -356,8 +385,9 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
             FixQuality::Estimated => {
                 Finding::bad(subject, text, "it guesses: give its antenna a free sky")
             }
-            _ if last.flat => {
-                Finding::bad(subject, text + ", no height", "wait for a fourth satellite")
+            _ if last.height.is_flat() => {
+                let remedy = "wait for a fourth satellite, or turn sentences with a height on";
+                Finding::bad(subject, text + ", no height", remedy)
             }
             FixQuality::RtkFloat => {
                 Finding::bad(subject, text, "wait for the RTK fix, or check its corrections")

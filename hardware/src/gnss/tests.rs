@@ -63,7 +63,10 @@ fn nmea_takes_place_sigma_and_date_of_three_sentences() {
     let gga =
         sentence("GNGGA,123456.50,5006.00000,N,01430.00000,E,4,17,0.7,355.0,M,45.0,M,1.0,0000");
     let [first] = decoded(&mut decoder, gga.as_bytes())[..] else { panic!("one fix") };
-    assert_eq!((first.quality, first.sigma_m, first.flat), (FixQuality::RtkFixed, None, false));
+    assert_eq!(
+        (first.quality, first.sigma_m, first.height),
+        (FixQuality::RtkFixed, None, HeightOrigin::Fix)
+    );
     assert_eq!(first.satellites, Some(17));
     assert!(close(first.hdop.expect("reported"), 0.7, 1e-6));
     assert!(close(first.utc_s.expect("a date came"), MOMENT, 1e-3));
@@ -99,10 +102,15 @@ fn nmea_crosses_midnight_and_marks_what_is_no_fix() {
     let fixes = decoded(&mut decoder, (nothing + &flat).as_bytes());
     assert_eq!((fixes[0].quality, fixes[0].place), (FixQuality::None, None));
     assert_eq!(fixes[0].satellites, Some(3));
-    assert!(fixes[1].flat && fixes[1].place.is_some_and(|place| close(place.alt_m, 400.0, 1e-4)));
+    assert!(
+        fixes[1].height.is_flat()
+            && fixes[1].place.is_some_and(|place| close(place.alt_m, 400.0, 1e-4))
+    );
     decoder.reset();
     let flat = sentence("GPGGA,000002.00,5006.0,N,01430.0,E,1,3,6.0,,M,,M,,");
-    assert_eq!(decoded(&mut decoder, flat.as_bytes())[0].place, None, "it has had no height");
+    let fix = decoded(&mut decoder, flat.as_bytes())[0];
+    assert_eq!(fix.height, HeightOrigin::SeaLevel, "it has had no height");
+    assert!(fix.place.is_some_and(|place| close(place.alt_m, 44.7, 1.5)), "{fix:?}");
 }
 
 #[test]
@@ -196,6 +204,318 @@ fn velocity_comes_by_rmc_and_tpv() {
     assert_eq!(decoded(&mut decoder, format!("{TPV}\n").as_bytes())[0].velocity_mps, None);
 }
 
+/// Fixes of sentences without their checksums.
+fn fixes_of(decoder: &mut dyn GnssDecoder, sentences: &[&str]) -> Vec<GnssFix> {
+    let text: String = sentences.iter().map(|text| sentence(text)).collect();
+    decoded(decoder, text.as_bytes())
+}
+
+#[test]
+fn a_marine_receiver_is_placed_by_rmc_or_gll_alone() {
+    let rmc = |second: u32| {
+        sentence(&format!("GPRMC,1234{second}.50,A,5006.0,N,01430.0,E,10.0,90.0,010326,,,A"))
+    };
+    let mut decoder = NmeaDecoder::new();
+    assert!(decoded(&mut decoder, rmc(55).as_bytes()).is_empty(), "a GGA may follow");
+    assert!(decoder.missing().is_some_and(|missing| missing.contains("one RMC came")));
+    let [fix] = decoded(&mut decoder, rmc(56).as_bytes())[..] else { panic!("one fix") };
+    let place = fix.place.expect("valid");
+    assert!(close(place.lat_deg, 50.1, 1e-9) && close(place.lon_deg, 14.5, 1e-9));
+    assert_eq!((fix.quality, fix.height), (FixQuality::Autonomous, HeightOrigin::SeaLevel));
+    assert!(close(fix.utc_s.expect("dated"), MOMENT, 1e-3));
+    let velocity = fix.velocity_mps.expect("speed and course");
+    assert!((velocity - Vector3::new(10.0 * 1852.0 / 3600.0, 0.0, 0.0)).norm() < 1e-9);
+    let missing = decoder.missing().expect("a height");
+    assert!(missing.contains("RMC, without a height: turn GGA on"), "{missing}");
+    let mut decoder = NmeaDecoder::new();
+    let void = "GPRMC,123455.50,V,5006.0,N,01430.0,E,,,010326,,,N";
+    let fixes = fixes_of(&mut decoder, &[void, &void.replace("55.50", "56.50")]);
+    assert_eq!((fixes.len(), fixes[0].place), (1, None), "V is no place");
+
+    // GLL with a VTG after it: its velocity is that of the same moment.
+    let mut decoder = NmeaDecoder::new();
+    let gll = |second: u32| format!("IIGLL,5006.0,S,01430.0,W,1234{second}.50,A,D");
+    let vtg = "IIVTG,180.0,T,,M,2.0,N,3.7,K,D";
+    let fixes = fixes_of(&mut decoder, &[&gll(55), vtg, &gll(56), vtg]);
+    assert_eq!(fixes.len(), 2, "the second one is repeated with its velocity");
+    assert_eq!((fixes[1].quality, fixes[0].velocity_mps), (FixQuality::Differential, None));
+    let velocity = fixes[1].velocity_mps.expect("of VTG");
+    assert!((velocity - Vector3::new(0.0, -2.0 * 1852.0 / 3600.0, 0.0)).norm() < 1e-9);
+    assert!(fixes[1].place.is_some_and(|place| place.lat_deg < 0.0 && place.lon_deg < 0.0));
+    let missing = decoder.missing().expect("height and date");
+    assert!(missing.contains("GLL") && missing.contains("no date"), "{missing}");
+
+    // Before NMEA 2.0 a GLL had neither time nor status.
+    let mut decoder = NmeaDecoder::new();
+    let old = "LCGLL,5006.00,N,01430.00,E";
+    let fixes = fixes_of(&mut decoder, &[old, old]);
+    assert_eq!((fixes.len(), fixes[0].quality), (1, FixQuality::Estimated));
+    assert!(decoder.missing().is_some_and(|missing| missing.contains("is valid")));
+}
+
+#[test]
+fn the_best_sentence_gives_the_place_and_poorer_ones_replace_it() {
+    let at = |second: u32| {
+        let time = format!("1234{second:02}.00");
+        let gga = format!("GPGGA,{time},5006.0,N,01430.0,E,1,9,1.0,355.0,M,45.0,M,,");
+        let rmc = format!("GPRMC,{time},A,5006.0,N,01431.0,E,0.0,,010326,,,A");
+        let gns = format!("GNGNS,{time},5006.0,N,01432.0,E,AN,12,0.8,355.0,45.0,,,V");
+        (gga, rmc, gns)
+    };
+    let lon = |fix: &GnssFix| fix.place.map(|place| ((place.lon_deg - 14.5) * 60.0).round());
+    let mut decoder = NmeaDecoder::new();
+    // Whatever their order, GGA leads at once.
+    for second in 0..3 {
+        let (gga, rmc, gns) = at(second);
+        let fixes = fixes_of(&mut decoder, &[&rmc, &gns, &gga]);
+        assert!(fixes.iter().all(|fix| lon(fix) == Some(0.0)) && fixes.len() == 1, "{fixes:?}");
+    }
+    // A GGA without a place is believed, too.
+    let fixes = fixes_of(&mut decoder, &["GPGGA,123403.00,,,,,0,02,,,M,,M,,", &at(3).1]);
+    assert_eq!((fixes.len(), fixes[0].place), (1, None));
+    // When GGA stays away, GNS takes over after 10 s, and has a height of its own.
+    let fixes: Vec<_> =
+        (4..20).flat_map(|second| fixes_of(&mut decoder, &[&at(second).2])).collect();
+    assert_eq!(fixes.len(), 5, "from the second one after 10 s on");
+    assert_eq!((lon(&fixes[0]), fixes[0].height), (Some(2.0), HeightOrigin::Fix));
+    assert_eq!((fixes[0].satellites, fixes[0].quality), (Some(12), FixQuality::Autonomous));
+    assert_eq!(decoder.refused(), 0);
+}
+
+#[test]
+fn a_gga_without_quality_or_height_is_made_the_best_of() {
+    // A GGA without a quality lends its height to the RMC that says that the place is valid.
+    let mut decoder = NmeaDecoder::new();
+    let at = |second: u32| {
+        let gga = format!("GPGGA,1234{second}.00,5006.0,N,01430.0,E,,9,1.0,355.0,M,45.0,M,,");
+        let rmc = format!("GPRMC,1234{second}.00,A,5006.0,N,01430.0,E,0.0,,010326,,,A");
+        [rmc, gga]
+    };
+    let mut fixes = Vec::new();
+    for second in 10..14 {
+        let [rmc, gga] = at(second);
+        fixes.extend(fixes_of(&mut decoder, &[&gga, &rmc]));
+    }
+    let last = fixes.last().expect("fixes");
+    assert_eq!((last.quality, last.height), (FixQuality::Autonomous, HeightOrigin::Fix));
+    assert!(last.place.is_some_and(|place| close(place.alt_m, 400.0, 1e-9)));
+    // Alone, it is an estimate.
+    let mut decoder = NmeaDecoder::new();
+    let [_, gga] = at(10);
+    let fixes = fixes_of(&mut decoder, &[&gga, &at(11)[1]]);
+    assert_eq!((fixes.len(), fixes[0].quality), (1, FixQuality::Estimated));
+    assert!(fixes[0].place.is_some_and(|place| close(place.alt_m, 400.0, 1e-9)));
+    // Without a height it is flat; with one above the sea alone, the geoid is the model's.
+    let mut decoder = NmeaDecoder::new();
+    let flat = "GPGGA,123410.00,5006.0,N,01430.0,E,1,9,1.0,,,,,,";
+    let sea = "GPGGA,123411.00,5006.0,N,01430.0,E,1,9,1.0,355.0,M,,,,";
+    let fixes = fixes_of(&mut decoder, &[flat, sea, &flat.replace("10.00", "12.00")]);
+    let heights: Vec<_> = fixes.iter().map(|fix| fix.height).collect();
+    let expected = [HeightOrigin::SeaLevel, HeightOrigin::Geoid, HeightOrigin::Earlier];
+    assert_eq!(heights, expected);
+    // EGM96 has 44.6 m in Prague's North.
+    let alt_m = |at: usize| fixes[at].place.expect("a fix").alt_m;
+    assert!(close(alt_m(1), 399.6, 1.5) && close(alt_m(2), alt_m(1), 0.0), "{}", alt_m(1));
+}
+
+#[test]
+fn zda_has_the_date_and_compasses_the_heading() {
+    let mut decoder = NmeaDecoder::new();
+    let gga = "GPGGA,123456.50,5006.0,N,01430.0,E,1,9,1.0,355.0,M,45.0,M,,";
+    let zda = "GPZDA,123456.00,01,03,2026,00,00";
+    let [fix] = fixes_of(&mut decoder, &[zda, gga])[..] else { panic!("one fix") };
+    assert!(close(fix.utc_s.expect("dated"), MOMENT, 1e-3));
+    assert_eq!((decoder.missing(), decoder.take_heading()), (None, None));
+    let mut heading = |text: &str| {
+        assert!(fixes_of(&mut decoder, &[text]).is_empty(), "{text}");
+        decoder.take_heading().map(|heading| (90.0 - heading.to_degrees()).rem_euclid(360.0))
+    };
+    assert!(close(heading("HEHDT,274.07,T").expect("true"), 274.07, 1e-9));
+    assert!(close(heading("HCHDG,101.1,1.0,E,7.1,W").expect("its variation"), 95.0, 1e-9));
+    // By the model, as date and place are known: 5° East in Prague.
+    assert!(close(heading("HCHDM,100.0,M").expect("the model"), 105.1, 0.5));
+    assert_eq!(heading("HCHDM,,M"), None);
+    let mut decoder = NmeaDecoder::new();
+    assert!(fixes_of(&mut decoder, &["HCHDM,100.0,M", gga]).len() == 1);
+    assert_eq!(decoder.take_heading(), None);
+    assert!(decoder.missing().is_some_and(|missing| missing.contains("variation")));
+    let mut decoder = GpsdDecoder::new();
+    assert!(decoded(&mut decoder, b"{\"class\":\"ATT\",\"heading\":90.0}\n").is_empty());
+    assert!(decoder.take_heading().is_some_and(|heading| heading.abs() < 1e-12));
+}
+
+#[test]
+fn what_a_receiver_lacks_is_said() {
+    let mut decoder = NmeaDecoder::new();
+    let gsv = sentence("GPGSV,1,1,01,21,54,088,40");
+    let bare = "$GPGGA,123456.00,5006.0,N,01430.0,E,1,9,1.0,355.0,M,45.0,M,,\r\n";
+    assert!(decoded(&mut decoder, (gsv + bare).as_bytes()).is_empty());
+    let missing = decoder.missing().expect("everything");
+    assert!(missing.contains("no checksum") && missing.contains("turn GGA"), "{missing}");
+    let (near, mut far) = memory_pair();
+    far.send(sentence("GPGSV,1,1,01,21,54,088,40").as_bytes()).expect("memory");
+    let mut receiver = GnssReceiver::new(GnssConfig::default(), near, || 1.0).expect("in range");
+    let error = receiver.position().expect_err("no place").to_string();
+    assert!(error.contains("has no fix yet; no sentence has a place: turn GGA"), "{error}");
+    let mut decoder = GpsdDecoder::new();
+    let flat = "{\"class\":\"TPV\",\"mode\":2,\"lat\":50.1,\"lon\":14.5}\n";
+    let [fix] = decoded(&mut decoder, flat.as_bytes())[..] else { panic!("one fix") };
+    assert_eq!(fix.height, HeightOrigin::SeaLevel);
+    assert!(decoder.missing().is_some_and(|missing| missing.contains("no height")));
+    let sea = flat.replace("\"mode\":2", "\"mode\":3,\"altMSL\":355.0");
+    let [fix] = decoded(&mut decoder, sea.as_bytes())[..] else { panic!("one fix") };
+    assert_eq!((fix.height, decoder.missing()), (HeightOrigin::Geoid, None));
+    assert!(fix.place.is_some_and(|place| close(place.alt_m, 399.6, 1.5)), "{fix:?}");
+}
+
+/// A message of u-blox of a time of the week in milliseconds, with numbers at their offsets.
+fn nav(id: u8, length: usize, itow: u32, fields: &[(usize, &[u8])]) -> Vec<u8> {
+    let mut payload = vec![0_u8; length];
+    payload[..4].copy_from_slice(&itow.to_le_bytes());
+    for (at, bytes) in fields {
+        payload[*at..at + bytes.len()].copy_from_slice(bytes);
+    }
+    ubx::frame((1, id), &payload)
+}
+
+fn posllh(itow: u32, accuracy_mm: u32) -> Vec<u8> {
+    let fields: [(usize, &[u8]); 5] = [
+        (4, &145_000_000_i32.to_le_bytes()),
+        (8, &501_000_000_i32.to_le_bytes()),
+        (12, &400_000_i32.to_le_bytes()),
+        (20, &accuracy_mm.to_le_bytes()),
+        (24, &3500_u32.to_le_bytes()),
+    ];
+    nav(0x02, 28, itow, &fields)
+}
+
+#[test]
+fn ublox_of_before_nav_pvt_is_read() {
+    // POSLLH alone: a place where it is sure enough, from its second epoch on.
+    let mut decoder = UbloxDecoder::new();
+    assert!(decoded(&mut decoder, &posllh(1000, 2828)).is_empty());
+    let [fix] = decoded(&mut decoder, &posllh(2000, 2828))[..] else { panic!("one fix") };
+    let expected = Geodetic { lat_deg: 50.1, lon_deg: 14.5, alt_m: 400.0 };
+    let near = |fix: &GnssFix, metres: f64| {
+        let frame = foxhunt_wire::geodesy::LocalFrame::new(expected).expect("a place");
+        fix.place.is_some_and(|place| frame.to_local(&place).norm() < metres)
+    };
+    assert!(near(&fix, 1e-6), "{fix:?}");
+    let sigma = fix.sigma_m.expect("sent");
+    assert!((sigma - Vector3::new(2.0, 2.0, 3.5)).norm() < 1e-3, "{sigma}");
+    assert_eq!((fix.quality, fix.utc_s), (FixQuality::Autonomous, None));
+    let missing = decoder.missing().expect("quality and time");
+    assert!(missing.contains("NAV-STATUS") && missing.contains("NAV-TIMEUTC"), "{missing}");
+    assert_eq!(decoded(&mut decoder, &posllh(3000, 4_000_000_000))[0].place, None);
+
+    // With the messages of generation 5 and 6 beside it.
+    let sol = |itow: u32, fix_type: u8, flags: u8| {
+        // By the closed formulas of WGS84: 50.1° N, 14.5° E, 400 m.
+        let ecef = [396_901_199_i32, 102_645_629, 487_023_819];
+        let fields: [(usize, &[u8]); 7] = [
+            (10, &[fix_type, flags]),
+            (12, &ecef[0].to_le_bytes()),
+            (16, &ecef[1].to_le_bytes()),
+            (20, &ecef[2].to_le_bytes()),
+            (24, &520_u32.to_le_bytes()),
+            (44, &150_u16.to_le_bytes()),
+            (47, &[9]),
+        ];
+        nav(0x06, 52, itow, &fields)
+    };
+    let velned = |itow: u32| {
+        let fields: [(usize, &[u8]); 3] = [
+            (4, &150_i32.to_le_bytes()),
+            (8, &(-70_i32).to_le_bytes()),
+            (12, &25_i32.to_le_bytes()),
+        ];
+        nav(0x12, 36, itow, &fields)
+    };
+    let timeutc = |itow: u32| {
+        let fields: [(usize, &[u8]); 3] = [
+            (8, &500_000_000_i32.to_le_bytes()),
+            (12, &2026_u16.to_le_bytes()),
+            (14, &[3, 1, 12, 34, 56, 7]),
+        ];
+        nav(0x21, 20, itow, &fields)
+    };
+    let mut decoder = UbloxDecoder::new();
+    let epoch =
+        |itow: u32| [posllh(itow, 2828), sol(itow, 3, 0x0f), velned(itow), timeutc(itow)].concat();
+    let _ = decoded(&mut decoder, &epoch(1000));
+    let fixes = decoded(&mut decoder, &epoch(2000));
+    let last = fixes.last().expect("fixes");
+    assert!(near(last, 1e-6), "POSLLH leads before SOL: {last:?}");
+    assert_eq!((last.quality, last.satellites), (FixQuality::Differential, Some(9)));
+    let velocity = last.velocity_mps.expect("VELNED");
+    assert!((velocity - Vector3::new(-0.7, 1.5, -0.25)).norm() < 1e-9, "{velocity}");
+    assert!(close(last.utc_s.expect("TIMEUTC"), MOMENT, 1e-3));
+    assert_eq!((decoder.missing(), decoder.refused()), (None, 0));
+    let lost = decoded(&mut decoder, &[posllh(3000, 2828), sol(3000, 0, 0)].concat());
+    assert_eq!(lost.last().expect("told").place, None, "SOL knows that there is no fix");
+
+    // SOL alone has its place in Earth-centred coordinates of centimetres.
+    let mut decoder = UbloxDecoder::new();
+    let _ = decoded(&mut decoder, &sol(1000, 3, 1));
+    let [fix] = decoded(&mut decoder, &sol(2000, 3, 1))[..] else { panic!("one fix") };
+    assert!(near(&fix, 0.02) && fix.quality == FixQuality::Autonomous, "{fix:?}");
+    let sigma = fix.sigma_m.expect("of pAcc");
+    assert!((sigma - Vector3::repeat(5.2 / 3_f64.sqrt())).norm() < 1e-9, "{sigma}");
+
+    // HPPOSLLH adds tenths of a millimetre, and marks what is invalid.
+    let hp = |itow: u32, flags: u8| {
+        let fields: [(usize, &[u8]); 8] = [
+            (3, &[flags]),
+            (8, &145_000_000_i32.to_le_bytes()),
+            (12, &501_000_000_i32.to_le_bytes()),
+            (16, &400_000_i32.to_le_bytes()),
+            (24, &[50_u8, (-50_i8).cast_unsigned(), 5]),
+            (28, &200_u32.to_le_bytes()),
+            (32, &300_u32.to_le_bytes()),
+            (26, &[5]),
+        ];
+        // The time stands behind version and flags.
+        let mut payload = vec![0_u8; 36];
+        payload[4..8].copy_from_slice(&itow.to_le_bytes());
+        for (at, bytes) in fields {
+            payload[at..at + bytes.len()].copy_from_slice(bytes);
+        }
+        ubx::frame((1, 0x14), &payload)
+    };
+    let mut decoder = UbloxDecoder::new();
+    let _ = decoded(&mut decoder, &hp(1000, 0));
+    let [fix] = decoded(&mut decoder, &hp(2000, 0))[..] else { panic!("one fix") };
+    let place = fix.place.expect("valid");
+    assert!(close(place.lon_deg, 14.500_000_05, 1e-12), "{}", place.lon_deg);
+    assert!(close(place.lat_deg, 50.099_999_95, 1e-12), "{}", place.lat_deg);
+    assert!(close(place.alt_m, 400.0005, 1e-9), "{}", place.alt_m);
+    let sigma = fix.sigma_m.expect("sent");
+    assert!((sigma - Vector3::new(0.02 / SQRT_2, 0.02 / SQRT_2, 0.03)).norm() < 1e-9, "{sigma}");
+    assert_eq!(decoded(&mut decoder, &hp(3000, 1))[0].place, None);
+}
+
+#[test]
+fn ublox_without_nav_pvt_is_set_up_by_its_own_messages() {
+    let mut decoder = UbloxDecoder::new();
+    let modern = decoder.set_up();
+    let nak = |class, id| ubx::frame((5, 0), &[class, id]);
+    assert!(decoded(&mut decoder, &[nak(6, 1), nak(6, 0x8a)].concat()).is_empty());
+    assert!(decoder.missing().is_some_and(|missing| missing.contains("knows no NAV-PVT")));
+    let old = decoder.set_up();
+    assert_eq!(&old[..modern.len()], &modern[..]);
+    assert_eq!(
+        old[modern.len()..],
+        [2, 6, 0x12, 0x21].map(|id| ubx::frame((6, 1), &[1, id, 1])).concat()
+    );
+    // A NAV-PVT of generation 7 ends after its DOP: 84 bytes.
+    let mut pvt = nav_pvt(3, 1);
+    pvt.truncate(pvt.len() - 2);
+    let short = ubx::frame((1, 7), &pvt[6..6 + 84]);
+    decoder.reset();
+    let [fix] = decoded(&mut decoder, &short)[..] else { panic!("one fix") };
+    assert!(fix.place.is_some_and(|place| close(place.alt_m, 400.0, 1e-9)));
+}
+
 #[test]
 fn ublox_survives_garbage_cuts_and_false_lengths() {
     let mut decoder = UbloxDecoder::new();
@@ -245,7 +565,7 @@ fn gpsd_reports_are_read() {
     let later = bare.replace("12:34:56.500", "12:34:59.000");
     assert_eq!(decoded(&mut decoder, later.as_bytes())[0].sigma_m, None, "it is too old");
     let flat = TPV.replace("\"mode\":3", "\"mode\":2").replace(",\"epv\":0.03", "") + "\n";
-    assert!(decoded(&mut decoder, flat.as_bytes())[0].flat);
+    assert!(decoded(&mut decoder, flat.as_bytes())[0].height.is_flat());
     let [none] = decoded(&mut decoder, b"{\"class\":\"TPV\",\"mode\":1}\n")[..] else { panic!() };
     assert_eq!((none.quality, none.place), (FixQuality::None, None));
 }
@@ -271,7 +591,7 @@ fn sigma_grows_with_age_and_poor_quality_until_the_fix_is_too_old() {
     let mut receiver =
         GnssReceiver::new(GnssConfig::default(), near, || time.get()).expect("in range");
     let mut bench = Bench { time: &time, far };
-    assert!(matches!(receiver.position(), Err(GnssError::NoFix { satellites: None })));
+    assert!(matches!(receiver.position(), Err(GnssError::NoFix { satellites: None, .. })));
     bench.send(10.0, 4, "0.7");
     let rtk = receiver.position().expect("a fix");
     // Untold: 2 · 0.01 m · 0.7, and twice that for Up.
@@ -318,8 +638,10 @@ fn what_cannot_be_is_refused_by_name() {
     };
     let config = GnssConfig::default();
     assert_eq!(config.sigma(&fix), Some(Vector3::new(1.3, 4.0, 2.6)));
-    let flat = GnssFix { flat: true, ..fix };
-    assert_eq!(config.sigma(&flat), Some(Vector3::new(1.3, 4.0, 50.0)));
+    let up_of = |height| config.sigma(&GnssFix { height, ..fix }).expect("a fix").z;
+    assert!(close(up_of(HeightOrigin::Geoid), 2.6_f64.hypot(1.5), 1e-12));
+    assert!(close(up_of(HeightOrigin::Earlier), 50.0, 0.0));
+    assert!(close(up_of(HeightOrigin::SeaLevel), 500.0, 0.0));
     assert_eq!(config.sigma(&GnssFix { place: None, ..fix }), None);
 }
 

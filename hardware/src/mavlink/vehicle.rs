@@ -375,6 +375,7 @@ impl<S: ByteStream, C: Clock> Aircraft for MavlinkVehicle<S, C> {
                 && self.telemetry.doubt.why(now).is_none(),
             offered: self.is_offered(now),
             hands: self.authority.hands(),
+            rooted: false,
             hindrance: self.hindrance(now),
             battery: self.telemetry.battery(),
             above_ground: self.telemetry.above_ground(now),

@@ -166,6 +166,13 @@ impl Flight {
         }
     }
 
+    /// Sets whether a drone never goes anywhere.
+    pub(super) fn set_rooted(&mut self, drone: usize, rooted: bool) {
+        if let Some(drone) = self.drones.get_mut(drone) {
+            drone.attendance.set_rooted(rooted);
+        }
+    }
+
     /// Returns true if no drone takes orders.
     pub(super) fn is_deserted(&self) -> bool {
         self.drones.iter().all(|drone| drone.attendance.is_away())

@@ -305,6 +305,14 @@ impl Hunt {
         }
     }
 
+    /// Sets whether a drone never goes anywhere, such as a station; each does at first. One that is
+    /// rooted listens where it is, and no formation waits for it.
+    pub fn set_rooted(&mut self, drone: usize, rooted: bool) {
+        if let Some(flight) = &mut self.flight {
+            flight.set_rooted(drone, rooted);
+        }
+    }
+
     /// Lets time pass: drones fly on, arrive and drop out, and those that deliver nothing are given
     /// up.
     ///

@@ -3,6 +3,7 @@
 
 mod ardrone;
 mod autopilot;
+mod carrier;
 mod gnss;
 mod receivers;
 mod stepper;
@@ -12,6 +13,7 @@ pub use ardrone::EmulatedArDrone;
 pub use autopilot::{
     AutopilotConfig, AutopilotFaults, EmulatedAutopilot, FailsafeOrder, GpsStep, PilotOrder,
 };
+pub use carrier::EmulatedCarrier;
 pub use gnss::{EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind};
 pub use receivers::{
     EmulatedDongle, EmulatedKraken, EmulatedKrakenConfig, EmulatedRtlTcp, EmulatedRtlTcpConfig,

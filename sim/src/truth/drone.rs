@@ -278,8 +278,8 @@ impl Drone {
         }
     }
 
-    /// The power in dBm that comes in of a beacon through the channel's antenna at the time `now`,
-    /// at a receiver that neither rounds nor has a floor; `None` where nothing does. Whether the
+    /// The power in dBm that comes in of a beacon through an antenna at the time `now`, at a
+    /// receiver that neither rounds nor has a floor; `None` where nothing does. Whether the
     /// beacon sends just then is the caller's matter.
     #[cfg(feature = "emulators")]
     pub(crate) fn incoming(
@@ -287,9 +287,10 @@ impl Drone {
         channel: &Channel,
         id: BeaconId,
         beacon: &BeaconConfig,
+        port: Port<'_>,
         now: f64,
     ) -> Option<f64> {
-        let signal = self.aimed(channel, (id, beacon), Port::Directional, now);
+        let signal = self.aimed(channel, (id, beacon), port, now);
         let sent = signal.reaches && beacon.answers_at(now) && self.receives(now);
         self.receiver.faded(channel, signal.power_dbm).filter(|_| sent)
     }

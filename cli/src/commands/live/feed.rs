@@ -144,6 +144,7 @@ fn follow(
     let mut mark = Mark::default();
     while let Ok(first) = happened.recv() {
         let mut lines = Vec::new();
+        let mut sent = Vec::new();
         let mut next = Some(first);
         while let Some(happening) = next {
             match happening {
@@ -151,6 +152,9 @@ fn follow(
                 Happening::Event(event) => {
                     reader.event(&event)?;
                     lines.extend(page_line(&event));
+                    if let Event::Sent { drone, to, .. } = *event {
+                        sent.push((drone, to.x, to.y));
+                    }
                 }
             }
             next = happened.try_recv().ok();
@@ -158,7 +162,8 @@ fn follow(
         // JSON has a text for every overview; a page that misses one has the next.
         if let Ok(Some(news)) = news(reader.overview(), &mut mark) {
             let lines = serde_json::to_string(&lines).unwrap_or_default();
-            shared.add(format!("{{\"news\":{news},\"log\":{lines}}}"));
+            let sent = serde_json::to_string(&sent).unwrap_or_default();
+            shared.add(format!("{{\"news\":{news},\"log\":{lines},\"sent\":{sent}}}"));
         }
     }
     Ok(())

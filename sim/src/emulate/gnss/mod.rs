@@ -44,6 +44,8 @@ struct Epoch {
     satellites: u8,
     hdop: f64,
     geoid_m: f64,
+    /// Direction of the nose in degrees clockwise from North, if there is a compass.
+    heading_deg: Option<f64>,
 }
 
 impl Epoch {
@@ -218,7 +220,11 @@ fn whole(value: f64) -> i64 {
 /// The sentences of an epoch in the order in which receivers by u-blox send them: RMC, GGA, GSA,
 /// GST (NMEA 0183 4.10; minutes with seven decimals, as RTK receivers do).
 fn nmea_sentences(epoch: &Epoch) -> String {
-    [rmc(epoch), gga(epoch), gsa(epoch), gst(epoch)].map(|text| framed(&text)).concat()
+    let all = [rmc(epoch), gga(epoch), gsa(epoch), gst(epoch)].map(|text| framed(&text)).concat();
+    match epoch.heading_deg {
+        Some(deg) => all + &framed(&format!("HEHDT,{deg:.2},T")),
+        None => all,
+    }
 }
 
 fn framed(text: &str) -> String {

@@ -5,7 +5,7 @@ use std::io;
 use foxhunt_core::parameter::{FieldError, ParameterError, in_range, positive};
 use foxhunt_wire::{
     ByteStream, FixQuality,
-    geodesy::{Geodetic, LocalFrame},
+    geodesy::{Geodetic, LocalFrame, radians_to_compass_deg},
 };
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
@@ -58,6 +58,8 @@ pub struct EmulatedGnssConfig {
     pub hdop: f64,
     /// Height of the geoid above the ellipsoid, in metres.
     pub geoid_m: f64,
+    /// True if a compass is beside it, whose heading goes between the sentences of NMEA (HDT).
+    pub compass: bool,
     /// Times when it has no fix, and reports so.
     pub outages: Vec<Interval>,
     /// UNIX time of the world's time 0, in seconds.
@@ -76,6 +78,7 @@ impl Default for EmulatedGnssConfig {
             satellites: 14,
             hdop: 0.8,
             geoid_m: 45.0,
+            compass: false,
             outages: Vec::new(),
             utc_start_s: 1_767_225_600.0,
         }
@@ -214,7 +217,9 @@ impl<S: ByteStream> EmulatedGnss<S> {
 
     /// The epoch that is due, if it was not sent yet.
     fn due(&mut self) -> Option<Epoch> {
-        let (truth, now) = self.on_board.with(|drone, now| (drone.pose().position, now));
+        let (pose, now) = self.on_board.with(|drone, now| (drone.pose(), now));
+        let truth = pose.position;
+        let heading = pose.heading;
         // A hair before an epoch is that epoch: time is a sum of steps.
         let number = (now * self.config.rate_hz + 1e-6).floor();
         let rate_hz = self.config.rate_hz;
@@ -237,6 +242,7 @@ impl<S: ByteStream> EmulatedGnss<S> {
             satellites: if out { 2 } else { config.satellites },
             hdop: if out { 99.0 } else { config.hdop },
             geoid_m: config.geoid_m,
+            heading_deg: config.compass.then(|| radians_to_compass_deg(heading)),
         })
     }
 }

@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     PulseTrain, SimClock, SimError, World,
     devices::OnBoard,
-    truth::{Truth, beacon_of},
+    truth::{Port, Truth, beacon_of},
 };
 
 /// Time from one look at the power of a beacon that sends all the time to the next, in seconds.
@@ -52,6 +52,8 @@ pub struct EmulatedRtlTcpConfig {
     /// The error of the receiver's own oscillator, in parts per million: its client has to correct
     /// it.
     pub oscillator_ppm: f64,
+    /// True if its antenna is the drone's, which may have a direction; otherwise it has none.
+    pub directional: bool,
     /// Other transmitters.
     pub interferers: Vec<InterfererConfig>,
 }
@@ -72,7 +74,7 @@ pub struct InterfererConfig {
     pub every_s: Option<f64>,
 }
 
-/// 0 dBm, 0.7 steps; oscillators without an error, no interferers.
+/// 0 dBm, 0.7 steps; oscillators without an error, the drone's antenna, no interferers.
 impl Default for EmulatedRtlTcpConfig {
     fn default() -> Self {
         Self {
@@ -82,6 +84,7 @@ impl Default for EmulatedRtlTcpConfig {
             carrier_sigma_hz: 0.0,
             drift_hz_per_s: 0.0,
             oscillator_ppm: 0.0,
+            directional: true,
             interferers: Vec::new(),
         }
     }
@@ -386,7 +389,9 @@ impl EmulatedDongle {
         self.on_board.with_truth(|truth, drone| {
             let Truth { time, channel, beacons, drones, .. } = truth;
             let from = beacon_of(beacons, beacon).ok()?;
-            drones.get_mut(drone)?.incoming(channel, beacon, from, *time)
+            let port =
+                if self.config.directional { Port::Directional } else { Port::Omnidirectional };
+            drones.get_mut(drone)?.incoming(channel, beacon, from, port, *time)
         })
     }
 

@@ -16,7 +16,7 @@ use foxhunt_wire::{
 use serde::{Deserialize, Serialize};
 
 use super::{Air, Outgoing, Payload, Registers, Text, drone_address};
-use crate::{Emulator, SimClock, SimError, World};
+use crate::{Emulator, SimClock, SimError, SimRadio, World};
 
 /// A frame that stops in the middle for this time, in seconds, was cut.
 const QUIET_S: f64 = 0.1;
@@ -31,12 +31,14 @@ pub struct EmulatedXbeeConfig {
     pub ap: u8,
     /// Time from a question to a beacon that does not answer to the report of that, in seconds.
     pub no_answer_s: f64,
+    /// True if its antenna is the drone's, which may have a direction; otherwise it has none.
+    pub directional: bool,
 }
 
-/// Zigbee, plain frames, 0.2 s.
+/// Zigbee, plain frames, 0.2 s, the drone's antenna.
 impl Default for EmulatedXbeeConfig {
     fn default() -> Self {
-        Self { firmware: Protocol::Zigbee, ap: 1, no_answer_s: 0.2 }
+        Self { firmware: Protocol::Zigbee, ap: 1, no_answer_s: 0.2, directional: true }
     }
 }
 
@@ -82,7 +84,7 @@ impl<S: ByteStream> EmulatedXbee<S> {
         stream: S,
     ) -> Result<Self, SimError> {
         config.check()?;
-        let radio = world.radio(drone)?;
+        let radio = SimRadio { directional: config.directional, ..world.radio(drone)? };
         let names: Vec<String> =
             (0..).map_while(|number| world.beacon_name(BeaconId(number))).collect();
         let short = Address16(0x4000 | u16::try_from(drone & 0xFFF).unwrap_or(0));
