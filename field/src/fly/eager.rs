@@ -80,7 +80,7 @@ mod tests {
 
         fn poll(&mut self) -> Result<Option<Sweep<'_>>, Infallible> {
             self.polled += 1;
-            if self.polled % 2 > 0 {
+            if !self.polled.is_multiple_of(2) {
                 return Ok(None);
             }
             let Some(beacon) = self.left.pop() else { return Ok(None) };

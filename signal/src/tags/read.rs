@@ -168,10 +168,9 @@ impl<'a> Rows<'a> {
             let cells: csv::StringRecord = cells.split(',').take(4).collect();
             (is_port && cells.get(0)?.parse::<f64>().is_ok()).then_some(cells)
         };
-        let mut first = text.lines().filter(|line| !line.is_empty()).take(SENSORGNOME_LINES);
-        if !first.next().is_some_and(|line| cells(line).is_some())
-            || !first.all(|line| cells(line).is_some())
-        {
+        let first = || text.lines().filter(|line| !line.is_empty()).take(SENSORGNOME_LINES);
+        let is_line = |line: &str| cells(line).is_some();
+        if first().next().is_none() || !first().all(is_line) {
             return None;
         }
         let columns = SENSORGNOME_PULSE.map(str::to_owned).to_vec();
