@@ -212,7 +212,8 @@ macro_rules! constant_velocity {
 
 constant_velocity!(1 2 3);
 
-/// A turn at a nearly constant rate, x = (E, N, Ė, Ṅ, ω) or, in space, (E, N, U, Ė, Ṅ, U̇, ω).
+/// A turn at a nearly constant rate, x = (E, N, Ė, Ṅ, ω) or, in space, (E, N, U, Ė, Ṅ, U̇,
+/// ω).
 ///
 /// The rate ω is in radians per second, positive counter-clockwise (Bar-Shalom, Li & Kirubarajan
 /// 2001, §11.7.1).

@@ -66,7 +66,7 @@ impl DualMeasurement<2, 2> for Once {
     }
 }
 
-/// The same model without a Jacobian of its own.
+/// The model without a Jacobian of its own.
 struct Differences;
 
 impl MeasurementModel<2, 2> for Differences {

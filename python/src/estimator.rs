@@ -341,7 +341,7 @@ impl Estimator {
         Ok(format!("<{name}: mean [{}], {motion}, {model}>", mean.join(", ")))
     }
 
-    /// What a pickle holds: the arguments and all steps, which are taken again.
+    /// Contents of a pickle: the arguments and all steps, which are taken again.
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
         let py = slf.py();
         let estimator = slf.borrow();

@@ -36,7 +36,7 @@ impl Recipe {
         self
     }
 
-    /// What `__reduce__` returns: a function of the package, and the call as its arguments.
+    /// Result of `__reduce__`: a function of the package, and the call as its arguments.
     pub(crate) fn reduced<'py>(&self, of: &Bound<'py, PyType>) -> PyResult<Bound<'py, PyTuple>> {
         let py = of.py();
         let keywords = PyDict::new(py);

@@ -21,8 +21,8 @@ const CONTENTS: [(&[u8], &str, &str); 12] = [
 ];
 
 const BAG: &str = "a bag of ROS 2 becomes a table with: foxhunt convert {} OUT.csv";
-const SPREADSHEET: &str = "a build with the feature `spreadsheets` reads .xlsx, .xls and .ods; or save \
-                           the sheet as CSV, then: foxhunt locate FILE.csv";
+const SPREADSHEET: &str = "a build with the feature `spreadsheets` reads .xlsx, .xls and .ods; or \
+                           save the sheet as CSV, then: foxhunt locate FILE.csv";
 const SAMPLES: &str = "it becomes a table of pulses with: foxhunt pulses {} --csv";
 const TRACK: &str = "a path alone locates nothing; give it beside a table of levels with their \
                      times: foxhunt locate {} LEVELS.csv";

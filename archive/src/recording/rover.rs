@@ -20,9 +20,9 @@ const LOOKED_AT: usize = 1024;
 const LONGEST_GAP_S: f64 = 30.0;
 
 /// Path of a receiver over time: the track of a GPX file (Topografix, GPX 1.1, 2004) or a KML file
-/// (OGC 12-007r2, `gx:Track` and points with a time), as navigators and loggers write it, the path in an autopilot's log: `ArduPilot`'s dataflash (`.bin`,
-/// `.log`), PX4's (`.ulg`) or MAVLink's (`.tlog`), or a table with times in UTC and places. Points
-/// without a time are not used.
+/// (OGC 12-007r2, `gx:Track` and points with a time), as navigators and loggers write it, the path
+/// in an autopilot's log: `ArduPilot`'s dataflash (`.bin`, `.log`), PX4's (`.ulg`) or MAVLink's
+/// (`.tlog`), or a table with times in UTC and places. Points without a time are not used.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rover {
     file: Arc<str>,

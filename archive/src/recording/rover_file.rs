@@ -32,7 +32,8 @@ impl Rover {
         if let Some(kind) = Kind::of(xml) {
             return Self::of_log(kind, xml, file);
         }
-        // GPX and KML are XML, perhaps behind spaces or a byte order mark; a table begins otherwise.
+        // GPX and KML are XML, perhaps behind spaces or a byte order mark; a table begins
+        // otherwise.
         let begin = xml.strip_prefix(b"\xef\xbb\xbf").unwrap_or(xml);
         let first = begin.iter().find(|byte| !byte.is_ascii_whitespace());
         if first.is_some_and(|byte| *byte != b'<') {

@@ -280,8 +280,8 @@ fn smoothed_tracks(report: &Report) -> String {
     }
     format!(
         "\n{tracks}\nThe tracks over the whole flight, by the receptions up to each time and by \
-         all of them. A consistent estimator's ANEES is 2; those of one flight are correlated. --json, \
-         --report and --export have the places."
+         all of them. A consistent estimator's ANEES is 2; those of one flight are correlated. \
+         --json, --report and --export have the places."
     )
 }
 

@@ -181,7 +181,7 @@ impl Synthesis {
     }
 }
 
-/// The header of a WAV file of one channel of 16 bits with so many bytes.
+/// The header of a WAV file with one channel of 16 bits and this number of bytes.
 fn header(bytes: u32) -> Vec<u8> {
     let mut header = Vec::new();
     header.extend(b"RIFF");

@@ -23,10 +23,11 @@ struct Later<const N: usize> {
 ///
 /// `earlier` are ln μᵢ and moments before the step, `log_chain(i, j)` is ln p(j after i),
 /// `passage(i, j)` the step from i by the motion of j. All that came later enters as the ratio of
-/// smoothed to predicted density in mode j, β(x₊) = μˢ Nˢ / μ⁻ N⁻, with N⁻ the moments of
-/// all that comes to j. Each pair (i, j) has the weight μᵢ p(j | i) ∫ Nᵢⱼ β dx₊ and is
-/// smoothed as one Gaussian (Koch 2000; Nadarajah, Tharmarasa, McDonald & Kirubarajan 2012). Pairs of one i are
-/// merged to their moments. With one mode it is the smoother of Rauch, Tung & Striebel.
+/// smoothed to predicted density in mode j, β(x₊) = μˢ Nˢ / μ⁻ N⁻, with N⁻ the moments
+/// of all that comes to j. Each pair (i, j) has the weight μᵢ p(j | i) ∫ Nᵢⱼ β dx₊ and
+/// is smoothed as one Gaussian (Koch 2000; Nadarajah, Tharmarasa, McDonald & Kirubarajan 2012).
+/// Pairs of one i are merged to their moments. With one mode it is the smoother of Rauch, Tung &
+/// Striebel.
 ///
 /// # Errors
 ///

@@ -480,7 +480,7 @@ struct Explanation {
     correlation: usize,
     b: f64,
     c: f64,
-    /// Squared residuals with those of the prior of σ.
+    /// Squared residuals and the squares of the prior of σ.
     square: f64,
     log_mass: f64,
 }

@@ -157,8 +157,8 @@ impl<'a> Rows<'a> {
     }
 
     /// The pulses in a SensorGnome's own file, which has lines of several kinds and no header:
-    /// `p1,1435173846.6384,3.883,-49.09,-71.03` is a pulse of port 1 (Motus, "File formats"). `None`
-    /// for any other file.
+    /// `p1,1435173846.6384,3.883,-49.09,-71.03` is a pulse of port 1 (Motus, "File formats").
+    /// `None` for any other file.
     fn of_sensorgnome(file: &'a Path, bytes: &[u8]) -> Option<Self> {
         let text = std::str::from_utf8(bytes).ok()?;
         let cells = |line: &str| -> Option<csv::StringRecord> {

@@ -5,8 +5,8 @@ const LOOKED_AT: usize = 200;
 
 /// Bearings that stations report by APRS: packets as monitors print them, one a line.
 ///
-/// Behind the position of a direction finder's symbol (`/` … `\`) stand course, speed, bearing and
-/// quality: `088/036/270/729` is a bearing of 270° from true North whose number 7, range 2 and
+/// Behind the position of a direction finder's symbol (`/` … `\`) stand course, speed, bearing
+/// and quality: `088/036/270/729` is a bearing of 270° from true North whose number 7, range 2 and
 /// quality 9 follow (APRS Protocol Reference 1.0.1, chapter 7, "DF Report"). A quality of 1 to 9 is
 /// an error of 240° down to 1°, halved each time, which is taken as two σ; without one a bearing
 /// means nothing, as with a number of 0.
@@ -101,7 +101,8 @@ mod tests {
     #[test]
     fn a_report_is_a_bearing_with_its_sigma() {
         let text = "# a monitor\n\
-                    2026-06-21 14:03:00 UTC: AE5PL-9>APRS,TCPIP*:@211403z4903.50N/07201.75W\\088/036/270/729\n\
+                    2026-06-21 14:03:00 UTC: AE5PL-9>APRS,TCPIP*:\
+                    @211403z4903.50N/07201.75W\\088/036/270/729\n\
                     N0CALL>APRS:!4903.50N/07201.75W-a house\n";
         assert!(convert(text).is_some_and(|made| made.is_ok()));
         let made = convert(

@@ -5,9 +5,10 @@ const LOOKED_AT: usize = 200;
 
 /// Tags that name themselves, in a file of a SensorGnome: lines of text, each of a kind.
 ///
-/// `T1,1557438000.263,78664C33,-51` is a detection by the radio of port 1, its time in seconds since
-/// 1970, the tag and its level in dBm; `G,1557438000,44.34,-66.11,21.6` the receiver's place. Such a
-/// file is `*-ctt.txt`, or `*-all.txt` with the pulses of other radios (Motus, "File formats").
+/// `T1,1557438000.263,78664C33,-51` is a detection by the radio of port 1, its time in seconds
+/// since 1970, the tag and its level in dBm; `G,1557438000,44.34,-66.11,21.6` the receiver's place.
+/// Such a file is `*-ctt.txt`, or `*-all.txt` with the pulses of other radios (Motus, "File
+/// formats").
 pub(super) fn convert(text: &str) -> Option<csv::Result<Converted>> {
     let of_tag = |line: &str| Detection::of(line).is_some();
     let lines = || text.lines().filter(|line| !line.is_empty());

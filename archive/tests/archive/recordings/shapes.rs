@@ -109,7 +109,8 @@ fn tags_of_a_sensorgnome_are_rows_of_its_place() {
 fn reports_of_direction_finders_by_aprs_are_bearings() {
     let recording = text(
         "aprs.txt",
-        "K1>APRS:!4812.00N/01622.20E\\000/000/045/518\nK2>APRS:!4812.00N/01623.20E\\000/000/315/516\n\
+        "K1>APRS:!4812.00N/01622.20E\\000/000/045/518\n\
+         K2>APRS:!4812.00N/01623.20E\\000/000/315/516\n\
          K3>APRS:!4812.00N/01623.20E-no direction finder\n",
     );
     let recording = recording.expect("packets");

@@ -31,9 +31,9 @@ struct Onward<const N: usize> {
 /// The earlier belief is the density that the filter itself resamples from: a Gaussian of the
 /// kernel's bandwidth about each particle. So a later state x₊ comes from particle i with the
 /// weight wᵢ N(x₊; f(mᵢ), S), S = F h² P Fᵀ + Q, and the earlier state is drawn from
-/// that Gaussian given x₊. Without a kernel only the few particles count from which the motion's noise
-/// reaches x₊, and the smoothed cloud would be over-confident. A plain cloud (bandwidth 0) needs
-/// noise in every component of the state and is refused without it.
+/// that Gaussian given x₊. Without a kernel only the few particles count from which the motion's
+/// noise reaches x₊, and the smoothed cloud would be over-confident. A plain cloud (bandwidth 0)
+/// needs noise in every component of the state and is refused without it.
 impl<F, H, R, const N: usize, const M: usize> Smooth<N, M> for ParticleFilter<F, H, R, N, M>
 where
     F: MotionModel<N>,

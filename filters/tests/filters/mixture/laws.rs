@@ -32,13 +32,17 @@ proptest! {
         let parts = split(&prior, [4, 3]).expect("a proper prior");
         let sum = || GaussianSum::new(&ekf, parts.clone()).expect("proper");
         laws::estimator_with(sum, &observed, AT_ONE);
-        laws::estimator_with(|| sum().with_resplitting(0.3, 3).expect("in range"), &observed, AT_ONE);
-        laws::estimator_with(|| sum().with_most_components(5).expect("in range"), &observed, AT_ONE);
+        let resplit = || sum().with_resplitting(0.3, 3).expect("in range");
+        laws::estimator_with(resplit, &observed, AT_ONE);
+        let merged = || sum().with_most_components(5).expect("in range");
+        laws::estimator_with(merged, &observed, AT_ONE);
         let five = Iterations::at_most(5).expect("in range");
         let ckf = Ckf::new(still, Bearing, prior).expect("a proper prior").with_iterations(five);
-        laws::estimator_with(|| GaussianSum::new(&ckf, parts.clone()).expect("proper"), &observed, AT_ONE);
+        let of_ckf = || GaussianSum::new(&ckf, parts.clone()).expect("proper");
+        laws::estimator_with(of_ckf, &observed, AT_ONE);
         let gated = ekf.clone().with_gate(Gate::probability(0.9).expect("in range"));
-        laws::estimator_with(|| GaussianSum::new(&gated, parts.clone()).expect("proper"), &observed, AT_ONE);
+        let of_gated = || GaussianSum::new(&gated, parts.clone()).expect("proper");
+        laws::estimator_with(of_gated, &observed, AT_ONE);
         let bank = || Bank::new([(0.3, ekf.clone()), (0.7, gated.clone())]).expect("proper");
         laws::estimator_with(bank, &observed, AT_ONE);
 

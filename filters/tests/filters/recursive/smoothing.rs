@@ -230,8 +230,8 @@ where
     sums
 }
 
-/// The smoother's NEES lies in the band of χ² with 1000 degrees of freedom, and its error is below
-/// the filter's by at least `gain`. `room` is what the estimator's own draws add, as a share.
+/// The smoother's NEES lies in the band of χ² with 1000 degrees of freedom, and its error is
+/// below the filter's by at least `gain`. `room` is what the estimator's own draws add, as a share.
 fn consistent([filtered, smoothed]: [[f64; 2]; 2], gain: f64, room: f64) {
     let chi = ChiSquared::new(1000.0).expect("positive");
     let band = [chi.inverse_cdf(0.005), chi.inverse_cdf(0.995) * (1.0 + room)];
