@@ -163,7 +163,9 @@ impl<const M: usize> Innovation<M> {
                 count = 0;
             }
         });
-        add(&states[..count], &weights[..count]);
+        if count > 0 {
+            add(&states[..count], &weights[..count]);
+        }
         Self::of_deviations(&centre, &shift, &square, model, observation)
     }
 

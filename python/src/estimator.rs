@@ -383,13 +383,18 @@ impl Estimator {
         Self::__copy__(slf)
     }
 
-    /// Takes the steps of a pickle; those that were refused are refused again.
+    /// Takes the steps of a pickle; those that were refused (`ValueError`) are refused again, and
+    /// any other error ends it.
     fn _take(&mut self, py: Python<'_>, steps: Vec<Bound<'_, PyAny>>) -> PyResult<()> {
         for step in steps {
-            if let Ok(dt) = step.extract::<f64>() {
-                let _ = self.predict(py, dt);
+            let taken = if let Ok(dt) = step.extract::<f64>() {
+                self.predict(py, dt).map(drop)
             } else {
-                let _ = self.update_by(py, Update::of_pickled(step.extract()?));
+                self.update_by(py, Update::of_pickled(step.extract()?)).map(drop)
+            };
+            match taken {
+                Err(error) if !error.is_instance_of::<PyValueError>(py) => return Err(error),
+                _ => {}
             }
         }
         Ok(())

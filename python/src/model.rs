@@ -220,6 +220,10 @@ impl<const M: usize> PythonModel<M> {
         // Python may run other threads in between, which want the lock, too.
         drop(last);
         let made = pose::to_python(py, pose)?;
+        // All calls at this pose are given it: none may write into it.
+        for array in [&made, &made.getattr("_plain")?] {
+            array.getattr("flags")?.setattr("writeable", false)?;
+        }
         let mut last = self.receiver.lock().unwrap_or_else(PoisonError::into_inner);
         *last = Some((*pose, made.clone().unbind()));
         Ok(made)

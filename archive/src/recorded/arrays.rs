@@ -122,7 +122,8 @@ fn towards(record: &Record, truth: Option<Vector2<f64>>) -> Option<(f64, f64)> {
 /// error of the calibration, too. A receiver is known by its name; the only array of a calibration
 /// is that of recordings without names. Returns the number of corrected bearings.
 pub fn correct_arrays(recordings: &mut [Recording], arrays: &[ArraySection]) -> usize {
-    let known: Vec<_> = arrays.iter().filter_map(|own| Some((own, own.deviation()?))).collect();
+    let proper = arrays.iter().filter(|own| own.check().is_ok());
+    let known: Vec<_> = proper.filter_map(|own| Some((own, own.deviation()?))).collect();
     if known.is_empty() {
         return 0;
     }

@@ -21,6 +21,9 @@ const CONTENTS: [(&[u8], &str, &str); 12] = [
 ];
 
 const BAG: &str = "a bag of ROS 2 becomes a table with: foxhunt convert {} OUT.csv";
+#[cfg(feature = "spreadsheets")]
+const SPREADSHEET: &str = "save its sheet as CSV, then: foxhunt locate FILE.csv";
+#[cfg(not(feature = "spreadsheets"))]
 const SPREADSHEET: &str = "a build with the feature `spreadsheets` reads .xlsx, .xls and .ods; or \
                            save the sheet as CSV, then: foxhunt locate FILE.csv";
 const SAMPLES: &str = "it becomes a table of pulses with: foxhunt pulses {} --csv";

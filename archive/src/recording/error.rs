@@ -16,6 +16,12 @@ pub enum RecordingError {
         /// The cause.
         source: std::io::Error,
     },
+    /// Columns were named of a file whose rows name their own.
+    #[error("{file}: its rows name their columns; leave --columns out")]
+    NamedColumns {
+        /// The file.
+        file: String,
+    },
     /// A sheet was asked for that the file does not have.
     #[error("{file}: there is no sheet {sheet:?} with two rows{}", its_sheets(.sheets))]
     NoSheet {
@@ -519,6 +525,9 @@ pub enum FieldProblem {
     /// It is counted from magnetic North, which is not known there and then.
     #[error("is counted from magnetic North: {0}")]
     NoDeclination(DeclinationError),
+    /// Heights are counted from the ground.
+    #[error("has heights above the ground; export the track with absolute heights")]
+    AboveGround,
     /// It is not near the frame's origin.
     #[error("is {distance_km:.0} km from the frame's origin; at most {limit_km} km make sense")]
     TooFar {

@@ -141,7 +141,6 @@ const NAMES: [(Column, &[&str]); 12] = [
             "animal",
             "animalid",
             "individual",
-            "gid",
             "mac",
             "bssid",
             "address",

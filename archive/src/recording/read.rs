@@ -133,6 +133,8 @@ impl Recording {
         }
         if rows.is_none() {
             content::check(&bytes, name)?;
+        } else if !options.columns.is_empty() {
+            return Err(RecordingError::NamedColumns { file: name.to_owned() });
         }
         if let Some(tabs) = spaces_as_tabs(&bytes, options.columns.len()) {
             bytes = Cow::Owned(tabs);

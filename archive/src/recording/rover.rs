@@ -1,4 +1,4 @@
-use std::{collections::VecDeque, sync::Arc};
+use std::sync::Arc;
 
 use foxhunt_wire::geodesy::Geodetic;
 use quick_xml::{
@@ -131,6 +131,40 @@ impl Rover {
     }
 }
 
+/// Times and places of a track in KML, which stand one after the other; one that is missing keeps
+/// its turn.
+#[derive(Default)]
+struct Moments {
+    /// Seconds since 1970, with text and line.
+    times: Vec<Option<(f64, String, u64)>>,
+    places: Vec<Option<Geodetic>>,
+    /// True within the view of a viewer, whose time is not the receiver's.
+    in_view: bool,
+}
+
+impl Moments {
+    /// Begins a time or a place.
+    fn open(&mut self, element: &[u8]) {
+        match element {
+            b"when" if !self.in_view => self.times.push(None),
+            b"coord" | b"coordinates" => self.places.push(None),
+            _ => {}
+        }
+    }
+
+    fn set_time(&mut self, time: (f64, String, u64)) {
+        if let Some(last) = self.times.last_mut().filter(|_| !self.in_view) {
+            *last = Some(time);
+        }
+    }
+
+    fn set_place(&mut self, place: Geodetic) {
+        if let Some(last) = self.places.last_mut() {
+            *last = Some(place);
+        }
+    }
+}
+
 /// A track that is being read.
 struct Track<'g> {
     file: &'g str,
@@ -150,9 +184,7 @@ impl Track<'_> {
         let mut point: Option<Geodetic> = None;
         let mut element = Vec::new();
         let mut time: Option<f64> = None;
-        // Times and places of a track in KML, which stand one after the other.
-        let mut times = VecDeque::new();
-        let mut places = VecDeque::new();
+        let mut moments = Moments::default();
         loop {
             let event = reader.read_event();
             let read = usize::try_from(reader.buffer_position()).unwrap_or(usize::MAX);
@@ -168,9 +200,10 @@ impl Track<'_> {
                         b"trkseg" => self.starts = true,
                         b"Track" | b"Placemark" => {
                             self.starts |= element == b"Track";
-                            times.clear();
-                            places.clear();
+                            moments = Moments::default();
                         }
+                        b"LookAt" | b"Camera" => moments.in_view = true,
+                        b"when" | b"coord" | b"coordinates" => moments.open(&element),
                         b"trkpt" => (point, time) = (Some(self.place(start, line)?), None),
                         _ => {}
                     }
@@ -178,11 +211,18 @@ impl Track<'_> {
                 Event::Text(text) => {
                     let text = String::from_utf8_lossy(text).into_owned();
                     match element.as_slice() {
-                        b"when" => times.push_back((self.time(&text, line)?, text.clone(), line)),
-                        b"coord" => places.push_back(self.coordinates(&text, ' ', line)?),
-                        // Those of a line have no times.
+                        b"when" => {
+                            let time = self.time(&text, line)?;
+                            moments.set_time((time, text.clone(), line));
+                        }
+                        b"coord" => moments.set_place(self.coordinates(&text, line)?),
+                        // The coordinates of a line have no times.
                         b"coordinates" if text.split_whitespace().count() == 1 => {
-                            places.push_back(self.coordinates(&text, ',', line)?);
+                            moments.set_place(self.coordinates(&text.replace(',', " "), line)?);
+                        }
+                        b"altitudeMode" if text.trim() == "relativeToGround" => {
+                            let problem = FieldProblem::AboveGround;
+                            return Err(self.wrong("altitudeMode", &text, line, problem));
                         }
                         _ => {}
                     }
@@ -199,14 +239,10 @@ impl Track<'_> {
                 }
                 Event::End(end) => {
                     element.clear();
-                    if matches!(end.local_name().as_ref(), b"Track" | b"Placemark") {
-                        while let (Some((time, text, line)), Some(place)) =
-                            (times.pop_front(), places.pop_front())
-                        {
-                            self.rises(time, &text, line)?;
-                            self.points.push(Point { time, place, joined: !self.starts });
-                            self.starts = false;
-                        }
+                    match end.local_name().as_ref() {
+                        b"LookAt" | b"Camera" => moments.in_view = false,
+                        b"Track" | b"Placemark" => self.take(std::mem::take(&mut moments), line)?,
+                        _ => {}
                     }
                     if end.local_name().as_ref() == b"trkpt"
                         && let (Some(place), Some(time)) = (point.take(), time.take())
@@ -215,9 +251,26 @@ impl Track<'_> {
                         self.starts = false;
                     }
                 }
+                Event::Empty(empty) => moments.open(empty.local_name().as_ref()),
                 _ => {}
             }
         }
+    }
+
+    /// Takes the moments of a track, or of a point, which may have no time.
+    fn take(&mut self, moments: Moments, line: u64) -> Result<(), RecordingError> {
+        let Moments { times, places, .. } = moments;
+        if times.len() != places.len() && times.len() + places.len() > 2 {
+            let problem = format!("a track of {} times and {} places", times.len(), places.len());
+            return Err(RecordingError::NotGpx { file: self.file.to_owned(), line, problem });
+        }
+        for (time, place) in times.into_iter().zip(places) {
+            let (Some((time, text, line)), Some(place)) = (time, place) else { continue };
+            self.rises(time, &text, line)?;
+            self.points.push(Point { time, place, joined: !self.starts });
+            self.starts = false;
+        }
+        Ok(())
     }
 
     /// Seconds since 1970.
@@ -227,48 +280,46 @@ impl Track<'_> {
     }
 
     /// The place of KML: longitude, latitude and, where it is known, height.
-    fn coordinates(
-        &self,
-        text: &str,
-        separator: char,
-        line: u64,
-    ) -> Result<Geodetic, RecordingError> {
-        let mut cells = text.trim().split(separator);
-        let mut number = |name: &'static str, limit: f64| match cells.next() {
-            Some(cell) => self.number(name, cell, line, limit).map(Some),
-            None => Ok(None),
-        };
-        let lon_deg = number("longitude", 180.0)?;
-        let lat_deg = number("latitude", 90.0)?;
-        let alt_m = number("height", 1e5)?.unwrap_or(0.0);
-        match (lat_deg, lon_deg) {
-            (Some(lat_deg), Some(lon_deg)) => Ok(Geodetic { lat_deg, lon_deg, alt_m }),
-            _ => Err(self.wrong("coordinates", text, line, FieldProblem::Missing)),
-        }
+    fn coordinates(&self, text: &str, line: u64) -> Result<Geodetic, RecordingError> {
+        let mut cells = text.split_whitespace();
+        let lon = cells.next().unwrap_or_default();
+        let lat = cells.next().unwrap_or_default();
+        let place = self.checked([("latitude", lat), ("longitude", lon)], line)?;
+        let alt_m = cells.next().map(|height| self.number("height", height, line, 1e5));
+        Ok(Geodetic { alt_m: alt_m.transpose()?.unwrap_or(0.0), ..place })
     }
 
     /// The place that a point's attributes hold.
     fn place(&self, start: &BytesStart<'_>, line: u64) -> Result<Geodetic, RecordingError> {
-        let degrees = |name: &'static str, limit: f64| {
+        let text = |name: &'static str| {
             let attribute = start.try_get_attribute(name).ok().flatten();
             let missing = || self.wrong(name, "", line, FieldProblem::Missing);
-            let value = attribute.ok_or_else(missing)?;
-            let value = String::from_utf8_lossy(&value.value).into_owned();
-            Ok((self.number(name, &value, line, limit)?, value))
+            Ok(String::from_utf8_lossy(&attribute.ok_or_else(missing)?.value).into_owned())
         };
-        let (lat_deg, text) = degrees("lat", 180.0)?;
-        let (lon_deg, lon_text) = degrees("lon", 180.0)?;
+        let lat = text("lat")?;
+        let lon = text("lon")?;
+        self.checked([("lat", &lat), ("lon", &lon)], line)
+    }
+
+    /// The place of a latitude and a longitude, each with its name.
+    fn checked(
+        &self,
+        [(lat_name, lat), (lon_name, lon)]: [(&str, &str); 2],
+        line: u64,
+    ) -> Result<Geodetic, RecordingError> {
+        let lat_deg = self.number(lat_name, lat, line, 180.0)?;
+        let lon_deg = self.number(lon_name, lon, line, 180.0)?;
         if lat_deg.abs() > 90.0 {
             let problem = if lon_deg.abs() <= 90.0 {
                 FieldProblem::Swapped
             } else {
                 FieldProblem::OutOfRange { min: -90.0, max: 90.0 }
             };
-            return Err(self.wrong("lat", &text, line, problem));
+            return Err(self.wrong(lat_name, lat, line, problem));
         }
         if lat_deg.abs() < f64::MIN_POSITIVE && lon_deg.abs() < f64::MIN_POSITIVE {
-            let both = format!("{text}, {lon_text}");
-            return Err(self.wrong("lat, lon", &both, line, FieldProblem::NoFix));
+            let names = format!("{lat_name}, {lon_name}");
+            return Err(self.wrong(&names, &format!("{lat}, {lon}"), line, FieldProblem::NoFix));
         }
         Ok(Geodetic { lat_deg, lon_deg, alt_m: 0.0 })
     }

@@ -1,5 +1,4 @@
 use alloc::vec::Vec;
-use core::f64::consts::LN_2;
 
 use super::{
     Slope,
@@ -9,12 +8,14 @@ use super::{
 
 /// Nodes over which a coefficient is summed, given a place and a correlation.
 ///
-/// Where the likelihood is wide for the prior's nodes, these do: a sum over nodes two σ apart is
-/// the integral of a Gaussian to 1 %. Where it is narrower, whole nodes would decide on the place,
-/// and nodes about the likelihood's peak take theirs.
+/// The prior's nodes suffice while the likelihood is wide: a sum over nodes two σ apart is the
+/// integral of a Gaussian to 1.5 %. Where it is narrower, whole nodes would decide on the place, and
+/// nodes about the likelihood's peak take theirs.
 #[derive(Clone, Debug)]
 pub(super) struct Coefficient {
     nodes: Vec<(f64, f64)>,
+    /// The least and the greatest value.
+    limits: [f64; 2],
     density: Option<Density>,
 }
 
@@ -23,8 +24,6 @@ pub(super) struct Coefficient {
 struct Density {
     mean: f64,
     sd: f64,
-    lower: f64,
-    upper: f64,
     step: f64,
 }
 
@@ -32,12 +31,17 @@ impl Coefficient {
     /// The nodes of a prior.
     pub(super) fn new(prior: &Slope) -> Self {
         let density = match *prior {
-            Slope::Gaussian { mean, sd, lower, upper, step } => {
-                Some(Density { mean, sd, lower, upper, step })
-            }
+            Slope::Gaussian { mean, sd, step, .. } => Some(Density { mean, sd, step }),
             Slope::Known(_) | Slope::Nodes(_) => None,
         };
-        Self { nodes: prior.log_nodes(), density }
+        Self::of(prior.log_nodes(), density)
+    }
+
+    fn of(nodes: Vec<(f64, f64)>, density: Option<Density>) -> Self {
+        let values = || nodes.iter().map(|node| node.0);
+        let least = values().fold(f64::INFINITY, f64::min);
+        let greatest = values().fold(f64::NEG_INFINITY, f64::max);
+        Self { limits: [least, greatest], nodes, density }
     }
 
     /// Returns the number of the prior's nodes.
@@ -53,7 +57,7 @@ impl Coefficient {
     /// The coefficient held at the prior's first node, with the prior's whole weight.
     pub(super) fn held(&self) -> Self {
         let total: f64 = self.nodes.iter().map(|(_, log_weight)| libm::exp(*log_weight)).sum();
-        Self { nodes: alloc::vec![(self.first(), libm::log(total))], density: None }
+        Self::of(alloc::vec![(self.first(), libm::log(total))], None)
     }
 
     /// Mean and standard deviation before any reading.
@@ -64,10 +68,8 @@ impl Coefficient {
 
     /// The value within the prior's limits that is nearest to another.
     pub(super) fn clamped(&self, value: f64) -> f64 {
-        match &self.density {
-            Some(density) => value.clamp(density.lower, density.upper),
-            None => value,
-        }
+        let [least, greatest] = self.limits;
+        value.max(least).min(greatest)
     }
 
     /// The nodes, with the logarithms of their weights, for a likelihood that has its peak at
@@ -87,13 +89,16 @@ impl Coefficient {
         let centre = self.clamped(peak);
         // Beyond a limit the likelihood falls from there as an exponential does.
         let step = sd / ((peak - centre).abs() / sd).max(1.0);
-        let log_share = libm::log(step / density.step);
+        let [least, greatest] = self.limits;
         for i in -REACH..=REACH {
+            // The part of the node's step that lies within the limits.
             let value = centre + step * f64::from(i);
-            if (density.lower..=density.upper).contains(&value) {
-                let at_limit = i == 0 && (peak - centre).abs() > 0.0;
-                let log_own = if at_limit { log_share - LN_2 } else { log_share };
-                nodes.push((value, log_own + log_gaussian(value, density.mean, density.sd)));
+            let from = (value - 0.5 * step).max(least);
+            let to = (value + 0.5 * step).min(greatest);
+            if to > from {
+                let middle = 0.5 * (from + to);
+                let log_share = libm::log((to - from) / density.step);
+                nodes.push((middle, log_share + log_gaussian(middle, density.mean, density.sd)));
             }
         }
         nodes
@@ -103,5 +108,6 @@ impl Coefficient {
 /// σ of a likelihood, in steps of the prior, below which it has nodes of its own.
 const NARROW: f64 = 0.5;
 
-/// Number of σ over which a likelihood's own nodes reach on either side: 10⁻⁴ lie beyond.
+/// Number of σ over which a likelihood's own nodes reach on either side; of a Gaussian 10⁻⁴ lie
+/// beyond.
 const REACH: i32 = 4;

@@ -57,7 +57,11 @@ impl ArraySection {
     }
 
     /// Names the first number that is out of its range.
-    pub(super) fn check(&self) -> Result<(), ParameterError> {
+    ///
+    /// # Errors
+    ///
+    /// The number's name and value, and the requirement.
+    pub fn check(&self) -> Result<(), ParameterError> {
         finite("offset_deg_ccw", self.offset_deg_ccw)?;
         for value in self.harmonics_deg.iter().flatten() {
             finite("harmonics_deg", *value)?;
@@ -77,7 +81,8 @@ impl ArraySection {
         require(self.deviation().is_some(), "covariance_deg2 in rows", rows, covariance).map(drop)
     }
 
-    /// Returns the deviation; `None` where numbers are out of their range.
+    /// Returns the deviation; `None` where its harmonics or its covariance are out of their range,
+    /// which [`check`](Self::check) names.
     #[must_use]
     pub fn deviation(&self) -> Option<Deviation> {
         let square = 1_f64.to_radians().powi(2);

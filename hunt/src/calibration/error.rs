@@ -43,7 +43,7 @@ pub enum CalibrationFileError {
         source: ParameterError,
     },
     /// Two arrays are of one receiver, so that the second would never count.
-    #[error("{file}: array {number} ({name}): an array before it is of the same receiver")]
+    #[error("{file}: array {number} ({name}): an array before it is of its receiver, too")]
     ArrayTwice {
         /// The file.
         file: String,

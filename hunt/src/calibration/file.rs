@@ -161,7 +161,8 @@ impl CalibrationFile {
             let number = index + 1;
             let file = file.to_owned();
             let name = array.name.clone().unwrap_or_default();
-            if read.arrays.iter().take(index).any(|before| before.name == array.name) {
+            let hides = |before: &ArraySection| before.name.is_none() || before.name == array.name;
+            if read.arrays.iter().take(index).any(hides) {
                 return Err(CalibrationFileError::ArrayTwice { file, number, name });
             }
             if let Err(source) = array.check() {
@@ -323,6 +324,10 @@ mod tests {
         }
         let mut twice = whole();
         twice.arrays.extend(whole().arrays);
+        twice.arrays[0].name = None;
+        let error = CalibrationFile::parse(&twice.to_toml(), "c.toml").expect_err("one is hidden");
+        assert!(error.to_string().contains("array 2 (mast): an array before it"), "{error}");
+        twice.arrays[0].name = twice.arrays[1].name.clone();
         let error = CalibrationFile::parse(&twice.to_toml(), "c.toml").expect_err("one is unused");
         assert!(error.to_string().contains("array 2 (mast): an array before it"), "{error}");
     }

@@ -7,6 +7,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 
 def is_table(value: Any) -> bool:
     """True for frames of pandas and polars, tables of Arrow, structured arrays of NumPy, and
@@ -18,6 +20,9 @@ def is_table(value: Any) -> bool:
 
 def write_table(table: Any, path: str) -> None:
     """Writes columns as CSV, numbers to the last digit; what is missing is an empty cell."""
+    if any(name is not None for name in getattr(getattr(table, "index", None), "names", [])):
+        # A named index of pandas is a column, too.
+        table = table.reset_index()
     names = _names(table)
     columns = [_values(table[name]) for name in names]
     lengths = {len(column) for column in columns}
@@ -43,6 +48,9 @@ def _names(table: Any) -> list[Any]:
 
 
 def _values(column: Any) -> list[Any]:
+    if isinstance(column, np.ndarray) and column.dtype.kind == "M":
+        texts = np.datetime_as_string(column).tolist()
+        return ["" if text == "NaT" else text for text in texts]
     for method in ("tolist", "to_pylist"):
         if hasattr(column, method):
             return [_cell(value) for value in getattr(column, method)()]
@@ -51,6 +59,9 @@ def _values(column: Any) -> list[Any]:
 
 def _cell(value: Any) -> Any:
     if value is None or (isinstance(value, float) and math.isnan(value)):
+        return ""
+    # The missing value of pandas' own types.
+    if type(value).__name__ == "NAType":
         return ""
     # Times of pandas, polars and the standard library; those of pandas may be missing.
     if hasattr(value, "isoformat"):

@@ -72,8 +72,9 @@ def consistency(
 def whiteness(innovations: ArrayLike | Sequence[ArrayLike], *, lags: int = 10) -> Whiteness:
     """Judges whether normalised innovations hang together over time.
 
-    ``innovations`` has one row a step, or is a list of such arrays, one a run; NaN stands for a
-    component that was not measured.
+    ``innovations`` has one row a step, as an array or as a list of rows, or is a list of such
+    arrays, one a run; a list of arrays of one axis is rows. NaN stands for a component that was not
+    measured.
 
     >>> rng = np.random.default_rng(1)
     >>> whiteness(rng.normal(size=(500, 2))).p_value > 0.01
@@ -81,7 +82,9 @@ def whiteness(innovations: ArrayLike | Sequence[ArrayLike], *, lags: int = 10) -
     >>> whiteness(np.cumsum(rng.normal(size=500))).p_value < 0.01
     True
     """
-    several = isinstance(innovations, (list, tuple)) and np.ndim(innovations[0]) > 0
+    if len(innovations) == 0:  # type: ignore[arg-type]
+        raise ValueError("innovations is empty; it must have a row for each step")
+    several = isinstance(innovations, (list, tuple)) and np.ndim(innovations[0]) > 1
     runs = list(innovations) if several else [innovations]  # type: ignore[arg-type]
     columns = [np.asarray(run, float) for run in runs]
     columns = [run[:, None] if run.ndim == 1 else run for run in columns]

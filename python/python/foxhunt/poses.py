@@ -59,7 +59,12 @@ class Pose(np.ndarray):
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **more: Any) -> Any:
         # Nor is a sum of places.
         plain = [each._plain if isinstance(each, Pose) else each for each in inputs]
-        return getattr(ufunc, method)(*plain, **more)
+        out = more.get("out", ())
+        if out:
+            more["out"] = tuple(each._plain if isinstance(each, Pose) else each for each in out)
+        result = getattr(ufunc, method)(*plain, **more)
+        # What is written into a pose stays that pose.
+        return out[0] if len(out) == 1 else result
 
     def __reduce__(self) -> Any:
         return Pose, (self._plain.tolist(), self.heading, self.pitch, self.roll, self.velocity)

@@ -24,7 +24,7 @@ fn table(text: &str) -> csv::Result<Converted> {
     let mut others = 0_u64;
     for (number, line) in (1..).zip(text.lines()) {
         let Some(Report { station, place, bearing_deg, sigma_deg }) = Report::of(line) else {
-            others += u64::from(!line.is_empty());
+            others += u64::from(!line.is_empty() && !line.starts_with('#'));
             continue;
         };
         let [lat, lon] = place.map(|degrees| format!("{degrees:.6}"));
@@ -33,8 +33,8 @@ fn table(text: &str) -> csv::Result<Converted> {
         rows.write(number, &[station, &lat, &lon, bearing, sigma])?;
     }
     let what = format!(
-        "packets of APRS; bearings with a number and \
-                        a quality are the rows; packets without: {others}"
+        "packets of APRS; bearings with a number and a quality are the rows, without their times; \
+         packets without: {others}"
     );
     Ok(Converted { table: Made::Rows(rows.finish()?), what })
 }

@@ -56,8 +56,8 @@ pub(super) fn convert(
     if let Some(rows) = json::convert(bytes, file)? {
         return Ok(Some(Converted { table: Made::Rows(rows), what: String::new() }));
     }
-    let text = std::str::from_utf8(bytes).unwrap_or_default();
-    let converted = sensorgnome::convert(text).or_else(|| aprs::convert(text));
+    let text = String::from_utf8_lossy(bytes);
+    let converted = sensorgnome::convert(&text).or_else(|| aprs::convert(&text));
     converted.map(|made| made.map_err(|error| not_written(file, error))).transpose()
 }
 

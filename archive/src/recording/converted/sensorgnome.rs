@@ -12,7 +12,7 @@ const LOOKED_AT: usize = 200;
 pub(super) fn convert(text: &str) -> Option<csv::Result<Converted>> {
     let of_tag = |line: &str| Detection::of(line).is_some();
     let lines = || text.lines().filter(|line| !line.is_empty());
-    let is_one = lines().take(LOOKED_AT).all(is_line) && lines().take(LOOKED_AT).any(of_tag);
+    let is_one = lines().take(LOOKED_AT).all(is_line) && lines().any(of_tag);
     is_one.then(|| table(text))
 }
 

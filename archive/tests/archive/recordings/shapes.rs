@@ -146,6 +146,14 @@ fn a_track_of_kml_is_a_path() {
         assert!(off < 1e-9, "{second} s: {place:?}");
     }
     assert_eq!(rover.place(BEGIN + 21.0), None);
+    // A place that is missing leaves its time out, and one too few names the line.
+    let without = track.replace("<gx:coord>16.37 48.2 230</gx:coord>", "<gx:coord/>");
+    let rover = Rover::parse(without.as_bytes(), "track.kml").expect("a track");
+    assert_eq!(rover.place(BEGIN + 5.0), None);
+    assert!((rover.place(BEGIN + 10.0).expect("a point").lon_deg - 16.38).abs() < 1e-9);
+    let fewer = track.replace("<gx:coord>16.37 48.2 230</gx:coord>", "");
+    let error = Rover::parse(fewer.as_bytes(), "track.kml").expect_err("a place is missing");
+    assert!(error.to_string().contains("line 6: ") && error.to_string().contains("2 times and 1"));
     let error = Rover::parse(track.replace("48.2 240", "98.2 240").as_bytes(), "track.kml");
     let error = error.expect_err("no such latitude").to_string();
     assert!(error.contains("track.kml, line 5") && error.contains("98.2"), "{error}");

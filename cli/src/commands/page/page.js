@@ -123,9 +123,8 @@ async function take(list) {
 
 let busy = false, stopped = false;
 
-// Words of a command line; quotes keep blanks.
 // The words of a line as a shell has them: quotes hold spaces together, also within a word.
-const words = (text) => [...text.matchAll(/(?:"[^"]*"|'[^']*'|[^\s"'])+/g)].map(([word]) => word.replace(/"([^"]*)"|'([^']*)'/g, (_, double, single) => double ?? single));
+const words = (text) => [...text.matchAll(/(?:"[^"]*"|'[^']*'|\S)+/g)].map(([word]) => word.replace(/"([^"]*)"|'([^']*)'/g, (_, double, single) => double ?? single));
 
 const REPORT = "report.html";
 
