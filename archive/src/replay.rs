@@ -78,7 +78,7 @@ const LAGS: usize = 5;
 ///
 /// # Errors
 ///
-/// Those of [`Replayer::new`] and [`Replayer::event`].
+/// The errors of [`Replayer::new`] and [`Replayer::event`].
 pub fn replay(
     log: &Log,
     registry: &Registry,
@@ -168,7 +168,7 @@ impl<'a> Replayer<'a> {
     ///
     /// # Errors
     ///
-    /// Those of [`new`](Self::new).
+    /// The errors of [`new`](Self::new).
     pub fn smoothable(
         header: &LogHeader,
         registry: &Registry,

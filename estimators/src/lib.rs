@@ -33,7 +33,7 @@ pub trait CloneEstimator<const N: usize, const M: usize>: Estimator<N, M> {
     ///
     /// # Errors
     ///
-    /// Those of [`Smooth::smooth`]; [`EstimatorError::Unsupported`] for one of another type.
+    /// The errors of [`Smooth::smooth`]; [`EstimatorError::Unsupported`] for one of another type.
     fn smooth_by(
         &mut self,
         later: &dyn CloneEstimator<N, M>,

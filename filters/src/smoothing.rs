@@ -47,8 +47,8 @@ use foxhunt_core::{Correction, Estimator, Observation, Quantity, Smooth};
 ///
 /// # Errors
 ///
-/// Those of [`Smooth::smooth`]; [`EstimatorError::TimeStep`] when times do not ascend. What comes
-/// before the step that failed is then not smoothed.
+/// The errors of [`Smooth::smooth`]; [`EstimatorError::TimeStep`] when times do not ascend. What
+/// comes before the step that failed is then not smoothed.
 #[cfg(feature = "alloc")]
 pub fn fixed_interval<E: Smooth<N, M>, const N: usize, const M: usize>(
     run: &mut [(f64, E)],
@@ -96,7 +96,7 @@ impl<E: Clone> Remembering<E> {
     ///
     /// # Errors
     ///
-    /// Those of [`Smooth::smooth`].
+    /// The errors of [`Smooth::smooth`].
     pub fn smoothed<const N: usize, const M: usize>(&self) -> Result<Vec<(f64, E)>, EstimatorError>
     where
         E: Smooth<N, M>,

@@ -1,4 +1,4 @@
-use std::path::PathBuf;
+use std::{collections::BTreeSet, path::PathBuf};
 
 use foxhunt::{
     core::{Ellipse, Outcome, Remark},
@@ -223,11 +223,15 @@ impl SmoothedTrack {
     fn new(log: &Log, fix: &ReplayedFix, search: &SearchOverview) -> Self {
         let beacon = log.header.beacons.get(usize::from(fix.beacon.0));
         let truth = |time: f64| beacon.and_then(|beacon| beacon.place_at(time));
-        let judged = |beliefs: &[Believed]| {
+        // Errors are compared at times that both have: a reception that changes nothing is
+        // smoothed, too, and the first belief is of no reception.
+        let filtered = search.beliefs.get(1..).unwrap_or_default();
+        let judged = |beliefs: &[Believed], others: &[Believed]| {
             let mut squares = 0.0;
             let mut nees = 0.0;
             let mut count = 0.0;
-            for belief in beliefs {
+            let times: BTreeSet<u64> = others.iter().map(|other| other.time.to_bits()).collect();
+            for belief in beliefs.iter().filter(|own| times.contains(&own.time.to_bits())) {
                 let truth = truth(belief.time)?;
                 squares += (belief.estimate.mean - truth).norm_squared();
                 nees += belief.estimate.nees(&truth)?;
@@ -235,9 +239,8 @@ impl SmoothedTrack {
             }
             (count > 0.0).then(|| ((squares / count).sqrt(), nees / count))
         };
-        let smoothed = judged(&search.smoothed);
-        // The first belief is of no reception.
-        let filtered = judged(search.beliefs.get(1..).unwrap_or_default());
+        let smoothed = judged(&search.smoothed, filtered);
+        let filtered = judged(filtered, &search.smoothed);
         let place = |believed: &Believed| SmoothedPlace {
             time_s: believed.time,
             estimate: (&believed.estimate).into(),

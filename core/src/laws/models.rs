@@ -396,6 +396,8 @@ pub fn smoother<E: Smooth<N, M> + Clone, const N: usize, const M: usize>(
     let root = before.covariance.cholesky().map(|root| root.unpack());
     let white = root.and_then(|root| root.try_inverse());
     let Some(white) = white else { panic!("{name}: the covariance is not positive definite") };
+    let is_finite = after.mean.iter().chain(&after.covariance).all(|value| value.is_finite());
+    assert!(is_finite, "{name}: the smoothed mean or covariance is not finite");
     let mean = (white * (after.mean - before.mean)).amax();
     let spread = white * (after.covariance - before.covariance) * white.transpose();
     let covariance = spread.amax();

@@ -310,13 +310,17 @@ fn over<E: Estimator<N, M>, const N: usize, const M: usize>(
     let (Some(white), Some(shift)) = (white, shift) else {
         panic!("{name}: the predicted covariance is not definite")
     };
+    // The largest of some numbers may hide one that is none.
+    let is_finite = shift.iter().chain(&white).all(|value| value.is_finite());
+    assert!(is_finite, "{name}: a posterior mean or covariance is not finite");
     let random = match samples > 0.0 {
         true => laws.standard_errors * libm::sqrt(2.0 / samples),
         false => 0.0,
     };
     let room = laws.tolerance + random;
     let breach = |off: f64| off.is_nan() || off > room;
-    let components = observation.len() - usize::from(laws.given.is_some());
+    let is_given = laws.given.is_some_and(|given| observation.has(given));
+    let components = observation.len() - usize::from(is_given);
     #[expect(clippy::cast_precision_loss, reason = "as many as an observation has components")]
     let expected_nis = components as f64;
     let covariance = (white - Covariance::<N>::identity()).amax();

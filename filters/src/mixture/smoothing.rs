@@ -185,7 +185,7 @@ where
     }
 }
 
-/// As the filter before its first bearing, as the bank after it.
+/// Smooths as the filter before the first bearing, and as the bank after it.
 impl<T, F, H, const N: usize, const M: usize> Smooth<N, M> for FirstBearing<T, F, H, N, M>
 where
     T: Transform + Clone,

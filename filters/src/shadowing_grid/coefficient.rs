@@ -9,8 +9,8 @@ use super::{
 /// Nodes over which a coefficient is summed, given a place and a correlation.
 ///
 /// The prior's nodes suffice while the likelihood is wide: a sum over nodes two σ apart is the
-/// integral of a Gaussian to 1.5 %. Where it is narrower, whole nodes would decide on the place, and
-/// nodes about the likelihood's peak take theirs.
+/// integral of a Gaussian to 1.5 %. Where it is narrower, whole nodes would decide on the place,
+/// and nodes about the likelihood's peak take theirs.
 #[derive(Clone, Debug)]
 pub(super) struct Coefficient {
     nodes: Vec<(f64, f64)>,
@@ -108,6 +108,6 @@ impl Coefficient {
 /// σ of a likelihood, in steps of the prior, below which it has nodes of its own.
 const NARROW: f64 = 0.5;
 
-/// Number of σ over which a likelihood's own nodes reach on either side; of a Gaussian 10⁻⁴ lie
-/// beyond.
+/// Number of σ over which a likelihood's own nodes reach on either side; of a Gaussian 10⁻⁴
+/// lie beyond.
 const REACH: i32 = 4;

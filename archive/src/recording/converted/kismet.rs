@@ -8,7 +8,8 @@ use crate::recording::RecordingError;
 /// First bytes of a database of SQLite 3.
 const MAGIC: &[u8] = b"SQLite format 3\0";
 
-/// Version of the log before which places are whole numbers, degrees times 100,000, without heights.
+/// Version of the log before which places are whole numbers, degrees times 100,000, and have no
+/// height.
 const DEGREES_SINCE: i64 = 5;
 
 /// Packets of a log of Kismet (`.kismet`, "KismetDB logs"): their level, place and sender.

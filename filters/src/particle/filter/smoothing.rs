@@ -91,7 +91,7 @@ where
         states
     }
 
-    /// For each later state, a state that it may have come from.
+    /// Draws for each later state a state that it may have come from.
     fn earlier(
         &self,
         later: &[State<N>],
