@@ -113,7 +113,7 @@ fn struck_receptions_are_left_out() {
 fn a_track_is_smoothed() {
     let out = folder("replay_smooth");
     let out = out.to_str().expect("the target folder is UTF-8");
-    assert_eq!(foxhunt(["hunt", "isaacs-circle-flown", "--seed", "2", "--out", out]).code, 0);
+    assert_eq!(foxhunt(["hunt", "isaacs-circle", "--seed", "2", "--out", out]).code, 0);
     let log = format!("{out}/hunt.jsonl");
     let exported = format!("{out}/track.geojson");
     let page = format!("{out}/smoothed.html");
