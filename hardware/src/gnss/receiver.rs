@@ -317,6 +317,12 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
                 break;
             }
             pause();
+    /// No fix has had a height until now, which a flying vehicle needs.
+    #[error(
+        "no fix of the GNSS receiver has had a height: wait for a fourth satellite, or turn \
+         sentences with a height on, such as GGA"
+    )]
+    NoHeight,
             position = self.position();
         }
         let mut findings = Vec::new();
