@@ -131,8 +131,8 @@ impl Positioning for Mark {
 /// An order moves nothing. It is kept as the [`goal`](Self::goal), which is shown to the person who
 /// walks there, or does not, and is sent to a [guide](Self::with_guide).
 ///
-/// The pose is an error while the heading is unknown ([`CarriedError::NoHeading`]), as bearings by a
-/// guessed heading would be wrong by any angle. An antenna without a direction needs no heading
+/// The pose is an error while the heading is unknown ([`CarriedError::NoHeading`]), as bearings by
+/// a guessed heading would be wrong by any angle. An antenna without a direction needs no heading
 /// ([`omnidirectional`](Self::omnidirectional)).
 pub struct CarriedVehicle<G> {
     config: CarriedConfig,

@@ -43,8 +43,8 @@ const FIX_WITHIN_M: f64 = 100.0;
 /// place counts as a fix by the satellites where it is within 100 m.
 ///
 /// `hAcc` is √(σ_E² + σ_N²), as its users found against GST; East and North get equal shares.
-/// NAV-SOL's accuracy is shared equally by all three axes. NAV-PVT's heading of the vehicle is that of
-/// a receiver that fuses sensors.
+/// NAV-SOL's accuracy is shared equally by all three axes. NAV-PVT's heading of the vehicle is that
+/// of a receiver that fuses sensors.
 #[derive(Clone, Debug, Default)]
 pub struct UbloxDecoder {
     frames: Frames,
