@@ -32,7 +32,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let world = World::new(&WorldConfig { beacons, drones, ..WorldConfig::default() }, 1)?;
     let (radio_port, radio_end) = memory_pair();
     let (gnss_port, gnss_end) = memory_pair();
-    let emulated = EmulatedGnssConfig::default();
+    // The bearings of the turning antenna need a compass.
+    let emulated = EmulatedGnssConfig { compass: true, ..EmulatedGnssConfig::default() };
     let frame = LocalFrame::new(emulated.origin)?;
     let mut devices: [Box<dyn Emulator>; 2] = [
         Box::new(EmulatedXbee::new(&world, 0, EmulatedXbeeConfig::default(), radio_end)?),

@@ -16,7 +16,8 @@
 //! let (port, mut device) = memory_pair();
 //! let gnss = GnssReceiver::new(GnssConfig::default(), port, SystemClock::start())?;
 //! let frame = LocalFrame::new(Geodetic { lat_deg: 50.0, lon_deg: 14.0, alt_m: 300.0 })?;
-//! let mut walker = CarriedVehicle::new(CarriedConfig::default(), gnss, frame);
+//! // An antenna without a direction needs no compass.
+//! let mut walker = CarriedVehicle::new(CarriedConfig::default(), gnss, frame).omnidirectional();
 //!
 //! device.send(b"$GPGGA,120000.00,5000.0100,N,01400.0000,E,4,17,0.7,255.0,M,45.0,M,,*69\r\n")?;
 //! let place = walker.pose()?.position;

@@ -11,8 +11,8 @@ pub const GEOID_SIGMA_M: f64 = 1.5;
 /// The height of the geoid, which is mean sea level, above the WGS84 ellipsoid at a place, in
 /// metres: what a height above the sea lacks to be one above the ellipsoid.
 ///
-/// By EGM2008 (NGA) at every third degree, and linear between. The height of the place is of no
-/// matter. A latitude beyond the poles counts as that of the pole.
+/// The table is EGM2008 (NGA) at every third degree, with linear interpolation. The height of the
+/// place does not matter. A latitude beyond the poles counts as that of the pole.
 ///
 /// ```
 /// use foxhunt_wire::{geodesy::Geodetic, geoid::geoid_height_m};

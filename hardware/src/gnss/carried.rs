@@ -1,6 +1,6 @@
 //! Receivers that nothing flies: a person, a car or a boat carries them, or they stand somewhere.
 
-use std::{fmt, io};
+use std::{f64::consts::SQRT_2, fmt, io};
 
 use foxhunt_core::{
     Pose, Spinner, Vehicle, Waypoint,
@@ -18,6 +18,10 @@ use crate::{Aircraft, AircraftState, Hands};
 
 /// σ of the height of an antenna that somebody carries over level ground, in metres.
 const CARRIED_UP_SIGMA_M: f64 = 0.5;
+
+/// Time in seconds after which a goal is sent to the guide once more: a datagram may be lost, and a
+/// plotter may be switched on late.
+const REPEATED_S: f64 = 5.0;
 
 /// Settings of a receiver that a person, a car or a boat carries.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -124,16 +128,23 @@ impl Positioning for Mark {
 /// A receiver that nothing flies: in the hands of a person, on a car or a boat, or at a fixed
 /// place.
 ///
-/// It goes nowhere by itself. An order is kept as its [`goal`](Self::goal), which is shown to the
-/// person who walks there, or does not, and is sent to a [guide](Self::with_guide).
+/// An order moves nothing. It is kept as the [`goal`](Self::goal), which is shown to the person who
+/// walks there, or does not, and is sent to a [guide](Self::with_guide).
+///
+/// The pose is an error while the heading is unknown ([`CarriedError::NoHeading`]), as bearings by
+/// a guessed heading would be wrong by any angle. An antenna without a direction needs no heading
+/// ([`omnidirectional`](Self::omnidirectional)).
 pub struct CarriedVehicle<G> {
     config: CarriedConfig,
     gnss: G,
     frame: LocalFrame,
     /// Place of the antenna of the GNSS from the middle: forward, left and up.
     antenna: Vector3<f64>,
-    guide: Option<Box<dyn ByteStream>>,
-    heading: f64,
+    guide: Option<Guide>,
+    /// Direction of the nose; `None` before a compass or a course is known.
+    heading: Option<f64>,
+    /// True if the antenna has no direction.
+    omnidirectional: bool,
     goal: Option<Waypoint>,
     sigma: Option<Vector3<f64>>,
     /// True if it never goes anywhere.
@@ -154,6 +165,40 @@ impl<G> fmt::Debug for CarriedVehicle<G> {
     }
 }
 
+/// Stream to a plotter or a telephone, and the goal that was sent last.
+struct Guide {
+    stream: Box<dyn ByteStream>,
+    sent: Option<SentGoal>,
+}
+
+/// Goal that a guide got.
+struct SentGoal {
+    goal: Waypoint,
+    /// Time by the clock of the GNSS, if that has one.
+    at_s: Option<f64>,
+    connections: u32,
+}
+
+impl Guide {
+    /// Sends a goal, unless this connection got it lately.
+    fn show(&mut self, goal: &Waypoint, frame: &LocalFrame, now_s: Option<f64>) -> io::Result<()> {
+        let connections = self.stream.connections();
+        let is_recent = |sent: &SentGoal| {
+            let age_s = now_s.zip(sent.at_s).map_or(0.0, |(now_s, at_s)| now_s - at_s);
+            sent.goal == *goal && sent.connections == connections && age_s < REPEATED_S
+        };
+        if self.sent.as_ref().is_some_and(is_recent) {
+            return Ok(());
+        }
+        let place = frame.to_geodetic(&goal.position);
+        self.stream.send(waypoint(&place).as_bytes())?;
+        // Sending may have opened the stream.
+        let connections = self.stream.connections();
+        self.sent = Some(SentGoal { goal: *goal, at_s: now_s, connections });
+        Ok(())
+    }
+}
+
 /// Error of a carried receiver.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -161,6 +206,9 @@ pub enum CarriedError {
     /// Its place is unknown.
     #[error(transparent)]
     Gnss(#[from] GnssError),
+    /// Its heading is unknown, and its antenna has a direction.
+    #[error("the heading is unknown: walk some metres, add a compass, or set heading_deg_compass")]
+    NoHeading,
     /// Its guide cannot be reached.
     #[error("the guide that goals are sent to: {0}")]
     Guide(io::Error),
@@ -183,10 +231,10 @@ impl CarriedVehicle<Mark> {
 }
 
 impl<G> CarriedVehicle<G> {
-    /// A receiver that is carried. `frame` is that of all poses. Before a compass or a course is
-    /// known, its nose looks to the East.
+    /// A receiver that is carried. `frame` is that of all poses. Its antenna has a direction, so
+    /// that it has no pose before a compass or a course is known.
     pub fn new(config: CarriedConfig, gnss: G, frame: LocalFrame) -> Self {
-        let heading = config.heading_deg_compass.map_or(0.0, compass_deg_to_radians);
+        let heading = config.heading_deg_compass.map(compass_deg_to_radians);
         Self {
             config,
             gnss,
@@ -194,6 +242,7 @@ impl<G> CarriedVehicle<G> {
             antenna: Vector3::zeros(),
             guide: None,
             heading,
+            omnidirectional: false,
             goal: None,
             sigma: None,
             rooted: false,
@@ -210,15 +259,25 @@ impl<G> CarriedVehicle<G> {
 
     /// Sends each goal to a plotter, a telephone or a simulated walker, as a sentence WPL of NMEA
     /// 0183 of the waypoint `NEXT`.
+    ///
+    /// It is sent again every 5 s by the clock of the GNSS, and on a new connection. A goal that
+    /// could not be sent is sent at the next pose.
     #[must_use]
     pub fn with_guide(self, guide: Box<dyn ByteStream>) -> Self {
-        Self { guide: Some(guide), ..self }
+        Self { guide: Some(Guide { stream: guide, sent: None }), ..self }
+    }
+
+    /// Declares an antenna without a direction: there is a pose while the heading is unknown, whose
+    /// heading is then 0. σ grows by the distance of the GNSS's antenna from the middle.
+    #[must_use]
+    pub fn omnidirectional(self) -> Self {
+        Self { omnidirectional: true, ..self }
     }
 
     /// Sets the direction of its nose, in radians counter-clockwise from East, until a compass or a
     /// course changes it.
     pub fn set_heading(&mut self, heading: f64) {
-        self.heading = heading;
+        self.heading = Some(heading);
     }
 
     /// The last goal.
@@ -237,26 +296,37 @@ impl<G: Positioning> Vehicle for CarriedVehicle<G> {
 
     fn pose(&mut self) -> Result<Pose, CarriedError> {
         self.sigma = None;
+        if let Some((guide, goal)) = self.guide.as_mut().zip(self.goal) {
+            // It is sent again at the next pose; the place does not depend on it.
+            let _ = guide.show(&goal, &self.frame, self.gnss.clock_s());
+        }
         let position = self.gnss.position()?;
         self.began = true;
         let up_sigma = if self.rooted { position.sigma_m.z } else { CARRIED_UP_SIGMA_M };
-        self.sigma = Some(Vector3::new(position.sigma_m.x, position.sigma_m.y, up_sigma));
         let velocity =
             position.velocity_mps.map(|velocity| Vector3::new(velocity.x, velocity.y, 0.0));
         if self.config.heading_deg_compass.is_none() {
             let moves = velocity.filter(|v| v.norm() >= self.config.course_from_mps);
             let course = moves.filter(|v| v.norm() > 0.0).map(|v| v.y.atan2(v.x));
-            self.heading = position.heading.or(course).unwrap_or(self.heading);
+            self.heading = position.heading.or(course).or(self.heading);
         }
-        let (sin, cos) = self.heading.sin_cos();
-        let antenna = Vector3::new(
-            cos * self.antenna.x - sin * self.antenna.y,
-            sin * self.antenna.x + cos * self.antenna.y,
-            0.0,
-        );
-        let mut middle = self.frame.to_local(&position.place) - antenna;
+        let mut middle = self.frame.to_local(&position.place);
+        let mut sigma = Vector3::new(position.sigma_m.x, position.sigma_m.y, up_sigma);
+        if let Some(heading) = self.heading {
+            let (sin, cos) = heading.sin_cos();
+            middle.x -= cos * self.antenna.x - sin * self.antenna.y;
+            middle.y -= sin * self.antenna.x + cos * self.antenna.y;
+        } else if self.omnidirectional {
+            // The middle is anywhere on a circle around the antenna of the GNSS.
+            let around = self.antenna.xy().norm() / SQRT_2;
+            sigma.x = sigma.x.hypot(around);
+            sigma.y = sigma.y.hypot(around);
+        } else {
+            return Err(CarriedError::NoHeading);
+        }
         middle.z = self.config.up_m;
-        Ok(Pose { velocity, ..Pose::level(middle, self.heading) })
+        self.sigma = Some(sigma);
+        Ok(Pose { velocity, ..Pose::level(middle, self.heading.unwrap_or(0.0)) })
     }
 
     fn position_sigma(&self) -> Option<Vector3<f64>> {
@@ -264,23 +334,23 @@ impl<G: Positioning> Vehicle for CarriedVehicle<G> {
     }
 
     fn go_to(&mut self, goal: &Waypoint) -> Result<(), CarriedError> {
-        let is_new = self.goal.replace(*goal) != Some(*goal);
-        if let Some(guide) = self.guide.as_mut().filter(|_| is_new) {
-            let place = self.frame.to_geodetic(&goal.position);
-            guide.send(waypoint(&place).as_bytes()).map_err(CarriedError::Guide)?;
-        }
-        Ok(())
+        self.goal = Some(*goal);
+        let Some(guide) = &mut self.guide else { return Ok(()) };
+        guide.show(goal, &self.frame, self.gnss.clock_s()).map_err(CarriedError::Guide)
     }
 
     /// It is on the ground; there is nowhere to go any more.
     fn land(&mut self) -> Result<(), CarriedError> {
         self.goal = None;
+        if let Some(guide) = &mut self.guide {
+            guide.sent = None;
+        }
         self.dismissed = true;
         Ok(())
     }
 }
 
-/// Whoever carries it turns it.
+/// Its carrier turns the body; an order to turn does nothing.
 impl<G: Positioning> Spinner for CarriedVehicle<G> {
     fn spin(&mut self, _rate: Option<f64>) -> Result<(), CarriedError> {
         Ok(())
@@ -337,19 +407,28 @@ fn waypoint(place: &Geodetic) -> String {
 
 #[cfg(test)]
 mod tests {
-    use std::f64::consts::FRAC_PI_2;
+    use std::{cell::RefCell, f64::consts::FRAC_PI_2, rc::Rc};
 
     use foxhunt_wire::memory_pair;
 
     use super::*;
 
-    /// A receiver that reports what the test sets.
-    struct Reports(GnssPosition);
+    /// A receiver that reports the position and the time that the test sets.
+    struct Reports(GnssPosition, f64);
 
     impl Positioning for Reports {
         fn position(&mut self) -> Result<GnssPosition, GnssError> {
             Ok(self.0)
         }
+
+        fn clock_s(&self) -> Option<f64> {
+            Some(self.1)
+        }
+    }
+
+    /// A receiver with a compass that looks to the East.
+    fn reports(east_m: f64, north_m: f64) -> Reports {
+        Reports(GnssPosition { heading: Some(0.0), ..at(east_m, north_m) }, 0.0)
     }
 
     fn frame() -> LocalFrame {
@@ -365,7 +444,7 @@ mod tests {
     #[test]
     fn the_nose_is_that_of_a_compass_or_the_course_or_stays() {
         let mut walker =
-            CarriedVehicle::new(CarriedConfig::default(), Reports(at(10.0, 20.0)), frame())
+            CarriedVehicle::new(CarriedConfig::default(), reports(10.0, 20.0), frame())
                 .with_antenna(Vector3::new(2.0, 0.0, 1.0));
         let mut pose = |velocity: [f64; 2], heading: Option<f64>| {
             let [east, north] = velocity;
@@ -382,7 +461,7 @@ mod tests {
         assert!((pose([0.0, 1.4], Some(1.0)).heading - 1.0).abs() < 1e-12, "the compass");
         assert_eq!(walker.position_sigma(), Some(Vector3::new(2.0, 2.0, 0.5)));
         let config = CarriedConfig { heading_deg_compass: Some(90.0), ..CarriedConfig::default() };
-        let mut kept = CarriedVehicle::new(config, Reports(at(0.0, 0.0)), frame());
+        let mut kept = CarriedVehicle::new(config, reports(0.0, 0.0), frame());
         kept.gnss().0.heading = Some(2.0);
         assert!(kept.pose().expect("a place").heading.abs() < 1e-12);
     }
@@ -390,9 +469,8 @@ mod tests {
     #[test]
     fn goals_are_kept_and_sent_once_to_the_guide() {
         let (near, mut far) = memory_pair();
-        let mut walker =
-            CarriedVehicle::new(CarriedConfig::default(), Reports(at(0.0, 0.0)), frame())
-                .with_guide(Box::new(near));
+        let mut walker = CarriedVehicle::new(CarriedConfig::default(), reports(0.0, 0.0), frame())
+            .with_guide(Box::new(near));
         let goal = Waypoint { position: Vector3::new(-30.0, 40.0, 1.5) };
         walker.go_to(&goal).expect("memory");
         walker.go_to(&goal).expect("memory");
@@ -407,9 +485,104 @@ mod tests {
     }
 
     #[test]
+    fn a_heading_that_is_unknown_is_not_guessed() {
+        let unknown = || Reports(at(10.0, 20.0), 0.0);
+        let arm = Vector3::new(3.0, 4.0, 0.0);
+        let mut walker = CarriedVehicle::new(CarriedConfig::default(), unknown(), frame());
+        assert!(matches!(walker.pose(), Err(CarriedError::NoHeading)));
+        assert_eq!(walker.position_sigma(), None);
+        let state = walker.state().expect("a state");
+        assert!(!state.commanded && state.hindrance.contains("walk some metres"), "{state:?}");
+        // After some metres it is the course, and stays.
+        walker.gnss().0.velocity_mps = Some(Vector3::new(0.0, 1.4, 0.0));
+        assert!((walker.pose().expect("a course").heading - FRAC_PI_2).abs() < 1e-12);
+        walker.gnss().0.velocity_mps = Some(Vector3::zeros());
+        assert!((walker.pose().expect("the last").heading - FRAC_PI_2).abs() < 1e-12);
+        // An antenna without a direction goes on, with the arm of the GNSS as a part of σ.
+        let mut omni = CarriedVehicle::new(CarriedConfig::default(), unknown(), frame())
+            .with_antenna(arm)
+            .omnidirectional();
+        let pose = omni.pose().expect("a place");
+        assert!((pose.position - Vector3::new(10.0, 20.0, 1.5)).norm() < 1e-3, "{pose:?}");
+        let sigma = omni.position_sigma().expect("with the place");
+        assert!((sigma.x - (4.0 + 12.5_f64).sqrt()).abs() < 1e-12, "{sigma}");
+        omni.set_heading(0.0);
+        let pose = omni.pose().expect("a place");
+        assert!((pose.position - Vector3::new(7.0, 16.0, 1.5)).norm() < 1e-3, "{pose:?}");
+        assert_eq!(omni.position_sigma(), Some(Vector3::new(2.0, 2.0, 0.5)));
+    }
+
+    #[test]
+    fn a_height_that_is_unknown_is_no_matter_on_the_ground() {
+        let mut walker = CarriedVehicle::new(CarriedConfig::default(), reports(1.0, 2.0), frame());
+        walker.gnss().0.height = HeightOrigin::SeaLevel;
+        let position = walker.pose().expect("a place").position;
+        assert!((position.z - 1.5).abs() < 1e-12, "{position}");
+    }
+
+    /// A guide that fails where the test orders it, and may be opened again.
+    #[derive(Clone, Default)]
+    struct Flaky(Rc<RefCell<(bool, u32, Vec<String>)>>);
+
+    impl ByteStream for Flaky {
+        fn receive(&mut self, _into: &mut [u8]) -> io::Result<usize> {
+            Ok(0)
+        }
+
+        fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+            let mut guide = self.0.borrow_mut();
+            if guide.0 {
+                return Err(io::ErrorKind::NotConnected.into());
+            }
+            guide.2.push(String::from_utf8_lossy(bytes).into_owned());
+            Ok(())
+        }
+
+        fn connections(&self) -> u32 {
+            self.0.borrow().1
+        }
+    }
+
+    #[test]
+    fn a_goal_that_failed_or_may_be_lost_is_sent_again() {
+        let guide = Flaky::default();
+        let mut walker = CarriedVehicle::new(CarriedConfig::default(), reports(0.0, 0.0), frame())
+            .with_guide(Box::new(guide.clone()));
+        let goal = Waypoint { position: Vector3::new(-30.0, 40.0, 1.5) };
+        let sent = || guide.0.borrow().2.len();
+        guide.0.borrow_mut().0 = true;
+        assert!(matches!(walker.go_to(&goal), Err(CarriedError::Guide(_))));
+        assert!(walker.pose().is_ok(), "the place does not depend on the guide");
+        guide.0.borrow_mut().0 = false;
+        walker.go_to(&goal).expect("the guide is there again");
+        assert_eq!(sent(), 1, "it was not taken for sent");
+        // A goal that failed is sent without another order, too.
+        let other = Waypoint { position: Vector3::new(5.0, 0.0, 1.5) };
+        guide.0.borrow_mut().0 = true;
+        assert!(walker.go_to(&other).is_err());
+        guide.0.borrow_mut().0 = false;
+        let _ = walker.pose().expect("a place");
+        assert_eq!(sent(), 2);
+        // It is repeated by the clock, and on a new connection.
+        for (time_s, connections, expected) in
+            [(4.9, 0, 2), (5.1, 0, 3), (9.9, 0, 3), (10.0, 1, 4), (10.1, 1, 4)]
+        {
+            walker.gnss().1 = time_s;
+            guide.0.borrow_mut().1 = connections;
+            let _ = walker.pose().expect("a place");
+            assert_eq!(sent(), expected, "at {time_s} s");
+        }
+        let all = guide.0.borrow().2.clone();
+        assert!(all[1..].iter().all(|text| text == &all[1]) && all[0] != all[1], "{all:?}");
+        walker.land().expect("it is on the ground");
+        walker.gnss().1 = 100.0;
+        let _ = walker.pose().expect("a place");
+        assert_eq!(sent(), 4, "nowhere to go");
+    }
+
+    #[test]
     fn it_takes_part_until_it_is_dismissed() {
-        let mut walker =
-            CarriedVehicle::new(CarriedConfig::default(), Reports(at(0.0, 0.0)), frame());
+        let mut walker = CarriedVehicle::new(CarriedConfig::default(), reports(0.0, 0.0), frame());
         let state = walker.state().expect("a state");
         assert!(state.commanded && state.airborne && !state.rooted);
         assert_eq!((state.mode.as_str(), state.hands), ("CARRIED", Hands::Ours));

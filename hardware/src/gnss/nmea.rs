@@ -14,6 +14,9 @@ const LONGEST: usize = 102;
 /// one, at 1 Hz.
 const COMPANION_AGE_S: f64 = 2.0;
 
+/// Speed in knots below which a receiver that reports no course stands.
+const STANDS_KNOTS: f64 = 0.1;
+
 /// Metres per second in a knot.
 const KNOT_MPS: f64 = 1852.0 / 3600.0;
 
@@ -29,10 +32,11 @@ const KNOT_MPS: f64 = 1852.0 / 3600.0;
 /// GST has σ, GSA the dilution, RMC and ZDA the date, RMC and VTG the velocity. These count for a
 /// fix of the same moment or up to 2 s later; when they come after the fix of their moment, the fix
 /// is repeated. RMC and VTG have no climb: Up is taken to be 0. A course is missing while the
-/// receiver stands.
+/// receiver stands: below 0.1 knots the velocity is 0 then, and unknown above.
 ///
-/// HDT and THS are headings. HDG and HDM are headings of a magnetic compass, which are turned by
-/// the sentence's own variation, that of the RMC, or the World Magnetic Model.
+/// HDT and THS are headings, unless the THS is simulated or not valid. HDG and HDM are headings of
+/// a magnetic compass, which are turned by the sentence's own variation, that of the RMC, or the
+/// World Magnetic Model.
 #[derive(Clone, Debug)]
 pub struct NmeaDecoder {
     line: Line,
@@ -80,6 +84,28 @@ struct Report {
     hdop: Option<f64>,
 }
 
+/// Motion as an RMC or a VTG reports it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Motion {
+    /// The sentence has no speed, so that the velocity of another one counts.
+    Missing,
+    /// The sentence is not valid, or a receiver that moves has no course.
+    Unknown,
+    Known(Vector3<f64>),
+}
+
+impl Motion {
+    fn of(speed_knots: Option<f64>, course_deg_compass: Option<f64>, is_valid: bool) -> Self {
+        let velocity = match (speed_knots, course_deg_compass) {
+            _ if !is_valid => None,
+            (None, _) => return Self::Missing,
+            (Some(knots), Some(course)) => over_ground(knots * KNOT_MPS, course, 0.0),
+            (Some(knots), None) => (knots.abs() < STANDS_KNOTS).then(Vector3::zeros),
+        };
+        velocity.map_or(Self::Unknown, Self::Known)
+    }
+}
+
 /// Values of the sentences until now.
 #[derive(Clone, Copy, Debug)]
 struct Sentences {
@@ -103,7 +129,7 @@ struct Sentences {
     variation_deg: Option<f64>,
     /// Heading since it was taken last.
     heading: Option<f64>,
-    /// Number of headings of a compass whose variation is unknown.
+    /// Number of headings of a compass since its variation was known last.
     compass_only: u64,
     /// Number of sentences without a checksum.
     unchecked: u64,
@@ -225,6 +251,8 @@ impl Sentences {
                 }
                 Ok(None)
             }
+            // A THS that is simulated or not valid has a number all the same.
+            "THS" if !matches!(sentence.text(1), None | Some("A" | "E" | "M")) => Ok(None),
             "HDT" | "THS" => {
                 self.heading = sentence.number(0)?.map(compass_deg_to_radians).or(self.heading);
                 Ok(None)
@@ -251,7 +279,10 @@ impl Sentences {
             declination_deg(&fix.place?, fix.utc_s?).ok()
         };
         match own_variation_deg.or(self.variation_deg).or_else(by_model) {
-            Some(east) => self.heading = Some(compass_deg_to_radians(magnetic_deg + east)),
+            Some(east) => {
+                self.heading = Some(compass_deg_to_radians(magnetic_deg + east));
+                self.compass_only = 0;
+            }
             None => self.compass_only += 1,
         }
     }
@@ -308,18 +339,13 @@ impl Sentences {
             (Some(_), _) => return Err(Malformed::Field),
         };
         self.has_status = true;
-        let speed = rmc.number(6)?;
-        let course = rmc.number(7)?;
-        let moving = if quality > FixQuality::None { speed.zip(course) } else { None };
-        let velocity =
-            moving.and_then(|(knots, course)| over_ground(knots * KNOT_MPS, course, 0.0));
-        self.velocity = velocity.map(|velocity| (time, velocity)).or(self.velocity);
+        let motion = Motion::of(rmc.number(6)?, rmc.number(7)?, quality > FixQuality::None);
+        self.moves(motion, time);
         let report = Report { spot, quality, ..Report::without_height(Origin::Rmc, time) };
         if let Some(fix) = self.place(report) {
             return Ok(Some(fix));
         }
-        let velocity_of = velocity.zip(time);
-        Ok(velocity_of.and_then(|(velocity, time)| self.moves(Some(time), velocity)))
+        Ok(time.and_then(|time| self.moved(motion, Some(time))))
     }
 
     fn gll(&mut self, gll: &Sentence<'_>) -> Result<Option<GnssFix>, Malformed> {
@@ -355,13 +381,10 @@ impl Sentences {
 
     /// Course and speed, whose time is that of the last fix.
     fn vtg(&mut self, vtg: &Sentence<'_>) -> Result<Option<GnssFix>, Malformed> {
-        let invalid = vtg.text(8) == Some("N");
-        let moving = vtg.number(0)?.zip(vtg.number(4)?).filter(|_| !invalid);
-        let velocity =
-            moving.and_then(|(course, knots)| over_ground(knots * KNOT_MPS, course, 0.0));
-        let (Some(velocity), Some((time, _))) = (velocity, self.fix) else { return Ok(None) };
-        self.velocity = Some((time, velocity));
-        Ok(self.moves(time, velocity))
+        let motion = Motion::of(vtg.number(4)?, vtg.number(0)?, vtg.text(8) != Some("N"));
+        let Some((time, _)) = self.fix else { return Ok(None) };
+        self.moves(motion, time);
+        Ok(self.moved(motion, time))
     }
 
     fn dated(&mut self, date: NaiveDate, time: f64) {
@@ -369,10 +392,24 @@ impl Sentences {
         self.date = Some((seconds(midnight), time));
     }
 
-    /// The fix of a time, with a velocity that came after it.
-    fn moves(&mut self, time: Option<f64>, velocity: Vector3<f64>) -> Option<GnssFix> {
-        let fix = self.fix_at(time).filter(|fix| fix.velocity_mps != Some(velocity))?;
-        self.repeat(GnssFix { velocity_mps: Some(velocity), ..fix })
+    /// Takes the motion of a time.
+    fn moves(&mut self, motion: Motion, time: Option<f64>) {
+        match motion {
+            Motion::Missing => {}
+            Motion::Unknown => self.velocity = None,
+            Motion::Known(velocity) => self.velocity = Some((time, velocity)),
+        }
+    }
+
+    /// The fix of a time, with another velocity that came after it.
+    fn moved(&mut self, motion: Motion, time: Option<f64>) -> Option<GnssFix> {
+        let velocity_mps = match motion {
+            Motion::Missing => return None,
+            Motion::Unknown => None,
+            Motion::Known(velocity) => Some(velocity),
+        };
+        let fix = self.fix_at(time).filter(|fix| fix.velocity_mps != velocity_mps)?;
+        self.repeat(GnssFix { velocity_mps, ..fix })
     }
 
     /// The fix of a time of the day, if it is the last one.
@@ -455,7 +492,7 @@ impl Sentences {
         if leads.is_some() && self.date.is_none() {
             missing.push("there is no date: turn RMC or ZDA on".to_owned());
         }
-        if self.compass_only > 0 && self.heading.is_none() {
+        if self.compass_only > 0 {
             missing.push("the compass's variation is unknown until date and place are".to_owned());
         }
         (!missing.is_empty()).then(|| missing.join("; "))
@@ -504,7 +541,8 @@ fn mode_quality(mode: char) -> FixQuality {
 
 /// The date of an RMC: day, month and two digits of the year. NMEA 0183 is of 1983.
 fn short_date(text: &str) -> Result<NaiveDate, Malformed> {
-    let digits = text.parse::<u32>().ok().filter(|_| text.len() == 6).ok_or(Malformed::Field)?;
+    let is_proper = text.len() == 6 && text.bytes().all(|byte| byte.is_ascii_digit());
+    let digits = text.parse::<u32>().ok().filter(|_| is_proper).ok_or(Malformed::Field)?;
     let year = digits % 100;
     let century = if year >= 83 { 1900 } else { 2000 };
     let [day, month, year] = [digits / 10_000, digits / 100 % 100, century + year].map(f64::from);

@@ -4,12 +4,13 @@ use foxhunt_core::{Pose, Spinner, Vehicle, Waypoint};
 use foxhunt_wire::geodesy::LocalFrame;
 use nalgebra::Vector3;
 
-use super::{GnssError, Positioning};
+use super::{GnssError, HeightOrigin, Positioning};
 use crate::{Aircraft, AircraftState};
 
 /// A vehicle whose place comes from a GNSS receiver on it, with its σ. Heading and attitude stay
 /// those that the vehicle reports, its velocity too where it reports one, and orders go to it as
-/// they are: its own frame has to be the same one.
+/// they are: its own frame has to be the same one. Before a fix has had a height, the pose is an
+/// error ([`GnssError::NoHeight`]).
 #[derive(Debug)]
 pub struct Placed<V, G> {
     vehicle: V,
@@ -58,6 +59,10 @@ impl<V: Vehicle, G: Positioning> Vehicle for Placed<V, G> {
         self.sigma = None;
         let own = self.vehicle.pose().map_err(PlacedError::Vehicle)?;
         let position = self.gnss.position()?;
+        // Sea level would be a height far below a site in the mountains.
+        if position.height == HeightOrigin::SeaLevel {
+            return Err(GnssError::NoHeight.into());
+        }
         self.sigma = Some(position.sigma_m);
         let antenna = to_world(&own, &self.antenna);
         Ok(Pose {
@@ -130,10 +135,10 @@ mod tests {
     use foxhunt_wire::{FixQuality, geodesy::Geodetic};
 
     use super::*;
-    use crate::{GnssPosition, HeightOrigin};
+    use crate::GnssPosition;
 
     /// A receiver at a fixed place.
-    struct Fixed(Geodetic);
+    struct Fixed(Geodetic, HeightOrigin);
 
     impl Positioning for Fixed {
         fn position(&mut self) -> Result<GnssPosition, GnssError> {
@@ -142,7 +147,7 @@ mod tests {
             let velocity_mps = Some(Vector3::new(0.5, 0.0, 0.0));
             Ok(GnssPosition {
                 place: self.0,
-                height: HeightOrigin::Fix,
+                height: self.1,
                 sigma_m,
                 velocity_mps,
                 heading: None,
@@ -173,7 +178,7 @@ mod tests {
         let origin = Geodetic { lat_deg: 50.0, lon_deg: 14.0, alt_m: 200.0 };
         let frame = LocalFrame::new(origin).expect("on Earth");
         let antenna_at = Vector3::new(100.0, 50.0, 10.0);
-        let gnss = || Fixed(frame.to_geodetic(&antenna_at));
+        let gnss = || Fixed(frame.to_geodetic(&antenna_at), HeightOrigin::Fix);
         // The nose to the North, the antenna 1 m in front, 0.5 m to the left, 0.2 m above.
         let own = Pose { pitch: 0.0, ..Pose::level(Vector3::new(-5.0, 0.0, 0.0), FRAC_PI_2) };
         let arm = Vector3::new(1.0, 0.5, 0.2);
@@ -204,5 +209,22 @@ mod tests {
         let goal = Waypoint { position: Vector3::new(1.0, 2.0, 3.0) };
         placed.go_to(&goal).expect("accepted");
         assert_eq!(placed.vehicle().1, Some(goal));
+    }
+
+    #[test]
+    fn sea_level_is_no_height_of_a_flying_vehicle() {
+        let origin = Geodetic { lat_deg: 50.0, lon_deg: 14.0, alt_m: 400.0 };
+        let frame = LocalFrame::new(origin).expect("on Earth");
+        let gnss = Fixed(Geodetic { alt_m: 45.0, ..origin }, HeightOrigin::Fix);
+        let own = Astray(Pose::default(), None);
+        let mut placed = Placed::new(own, gnss, frame, Vector3::zeros());
+        for height in [HeightOrigin::Fix, HeightOrigin::Geoid, HeightOrigin::Earlier] {
+            placed.gnss().1 = height;
+            assert!((placed.pose().expect("a height").position.z + 355.0).abs() < 1e-6);
+        }
+        placed.gnss().1 = HeightOrigin::SeaLevel;
+        let refused = placed.pose();
+        assert!(matches!(refused, Err(PlacedError::Gnss(GnssError::NoHeight))), "{refused:?}");
+        assert_eq!(placed.position_sigma(), None, "the last one is not that of this place");
     }
 }

@@ -196,6 +196,10 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> Positioning for GnssReceiver<S, C,
             _ => placed,
         }
     }
+
+    fn clock_s(&self) -> Option<f64> {
+        Some(self.clock.now())
+    }
 }
 
 /// Present place of a receiver's antenna, with its uncertainty.
@@ -261,6 +265,12 @@ pub trait Positioning {
     ///
     /// That there is no fix, or none that is young enough.
     fn position(&mut self) -> Result<GnssPosition, GnssError>;
+
+    /// Returns the time of the receiver's clock in seconds; `None` if it has none. A
+    /// [`CarriedVehicle`](super::CarriedVehicle) repeats its goals by this clock.
+    fn clock_s(&self) -> Option<f64> {
+        None
+    }
 }
 
 macro_rules! forward {
@@ -268,6 +278,9 @@ macro_rules! forward {
         impl<G: Positioning + ?Sized> Positioning for $pointer {
             fn position(&mut self) -> Result<GnssPosition, GnssError> {
                 (**self).position()
+            }
+            fn clock_s(&self) -> Option<f64> {
+                (**self).clock_s()
             }
         }
     };
@@ -304,6 +317,12 @@ pub enum GnssError {
         /// Greatest age that is allowed, in seconds.
         limit_s: f64,
     },
+    /// No fix has had a height until now, which a flying vehicle needs.
+    #[error(
+        "no fix of the GNSS receiver has had a height: wait for a fourth satellite, or turn \
+         sentences with a height on, such as GGA"
+    )]
+    NoHeight,
 }
 
 impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {

@@ -25,7 +25,9 @@ impl<'a> Sentence<'a> {
         let rest = text.strip_prefix('$').filter(|_| text.is_ascii()).ok_or(Malformed::Damaged)?;
         let (body, digits) = rest.split_once('*').ok_or(Malformed::Unchecked)?;
         let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
-        let digits = digits.get(..2).ok_or(Malformed::Damaged)?;
+        let is_hexadecimal = |digits: &&str| digits.bytes().all(|byte| byte.is_ascii_hexdigit());
+        // A number with a sign would be read, too.
+        let digits = digits.get(..2).filter(is_hexadecimal).ok_or(Malformed::Damaged)?;
         if u8::from_str_radix(digits, 16) != Ok(sum) {
             return Err(Malformed::Damaged);
         }
@@ -93,13 +95,19 @@ impl<'a> Sentence<'a> {
     /// Latitude and longitude in degrees of the four fields from `at` on; `None` where one of them
     /// is empty.
     pub(super) fn spot(&self, at: usize) -> Result<Option<(f64, f64)>, Malformed> {
-        let lat = self.signed(at, "N", "S")?;
-        let lon = self.signed(at + 2, "E", "W")?;
-        let (Some(lat), Some(lon)) = (lat, lon) else { return Ok(None) };
-        let lat_deg = degrees(lat)?;
-        let lon_deg = degrees(lon)?;
+        let lat = self.angle(at, "N", "S")?;
+        let lon = self.angle(at + 2, "E", "W")?;
+        let (Some(lat_deg), Some(lon_deg)) = (lat, lon) else { return Ok(None) };
         let spot = Geodetic::new(lat_deg, lon_deg, 0.0).map_err(|_| Malformed::Field)?;
         Ok(Some((spot.lat_deg, spot.lon_deg)))
+    }
+
+    /// Degrees of a field `ddmm.mm` and the letter of its sign; the number itself has no sign.
+    fn angle(&self, at: usize, positive: &str, negative: &str) -> Result<Option<f64>, Malformed> {
+        if self.number(at)?.is_some_and(f64::is_sign_negative) {
+            return Err(Malformed::Field);
+        }
+        self.signed(at, positive, negative)?.map(degrees).transpose()
     }
 }
 
@@ -135,8 +143,13 @@ mod tests {
         assert_eq!(read.number(2), Err(Malformed::Field));
         assert_eq!(read.time(10), Err(Malformed::Field), "there is no hour 24");
         assert_eq!(read.signed(8, "N", "S"), Err(Malformed::Field), "East is no latitude");
-        // 60 minutes are no minutes, and 91° is no latitude.
-        for body in ["GPGLL,5060.0,N,01430.0,E", "GPGLL,9106.0,N,01430.0,E"] {
+        // 60 minutes are no minutes, 91° is no latitude, and the letter alone has the sign.
+        for body in [
+            "GPGLL,5060.0,N,01430.0,E",
+            "GPGLL,9106.0,N,01430.0,E",
+            "GPGLL,-5006.0,N,01430.0,E",
+            "GPGLL,5006.0,S,-01430.0,W",
+        ] {
             let text = sentence(body);
             let read = Sentence::parse(&text).expect("proper");
             assert_eq!(read.spot(0), Err(Malformed::Field), "{body}");
@@ -146,5 +159,8 @@ mod tests {
         assert_eq!(Sentence::parse("$GPGLL,5006.0,N*00").err(), Some(Malformed::Damaged));
         assert_eq!(Sentence::parse("$GPGLL,5006.0,N*5").err(), Some(Malformed::Damaged));
         assert_eq!(Sentence::parse("GPGLL*00").err(), Some(Malformed::Damaged));
+        // The sum of this sentence is 5: a sign is no digit.
+        assert!(Sentence::parse("$GPXYZ,e*05").is_ok());
+        assert_eq!(Sentence::parse("$GPXYZ,e*+5").err(), Some(Malformed::Damaged));
     }
 }

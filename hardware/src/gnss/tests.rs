@@ -196,6 +196,39 @@ fn velocity_comes_by_rmc_and_tpv() {
         let [fix] = decoded(&mut decoder, gga.as_bytes())[..] else { panic!("one fix") };
         assert_eq!(fix.velocity_mps, None);
     }
+    // One that stops stands at once; a course that is missing at speed makes it unknown.
+    for (still, expected) in [("0.05,", Some(Vector3::zeros())), ("5.0,", None)] {
+        for place_first in [true, false] {
+            decoder.reset();
+            assert!(decoded(&mut decoder, rmc("10.0,120.0").as_bytes()).is_empty());
+            let still = rmc(still).replace("56.50", "57.50");
+            let still = sentence(still.trim_start_matches('$').split('*').next().expect("text"));
+            let both = if place_first { next.clone() + &still } else { still + &next };
+            let fixes = decoded(&mut decoder, both.as_bytes());
+            assert_eq!(fixes.last().expect("a fix").velocity_mps, expected);
+        }
+    }
+    // Without a status, or in mode N of VTG, there is no velocity; without a speed it stays.
+    let cases = [
+        ("GPRMC,123456.50,V,5006.0,N,01430.0,E,,,010326,,,N", false),
+        ("GPVTG,120.0,T,,M,10.0,N,18.5,K,N", false),
+        ("GPRMC,123456.50,A,5006.0,N,01430.0,E,,,010326,,,A", true),
+        ("GPVTG,,T,,M,,N,,K,A", true),
+    ];
+    for (text, stays) in cases {
+        decoder.reset();
+        let before = decoded(&mut decoder, (gga.clone() + &rmc("10.0,120.0")).as_bytes());
+        assert!(before.last().is_some_and(|fix| fix.velocity_mps.is_some()));
+        let fixes = fixes_of(&mut decoder, &[text]);
+        assert_eq!(fixes.len(), usize::from(!stays), "{text}");
+        assert!(fixes.iter().all(|fix| fix.velocity_mps.is_none()), "{text}");
+        let [fix] = decoded(&mut decoder, next.as_bytes())[..] else { panic!("one fix") };
+        assert_eq!(fix.velocity_mps.is_some(), stays, "{text}");
+    }
+    let mut decoder = NmeaDecoder::new();
+    let signed = "GPRMC,123456.50,A,5006.0,N,01430.0,E,0.0,,+10326,,,A";
+    assert!(fixes_of(&mut decoder, &[signed, signed]).is_empty());
+    assert_eq!(decoder.refused(), 2, "a date has no sign");
     let mut decoder = GpsdDecoder::new();
     let moving = TPV.replace("\"eph\"", "\"speed\":2.0,\"track\":270.0,\"climb\":0.5,\"eph\"");
     let [fix] = decoded(&mut decoder, format!("{moving}\n").as_bytes())[..] else { panic!() };
@@ -335,10 +368,21 @@ fn zda_has_the_date_and_compasses_the_heading() {
     // By the model, as date and place are known: 5° East in Prague.
     assert!(close(heading("HCHDM,100.0,M").expect("the model"), 105.1, 0.5));
     assert_eq!(heading("HCHDM,,M"), None);
+    // A THS that is simulated or not valid is no heading.
+    assert_eq!((heading("HETHS,274.07,V"), heading("HETHS,274.07,S")), (None, None));
+    for mode in ["A", "E", "M", ""] {
+        assert!(close(heading(&format!("HETHS,274.07,{mode}")).expect("valid"), 274.07, 1e-9));
+    }
+    assert!(close(heading("HETHS,274.07").expect("without a mode"), 274.07, 1e-9));
     let mut decoder = NmeaDecoder::new();
     assert!(fixes_of(&mut decoder, &["HCHDM,100.0,M", gga]).len() == 1);
     assert_eq!(decoder.take_heading(), None);
     assert!(decoder.missing().is_some_and(|missing| missing.contains("variation")));
+    // Once it is known nothing is missing, whether the heading was taken or not.
+    assert!(fixes_of(&mut decoder, &[zda, gga, "HCHDM,100.0,M"]).len() == 1);
+    assert_eq!(decoder.missing(), None);
+    assert!(decoder.take_heading().is_some());
+    assert_eq!(decoder.missing(), None);
     let mut decoder = GpsdDecoder::new();
     assert!(decoded(&mut decoder, b"{\"class\":\"ATT\",\"heading\":90.0}\n").is_empty());
     assert!(decoder.take_heading().is_some_and(|heading| heading.abs() < 1e-12));
@@ -505,7 +549,7 @@ fn ublox_without_nav_pvt_is_set_up_by_its_own_messages() {
     assert_eq!(&old[..modern.len()], &modern[..]);
     assert_eq!(
         old[modern.len()..],
-        [2, 6, 0x12, 0x21].map(|id| ubx::frame((6, 1), &[1, id, 1])).concat()
+        [2, 6, 3, 0x12, 0x21].map(|id| ubx::frame((6, 1), &[1, id, 1])).concat()
     );
     // A NAV-PVT of generation 7 ends after its DOP: 84 bytes.
     let mut pvt = nav_pvt(3, 1);

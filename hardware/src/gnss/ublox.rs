@@ -42,14 +42,14 @@ const FIX_WITHIN_M: f64 = 100.0;
 /// the fix, NAV-VELNED the velocity, NAV-TIMEUTC the time, NAV-DOP the dilution. Without a status a
 /// place counts as a fix by the satellites where it is within 100 m.
 ///
-/// `hAcc` is √(σ_E² + σ_N²), as its users found against GST; East and North get equal shares,
-/// and all three axes those of the accuracy of NAV-SOL. NAV-PVT's heading of the vehicle is that of
-/// a receiver that fuses sensors.
+/// `hAcc` is √(σ_E² + σ_N²), as its users found against GST; East and North get equal shares.
+/// NAV-SOL's accuracy is shared equally by all three axes. NAV-PVT's heading of the vehicle is that
+/// of a receiver that fuses sensors.
 #[derive(Clone, Debug, Default)]
 pub struct UbloxDecoder {
     frames: Frames,
     solution: Solution,
-    /// True if the receiver refused both ways of turning NAV-PVT on.
+    /// True if the receiver refused a CFG-MSG, and a CFG-VALSET: both turn NAV-PVT on.
     refused_pvt: [bool; 2],
     messages: u64,
 }
@@ -138,8 +138,9 @@ impl GnssDecoder for UbloxDecoder {
 
     /// NAV-PVT at every epoch on the port that this comes in by, in both dialects: CFG-MSG, which
     /// generations up to 9 take, and CFG-VALSET to the RAM, which those from 9 on take. The other
-    /// one is refused and does nothing. A receiver that has refused CFG-MSG for NAV-PVT, and is
-    /// silent, gets NAV-POSLLH, NAV-SOL, NAV-VELNED and NAV-TIMEUTC turned on as well.
+    /// one is refused and does nothing. A receiver that has refused a CFG-MSG, and is silent, gets
+    /// NAV-POSLLH, NAV-SOL, NAV-STATUS, NAV-VELNED and NAV-TIMEUTC turned on as well. The refusal
+    /// does not name the message that was to be turned on.
     fn set_up(&self) -> Vec<u8> {
         let turn_on = |(class, number): (u8, u8)| frame(CFG_MSG, &[class, number, 1]);
         let mut valset = vec![0, 1, 0, 0];
@@ -149,7 +150,7 @@ impl GnssDecoder for UbloxDecoder {
         }
         let mut bytes = [turn_on(NAV_PVT), frame(CFG_VALSET, &valset)].concat();
         if self.refused_pvt[0] {
-            for old in [NAV_POSLLH, NAV_SOL, NAV_VELNED, NAV_TIMEUTC] {
+            for old in [NAV_POSLLH, NAV_SOL, NAV_STATUS, NAV_VELNED, NAV_TIMEUTC] {
                 bytes.extend(turn_on(old));
             }
         }

@@ -31,8 +31,7 @@ impl<S: ByteStream> EmulatedCarrier<S> {
     ///
     /// # Errors
     ///
-    /// [`SimError::Drone`] if there is no such drone; [`SimError::Field`] for an origin that is no
-    /// place.
+    /// [`SimError::Drone`] if there is no such drone; [`SimError::Field`] for an invalid origin.
     pub fn new(world: &World, drone: usize, origin: Geodetic, stream: S) -> Result<Self, SimError> {
         let up_m = world.pose(drone)?.position.z;
         let vehicle = world.vehicle(drone)?;
