@@ -179,6 +179,10 @@ impl DroneConfig {
                 let receiver = self.open_gnss(gnss, ports, clock)?;
                 let carrier = CarriedVehicle::new(*settings, receiver, site.frame()?)
                     .with_antenna(gnss.settings.antenna());
+                let carrier = match &self.source {
+                    ListenConfig::Omnidirectional(_) => carrier.omnidirectional(),
+                    _ => carrier,
+                };
                 let guide = guide.as_ref().map(|guide| self.stream("guide", guide, ports));
                 Ok(match guide.transpose()? {
                     Some(guide) => Box::new(Driver(carrier.with_guide(guide))),
