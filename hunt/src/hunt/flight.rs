@@ -1,4 +1,4 @@
-use std::mem;
+use std::{collections::BTreeSet, mem};
 
 use foxhunt_core::{BeaconId, PlanError, Pose, Station, SteadyMotion, Target, Waypoint};
 use foxhunt_formation::{
@@ -68,6 +68,7 @@ impl Flight {
         config: &HuntConfig,
         time: f64,
         stations: Vec<Station>,
+        rooted: &BTreeSet<usize>,
     ) -> Result<Self, HuntError> {
         let starts: Vec<Vector3<f64>> = stations.iter().map(|s| s.pose.position).collect();
         let traffic = TrafficConfig {
@@ -77,7 +78,9 @@ impl Flight {
             stopping_m: config.stopping_m,
             void: config.void,
         };
-        let traffic = Traffic::new(&Airspace::new(&config.airspace)?, traffic, &starts)?;
+        let airspace = Airspace::new(&config.airspace)?;
+        let is_rooted = |drone: usize| rooted.contains(&drone);
+        let traffic = Traffic::with_rooted(&airspace, traffic, &starts, is_rooted)?;
         let homes = traffic.homes(&starts);
         let drone = |(station, home): (Station, Vector3<f64>)| FlownDrone {
             attendance: Attendance::new(config.attendance, time, station.pose.position),
@@ -90,8 +93,12 @@ impl Flight {
             awaited: false,
             landing: None,
         };
+        let mut drones: Vec<FlownDrone> = stations.into_iter().zip(homes).map(drone).collect();
+        for (index, drone) in drones.iter_mut().enumerate() {
+            drone.attendance.set_rooted(is_rooted(index));
+        }
         Ok(Self {
-            drones: stations.into_iter().zip(homes).map(drone).collect(),
+            drones,
             traffic,
             endurance: config
                 .endurance
