@@ -26,8 +26,8 @@ const AMPLITUDE: f64 = 12_000.0;
 /// Time constant by which the tone fades in and out, in seconds: without it every change clicks.
 const FADE_S: f64 = 0.01;
 
-/// Longest piece that is written at once, in bytes, of 10 s. After a longer gap the sound goes on at
-/// the present: a clock that was set is no reason for hours of sound.
+/// Longest piece that is written at once, in bytes, of 10 s. After a longer gap the sound goes on
+/// at the present: a clock that was set is no reason for hours of sound.
 const LONGEST: usize = 160_000;
 
 /// Number of pieces that wait to be written, 1.3 s at the steps of a flight. More are left out: a

@@ -22,12 +22,8 @@ const LANDING_REPEATED_AFTER_S: f64 = 5.0;
 impl Flight {
     /// Returns the reason why the drones have to fly home now, if they have to.
     pub(in crate::hunt) fn must_return(&mut self, time: f64) -> Option<Recall> {
-        // A station knows its place for ever; it counts only where there is nobody else.
-        let all_rooted = self.drones.iter().all(|drone| drone.attendance.is_rooted());
-        let counts = |drone: &&FlownDrone| all_rooted || !drone.attendance.is_rooted();
         let unlocated_s = |drone: &FlownDrone| drone.attendance.unlocated_s(time);
-        let counted = self.drones.iter().filter(counts);
-        let unlocated_s = counted.map(unlocated_s).fold(f64::INFINITY, f64::min);
+        let unlocated_s = self.movers().map(unlocated_s).fold(f64::INFINITY, f64::min);
         if unlocated_s >= self.move_timeout_s {
             let reason = format!("no drone has reported its place for {unlocated_s:.0} s");
             return Some(Recall { outcome: Outcome::NoDrones, reason });
