@@ -49,6 +49,14 @@ impl Adviser {
         self.carried.get(drone).is_some_and(Option::is_some)
     }
 
+    /// Words for one whose hunt is over; `None` for a drone that its autopilot lands.
+    fn landing(&self, drone: usize, reason: &str) -> Option<String> {
+        if self.is_carried(drone) {
+            return Some("stop, the hunt is over for you".to_owned());
+        }
+        self.pilots.then(|| format!("land: {reason}"))
+    }
+
     /// Takes the levels of a sweep.
     pub(super) fn received(&mut self, drone: usize, sweep: &Sweep<'_>) {
         let Some(Some(carried)) = self.carried.get_mut(drone) else { return };
@@ -112,8 +120,13 @@ impl Adviser {
                 ));
             }
             Event::PhaseChanged { time, phase: Phase::Measuring(_) } => {
-                let listen = if some_walk { "the receivers listen" } else { "the antennas turn" };
-                warn(&format!("{time:7.0} s  stay where you are: {listen}"));
+                let listens = |drone: usize| self.is_carried(drone) && hunt.awaits(drone);
+                let some_listen = (0..self.carried.len()).any(listens);
+                if self.pilots || some_listen {
+                    let listen =
+                        if some_walk { "the receivers listen" } else { "the antennas turn" };
+                    warn(&format!("{time:7.0} s  stay where you are: {listen}"));
+                }
             }
             Event::GoalsSet { time, .. } => {
                 for believed in hunt.believed() {
@@ -130,7 +143,9 @@ impl Adviser {
                 }
             }
             Event::Landed { time, drone, reason } => {
-                warn(&format!("{time:7.0} s  {}: land: {reason}", name(*drone)));
+                if let Some(word) = self.landing(*drone, reason) {
+                    warn(&format!("{time:7.0} s  {}: {word}", name(*drone)));
+                }
             }
             Event::FlightStage { time, stage: FlightStage::Leaving, .. } if !self.pilots => {
                 warn(&format!("{time:7.0} s  all: come back"));
@@ -144,5 +159,28 @@ impl Adviser {
             }
             _ => {}
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_pilots_are_told_to_land() {
+        let walker = Carried {
+            name: "me".to_owned(),
+            pitch: Pitch::new(PitchConfig::default()).expect("in range"),
+            reported: f64::NEG_INFINITY,
+            is_new: false,
+        };
+        let mut adviser =
+            Adviser { pilots: false, carried: vec![Some(walker), None], levels: Vec::new() };
+        let walks = Some("stop, the hunt is over for you".to_owned());
+        assert_eq!(adviser.landing(0, "it is at home"), walks);
+        assert_eq!(adviser.landing(1, "it is at home"), None, "its autopilot lands it");
+        adviser.pilots = true;
+        assert_eq!(adviser.landing(0, "it is at home"), walks);
+        assert_eq!(adviser.landing(1, "it is at home").as_deref(), Some("land: it is at home"));
     }
 }

@@ -40,7 +40,7 @@ use super::{
     live::{LiveArgs, LiveView, PaceArgs, Shown},
     mission_files,
     notices::Notices,
-    tone::ToneArgs,
+    tone::{Tone, ToneArgs},
     views::{Antennas, Exports, keep_turns, write_page},
 };
 use crate::{
@@ -223,6 +223,10 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     if args.tone.takes_stdout() && output.streams() {
         return Err(CliError::input("--tone -: standard output is taken by --json"));
     }
+    let is_carried = |drone: &DroneConfig| drone.vehicle.is_carried();
+    if args.tone.is_given() && !config.drones.iter().any(is_carried) {
+        return Err(CliError::input("--tone: no vehicle is carried"));
+    }
     let flies = !config.is_on_the_ground();
     let confirms = flies && !args.yes && !args.advise && field.emulated.is_none();
     if confirms && !io::stdin().is_terminal() {
@@ -263,7 +267,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let live = live.map(|plan| LiveView::start(&plan, &shown)).transpose()?;
     let adviser = Rc::new(RefCell::new(Adviser::new(&config, args.advise)));
     let advised = Rc::clone(&adviser);
-    let mut tone = args.tone.open()?;
+    let mut tone = args.tone.open(field.emulated.is_some())?;
     let kept = Rc::clone(&samples);
     let (keep_turn, turns) = keep_turns();
     let keep = move |drone: usize, sweep: &Sweep<'_>| {
@@ -326,12 +330,16 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
             for (time, level_dbm) in levels {
                 tone.received(time, level_dbm);
             }
-            tone.pass(time)?;
+        }
+        // Whatever becomes of the sound, the flight goes on.
+        if let Some(Err(error)) = tone.as_mut().map(|tone| tone.pass(time)) {
+            warn(&format!("{error}; there is no tone any more"));
+            tone = None;
         }
         field.pass()?;
     }
-    if let Some(tone) = tone {
-        tone.finish()?;
+    if let Some(Err(error)) = tone.map(Tone::finish) {
+        warn(&error.to_string());
     }
     while let Some(event) = mission.poll_event() {
         notices.print(&event);

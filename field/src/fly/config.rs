@@ -73,6 +73,18 @@ const CARRIED_LOST_S: f64 = 20.0;
 /// A day, in seconds: nobody flies longer.
 const DAY_S: f64 = 86_400.0;
 
+/// The limits of a hunt that a carried receiver needs wide, by the names of their fields, with the
+/// least that each may be.
+fn carriers_limits(hunt: &mut HuntConfig) -> [(&'static str, &mut f64, f64); 4] {
+    let attendance = &mut hunt.attendance;
+    [
+        ("hunt.arrival_tolerance_m", &mut hunt.arrival_tolerance_m, CARRIED_M),
+        ("hunt.separation_m", &mut hunt.separation_m, CARRIED_M),
+        ("hunt.attendance.still_m", &mut attendance.still_m, CARRIED_M),
+        ("hunt.attendance.lost_after_s", &mut attendance.lost_after_s, CARRIED_LOST_S),
+    ]
+}
+
 fn default_estimator() -> String {
     DEFAULT_ESTIMATOR.to_owned()
 }
@@ -117,33 +129,58 @@ impl FlightConfig {
         };
         config.model.resolve_terrain(there).map_err(|error| error.within("model"))?;
         config.check()?;
-        config.make_room_for_carriers();
+        if config.is_on_the_ground() {
+            config.widen_for_carriers();
+        }
         Ok(config)
     }
 
     /// Widens tolerances and time-outs where receivers are carried: a GNSS receiver on foot wanders
-    /// by metres, and people take their time.
-    pub(super) fn make_room_for_carriers(&mut self) {
-        let carried = |drone: &DroneConfig| matches!(drone.vehicle, VehicleDevice::Carried { .. });
-        if !self.drones.iter().any(carried) {
+    /// by metres, and people take their time. Time-outs of moves and of the flight are widened only
+    /// where nothing flies.
+    pub(super) fn widen_for_carriers(&mut self) {
+        let carried = self.drones.iter().filter(|drone| drone.vehicle.is_carried());
+        let Some([least, most]) =
+            carried.filter_map(DroneConfig::own_up_m).fold(None, |band: Option<[f64; 2]>, up_m| {
+                let [least, most] = band.unwrap_or([up_m; 2]);
+                Some([least.min(up_m), most.max(up_m)])
+            })
+        else {
             return;
-        }
+        };
         let nothing_flies = self.is_on_the_ground();
-        let hunt = &mut self.hunt;
-        hunt.arrival_tolerance_m = hunt.arrival_tolerance_m.max(CARRIED_M);
-        hunt.separation_m = hunt.separation_m.max(CARRIED_M);
-        hunt.attendance.still_m = hunt.attendance.still_m.max(CARRIED_M);
-        hunt.attendance.lost_after_s = hunt.attendance.lost_after_s.max(CARRIED_LOST_S);
+        for (_, limit, least) in carriers_limits(&mut self.hunt) {
+            *limit = limit.max(least);
+        }
         if nothing_flies {
-            // Planners of drones send them up, where nobody goes.
-            let heights = self.drones.iter().filter_map(DroneConfig::own_up_m);
-            let (least, most) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), up_m| {
-                (a.min(up_m), b.max(up_m))
-            });
+            let hunt = &mut self.hunt;
+            // Planners of drones send them up, where nobody goes. A station may stand on a mast.
             hunt.airspace.altitude_m.get_or_insert([least, most]);
             hunt.move_timeout_s = hunt.move_timeout_s.max(DAY_S);
-            self.flight.ready_timeout_s = self.flight.ready_timeout_s.max(DAY_S);
+            let rules = &mut self.flight;
+            rules.ready_timeout_s = rules.ready_timeout_s.max(DAY_S);
+            rules.deserted_timeout_s = rules.deserted_timeout_s.max(DAY_S);
         }
+    }
+
+    /// Refuses limits that are too small for a carried receiver beside drones: wider ones hold for
+    /// the drones, too, and are no choice of this program.
+    fn check_mixed(&self) -> Result<(), FieldError> {
+        let is_carried = |drone: &DroneConfig| drone.vehicle.is_carried();
+        if self.is_on_the_ground() || !self.drones.iter().any(is_carried) {
+            return Ok(());
+        }
+        for (field, limit, least) in carriers_limits(&mut self.hunt.clone()) {
+            if *limit < least {
+                let requirement = if least < CARRIED_LOST_S {
+                    "at least 3 where a receiver is carried beside drones"
+                } else {
+                    "at least 20 where a receiver is carried beside drones"
+                };
+                return Err(FieldError::new(field, *limit, requirement));
+            }
+        }
+        Ok(())
     }
 
     /// Returns true if nothing flies: every receiver is carried, or stands.
@@ -205,6 +242,7 @@ impl FlightConfig {
             return Err(FlyError::Twice { drone: twice[0].to_owned() });
         }
         self.check_shared()?;
+        self.check_mixed()?;
         self.drones.iter().try_for_each(|drone| {
             let named = |reason| FlyError::Drone { drone: drone.name.clone(), reason };
             drone.check(&self.site, &self.beacons, self.flight.takeoff_up_m).map_err(named)
@@ -484,6 +522,61 @@ pub(super) mod tests {
         let radio = two("system_id = 1, ", "system_id = 2, ").replace("ttyACM0", "ttyUSB0");
         let error = refused(&radio);
         assert!(error.contains("radio: serial:/dev/ttyUSB0:57600"), "{error}");
+    }
+
+    const WALKER: &str = r#"
+        [[drones]]
+        name = "me"
+        launch_m = [20.0, 2.0]
+        vehicle = { kind = "carried" }
+        gnss = { endpoint = "serial:/dev/ttyACM0:9600" }
+        radio = { kind = "rtl-tcp", endpoint = "tcp:127.0.0.1:1234" }
+        source = { kind = "omnidirectional", questions = 8, answer_timeout_s = 1.0 }
+    "#;
+
+    #[test]
+    fn a_walker_beside_drones_changes_none_of_their_limits() {
+        let fox = "name = \"fox\", frequency_mhz = 433.92";
+        let meadow = MEADOW.replace("name = \"fox\"", fox).replace("separation_m", "#") + WALKER;
+        let with =
+            |hunt: &str| meadow.replace("hunt = { # = 5.0 }", &format!("hunt = {{ {hunt} }}"));
+        let mut hunt = String::new();
+        for (key, named) in [
+            ("arrival_tolerance_m = 3.0", "hunt.arrival_tolerance_m is 0.3; it must be at least 3"),
+            ("separation_m = 5.0", "hunt.separation_m is 2; it must be at least 3"),
+            ("attendance.still_m = 3.0", "hunt.attendance.still_m is 0.5; it must be at least 3"),
+            (
+                "attendance.lost_after_s = 20.0",
+                "hunt.attendance.lost_after_s is 5; it must be at least 20",
+            ),
+        ] {
+            let error = refused(&with(&hunt));
+            assert!(error.contains(named), "{error}");
+            hunt = format!("{hunt}{}{key}", if hunt.is_empty() { "" } else { ", " });
+        }
+        let flight = FlightConfig::parse(&with(&hunt), "meadow.toml").expect("wide enough");
+        assert_eq!(flight.hunt.airspace.altitude_m, None);
+        let timeouts = [flight.hunt.move_timeout_s, flight.flight.deserted_timeout_s];
+        assert_eq!(timeouts, [HuntConfig::default().move_timeout_s, 30.0]);
+    }
+
+    #[test]
+    fn a_walker_is_not_sent_up_to_the_top_of_a_mast() {
+        let (head, _) = MEADOW.split_once("[[drones]]").expect("a drone");
+        let head = head.replace("name = \"fox\"", "name = \"fox\", frequency_mhz = 433.92");
+        let mast = WALKER
+            .replace("\"me\"", "\"mast\"")
+            .replace("20.0, 2.0", "50.0, 2.0")
+            .replace("gnss =", "#")
+            .replace("1234", "1235")
+            .replace("\"carried\"", "\"fixed\", settings = { up_m = 30.0 }");
+        let walker = WALKER.replace("launch_m", "#");
+        let text = format!("{head}{walker}{mast}");
+        let flight = FlightConfig::parse(&text, "walker.toml").expect("in order");
+        assert_eq!(flight.hunt.airspace.altitude_m, Some([1.5, 1.5]));
+        let limits = [flight.hunt.arrival_tolerance_m, flight.hunt.attendance.lost_after_s];
+        assert_eq!(limits, [3.0, 20.0]);
+        assert_eq!(flight.flight.deserted_timeout_s, DAY_S);
     }
 
     #[test]

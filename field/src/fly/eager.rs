@@ -1,7 +1,20 @@
 //! A source that listens between the turns of its hunt, too.
 
+use std::{cell::Cell, rc::Rc};
+
 use foxhunt_core::{BeaconId, PatternSource, Sweep};
 use foxhunt_hunt::hunt::Tap;
+
+/// Order of the hunt to an [`Eager`] source: the number of sweeps that the hunt still gets.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Ordered(Rc<Cell<usize>>);
+
+impl Ordered {
+    /// Ends the order, because the hunt does not await its sweeps any more.
+    pub(super) fn end(&self) {
+        self.0.set(0);
+    }
+}
 
 /// A source that listens all the time: between the sweeps that the hunt has it make it makes its
 /// own, which go to the [`Tap`] alone. A person who walks hears the level on the way.
@@ -10,8 +23,7 @@ pub(super) struct Eager<S> {
     drone: usize,
     beacons: Vec<BeaconId>,
     tap: Tap,
-    /// Number of sweeps that the hunt still gets.
-    ordered: usize,
+    ordered: Ordered,
     /// Number of sweeps left of the present turn of its own.
     own: usize,
 }
@@ -20,7 +32,12 @@ impl<S: PatternSource> Eager<S> {
     /// Passes the sweeps of a drone's source to `tap`, of as many beacons as there are.
     pub(super) fn new(source: S, drone: usize, beacons: u16, tap: Tap) -> Self {
         let beacons = (0..beacons).map(BeaconId).collect();
-        Self { source, drone, beacons, tap, ordered: 0, own: 0 }
+        Self { source, drone, beacons, tap, ordered: Ordered::default(), own: 0 }
+    }
+
+    /// The order, which its giver may end.
+    pub(super) fn ordered(&self) -> Ordered {
+        self.ordered.clone()
     }
 }
 
@@ -29,33 +46,39 @@ impl<S: PatternSource> PatternSource for Eager<S> {
 
     fn begin(&mut self, beacons: &[BeaconId]) -> Result<(), S::Error> {
         self.own = 0;
-        self.ordered = beacons.len();
-        self.source.begin(beacons)
+        self.ordered.end();
+        self.source.begin(beacons)?;
+        self.ordered.0.set(beacons.len());
+        Ok(())
     }
 
     fn poll(&mut self) -> Result<Option<Sweep<'_>>, S::Error> {
-        if self.ordered > 0 {
-            let sweep = self.source.poll()?;
-            if let Some(sweep) = &sweep {
-                self.ordered -= 1;
-                (self.tap.borrow_mut())(self.drone, sweep);
-            }
-            return Ok(sweep);
-        }
-        if self.own == 0 {
+        let ordered = self.ordered.0.get();
+        if ordered == 0 && self.own == 0 {
             self.source.begin(&self.beacons)?;
             self.own = self.beacons.len();
-        } else if let Some(sweep) = self.source.poll()? {
-            self.own -= 1;
-            (self.tap.borrow_mut())(self.drone, &sweep);
+            return Ok(None);
         }
+        // After an error the turn is over, and the next poll begins one of its own.
+        let own = std::mem::take(&mut self.own);
+        self.ordered.end();
+        let sweep = self.source.poll()?;
+        let taken = usize::from(sweep.is_some());
+        if let Some(sweep) = &sweep {
+            (self.tap.borrow_mut())(self.drone, sweep);
+        }
+        if ordered > 0 {
+            self.ordered.0.set(ordered - taken);
+            return Ok(sweep);
+        }
+        self.own = own - taken;
         Ok(None)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use std::{cell::RefCell, convert::Infallible, rc::Rc};
+    use std::{cell::RefCell, fmt};
 
     use foxhunt_core::{MeasuredList, Pose};
 
@@ -67,18 +90,32 @@ mod tests {
         begun: Vec<Vec<BeaconId>>,
         left: Vec<BeaconId>,
         polled: u32,
+        /// True if the next call fails, and ends its turn.
+        fails: bool,
+    }
+
+    impl Quick {
+        fn fail(&mut self) -> Result<(), fmt::Error> {
+            if std::mem::take(&mut self.fails) {
+                self.left.clear();
+                return Err(fmt::Error);
+            }
+            Ok(())
+        }
     }
 
     impl PatternSource for Quick {
-        type Error = Infallible;
+        type Error = fmt::Error;
 
-        fn begin(&mut self, beacons: &[BeaconId]) -> Result<(), Infallible> {
+        fn begin(&mut self, beacons: &[BeaconId]) -> Result<(), fmt::Error> {
+            self.fail()?;
             self.left = beacons.iter().rev().copied().collect();
             self.begun.push(beacons.to_vec());
             Ok(())
         }
 
-        fn poll(&mut self) -> Result<Option<Sweep<'_>>, Infallible> {
+        fn poll(&mut self) -> Result<Option<Sweep<'_>>, fmt::Error> {
+            self.fail()?;
             self.polled += 1;
             if !self.polled.is_multiple_of(2) {
                 return Ok(None);
@@ -109,17 +146,50 @@ mod tests {
         let polls = |source: &mut Eager<Quick>, count: u32| {
             let mut got = Vec::new();
             for _ in 0..count {
-                got.extend(source.poll().expect("infallible").map(|sweep| sweep.beacon.0));
+                got.extend(source.poll().expect("a source").map(|sweep| sweep.beacon.0));
             }
             got
         };
         assert_eq!(polls(&mut source, 6), [0_u16; 0]);
         assert_eq!(*heard.borrow(), [(3, 0), (3, 1)]);
         // An order takes the place of its own turn, and its own ones go on afterwards.
-        source.begin(&[BeaconId(1)]).expect("infallible");
+        source.begin(&[BeaconId(1)]).expect("it begins");
         assert_eq!(polls(&mut source, 10), [1]);
         assert_eq!(heard.borrow()[2..4], [(3, 1), (3, 0)]);
         assert_eq!(source.source.begun[2], [BeaconId(1)]);
         assert!(source.source.begun.len() >= 4);
+    }
+
+    #[test]
+    fn the_tap_hears_on_after_a_turn_that_failed_or_is_given_up() {
+        let heard = Rc::new(RefCell::new(0));
+        let kept = Rc::clone(&heard);
+        let tap: Tap = Rc::new(RefCell::new(move |_: usize, _: &Sweep<'_>| {
+            *kept.borrow_mut() += 1;
+        }));
+        let mut source = Eager::new(Quick::default(), 0, 2, tap);
+        let hears = |source: &mut Eager<Quick>| {
+            let before = *heard.borrow();
+            for _ in 0..12 {
+                assert!(!matches!(source.poll(), Ok(Some(_))), "nothing is ordered");
+            }
+            *heard.borrow() > before
+        };
+        assert!(hears(&mut source));
+        // Its own turn fails, one that was ordered does, and one cannot begin.
+        source.source.fails = true;
+        assert!(hears(&mut source));
+        source.begin(&[BeaconId(1)]).expect("it begins");
+        source.source.fails = true;
+        assert_eq!(source.poll().err(), Some(fmt::Error));
+        assert!(hears(&mut source));
+        source.source.fails = true;
+        assert_eq!(source.begin(&[BeaconId(1)]), Err(fmt::Error));
+        assert!(hears(&mut source));
+        // The source forgets its turn, and the hunt gives it up.
+        source.begin(&[BeaconId(1)]).expect("it begins");
+        source.source.left.clear();
+        source.ordered().end();
+        assert!(hears(&mut source));
     }
 }

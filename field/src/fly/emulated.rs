@@ -279,7 +279,7 @@ impl EmulatedField {
                 flown.launch_m = Some([stands.east_m, stands.north_m]);
             }
         }
-        field.flight.make_room_for_carriers();
+        field.flight.widen_for_carriers();
         Ok(field)
     }
 

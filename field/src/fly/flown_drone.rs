@@ -6,7 +6,7 @@ use foxhunt_core::{HeightAboveGround, PatternSource, Waypoint};
 use foxhunt_hardware::{Aircraft, AircraftState, Hands, ReportedHeight};
 use foxhunt_hunt::hunt::{Devices, Event};
 
-use super::Ending;
+use super::{Ending, eager::Ordered};
 
 /// Modes of those that come down.
 const HOMEWARD: [&str; 3] = ["RTL", "RETURN", "LAND"];
@@ -46,8 +46,8 @@ pub struct FlownDrone<A, S> {
     pub aircraft: A,
     /// Source with which it listens.
     pub source: S,
-    /// True if its source listens between the hunt's turns, too.
-    pub(crate) listens_between: bool,
+    /// Order of the hunt to a source that listens between the hunt's turns, too; absent for others.
+    pub(crate) listens_between: Option<Ordered>,
     /// Its present state; absent while its link fails.
     state: Option<AircraftState>,
     /// The state that was logged last.
@@ -91,7 +91,7 @@ impl<A, S> FlownDrone<A, S> {
             name: name.into(),
             aircraft,
             source,
-            listens_between: false,
+            listens_between: None,
             state: None,
             reported_state: None,
             reported_health: None,
@@ -212,6 +212,16 @@ impl<A, S> FlownDrone<A, S> {
         }
         due
     }
+}
+
+/// Returns true if `test` holds for all drones that go anywhere, or for all where none does: a
+/// station, which is there for ever, keeps no flight alive.
+pub(crate) fn all_that_move<A, S>(
+    drones: &[FlownDrone<A, S>],
+    test: impl Fn(&FlownDrone<A, S>) -> bool,
+) -> bool {
+    let some_move = drones.iter().any(|drone| !drone.is_rooted());
+    drones.iter().filter(|drone| !(some_move && drone.is_rooted())).all(test)
 }
 
 impl<A: Aircraft, S> FlownDrone<A, S> {
@@ -491,6 +501,30 @@ mod tests {
         assert!(!high(4.0, by).is_like(&known));
         let state = |silent_s| AircraftState { silent_s, ..AircraftState::default() };
         assert!(Health::new(&state(2.9), None).linked && !Health::new(&state(3.1), None).linked);
+    }
+
+    #[test]
+    fn a_station_keeps_no_dead_flight_alive() {
+        let drone = |rooted, airborne, silent_s| {
+            let state = AircraftState {
+                rooted,
+                airborne,
+                armed: airborne,
+                silent_s,
+                ..AircraftState::default()
+            };
+            FlownDrone { state: Some(state), ..FlownDrone::new("one", (), ()) }
+        };
+        let is_dead = |drones: &[FlownDrone<(), ()>]| {
+            let down = all_that_move(drones, FlownDrone::is_down);
+            [down, all_that_move(drones, |drone| drone.is_out(5.0))]
+        };
+        let station = || drone(true, true, 0.0);
+        assert_eq!(is_dead(&[station(), drone(false, false, 0.0)]), [true, true]);
+        assert_eq!(is_dead(&[station(), drone(false, true, 6.0)]), [false, true]);
+        assert_eq!(is_dead(&[station(), drone(false, true, 0.0)]), [false, false]);
+        assert_eq!(is_dead(&[station(), station()]), [false, false], "a hunt of stations alone");
+        assert_eq!(is_dead(&[drone(true, false, 0.0)]), [true, true]);
     }
 
     /// The times at which a watch of 4 m reports, of heights that are so far apart each second.

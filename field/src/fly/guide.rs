@@ -68,7 +68,7 @@ impl PitchConfig {
 #[derive(Clone, Debug)]
 pub struct Pitch {
     config: PitchConfig,
-    /// Times and levels of the last while.
+    /// Times and levels of the last while: times ascend, levels fall.
     held: VecDeque<(f64, f64)>,
     peak_dbm: Option<f64>,
 }
@@ -84,16 +84,20 @@ impl Pitch {
         Ok(Self { config, held: VecDeque::new(), peak_dbm: None })
     }
 
-    /// Takes a level in dBm of a time in seconds.
+    /// Takes a level in dBm of a time in seconds. Times need not ascend: several receivers may
+    /// deliver into one pitch.
     pub fn received(&mut self, time: f64, level_dbm: f64) {
-        if !level_dbm.is_finite() {
+        if !(time.is_finite() && level_dbm.is_finite()) {
             return;
         }
-        // Weaker ones before it never count again.
-        while self.held.back().is_some_and(|(_, weaker)| *weaker <= level_dbm) {
-            self.held.pop_back();
+        let later = self.held.partition_point(|(at, _)| *at <= time);
+        // One that is followed by a stronger one never counts, nor do weaker ones before it.
+        if self.held.get(later).is_none_or(|(_, level)| *level < level_dbm) {
+            let before = self.held.iter().take(later).rev();
+            let weaker = before.take_while(|(_, level)| *level <= level_dbm).count();
+            self.held.drain(later - weaker..later);
+            self.held.insert(later - weaker, (time, level_dbm));
         }
-        self.held.push_back((time, level_dbm));
         self.peak_dbm = Some(self.peak_dbm.map_or(level_dbm, |peak| peak.max(level_dbm)));
     }
 
@@ -214,6 +218,22 @@ mod tests {
         let wrong = PitchConfig { highest_hz: 100.0, ..PitchConfig::default() };
         let error = Pitch::new(wrong).expect_err("reversed").to_string();
         assert_eq!(error, "highest_hz is 100; it must be above lowest_hz");
+    }
+
+    #[test]
+    fn levels_of_several_receivers_count_by_their_times() {
+        let mut pitch = Pitch::new(PitchConfig::default()).expect("in range");
+        pitch.received(10.0, -80.0);
+        // An older and stronger one comes later, and one that is weaker than both.
+        pitch.received(9.0, -60.0);
+        pitch.received(8.9, -90.0);
+        assert_eq!(pitch.level_dbm(10.0), Some(-60.0));
+        assert_eq!(pitch.level_dbm(10.6), Some(-80.0), "the older one expires first");
+        pitch.received(9.5, -85.0);
+        assert_eq!(pitch.level_dbm(11.2), Some(-80.0));
+        assert_eq!((pitch.level_dbm(11.6), pitch.peak_dbm()), (None, Some(-60.0)));
+        pitch.received(f64::NAN, -50.0);
+        assert_eq!((pitch.level_dbm(12.0), pitch.peak_dbm()), (None, Some(-60.0)));
     }
 
     #[test]

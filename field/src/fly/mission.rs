@@ -4,7 +4,10 @@ use foxhunt_core::{PatternSource, Station, parameter::FieldError};
 use foxhunt_hardware::Aircraft;
 use foxhunt_hunt::hunt::{Event, FlightStage, Hunt, drive};
 
-use super::{Ending, FlightRules, FlownDrone, flown_drone::Departure};
+use super::{
+    Ending, FlightRules, FlownDrone,
+    flown_drone::{Departure, all_that_move},
+};
 
 /// Silence after which an aircraft takes no part, in seconds.
 const SILENT_S: f64 = 5.0;
@@ -272,13 +275,18 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
         match stations {
             // They have all been up a moment ago; a place that is missing now comes again.
             Err(_) => {}
-            Ok(stations) => match self.hunt.start(time, stations) {
-                Ok(()) => {
-                    self.attended = time;
-                    self.enter(time, FlightStage::Hunting, "all are up".into());
+            Ok(stations) => {
+                for (index, drone) in self.drones.iter().enumerate() {
+                    self.hunt.set_rooted(index, drone.is_rooted());
                 }
-                Err(error) => self.abort(time, &error.to_string()),
-            },
+                match self.hunt.start(time, stations) {
+                    Ok(()) => {
+                        self.attended = time;
+                        self.enter(time, FlightStage::Hunting, "all are up".into());
+                    }
+                    Err(error) => self.abort(time, &error.to_string()),
+                }
+            }
         }
     }
 
@@ -289,11 +297,11 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
             self.hunt.set_away(index, !drone.is_commanded());
             self.hunt.set_rooted(index, drone.is_rooted());
         }
-        if !self.drones.iter().all(|drone| drone.is_out(SILENT_S)) {
+        if !all_that_move(&self.drones, |drone| drone.is_out(SILENT_S)) {
             self.attended = time;
         }
         let deserted_s = time - self.attended;
-        if self.drones.iter().all(FlownDrone::is_down) {
+        if all_that_move(&self.drones, FlownDrone::is_down) {
             self.fail(time, "all drones are on the ground");
         } else if deserted_s >= self.rules.deserted_timeout_s {
             self.fail(time, &format!("no drone has taken part for {deserted_s:.0} s"));
@@ -310,10 +318,13 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
     /// and recordings.
     fn listen_between(&mut self, time: f64) {
         for (index, drone) in self.drones.iter_mut().enumerate() {
-            if drone.listens_between
-                && !self.hunt.awaits(index)
-                && let Err(error) = drone.source.poll().map(drop)
-            {
+            let Some(order) = drone.listens_between.as_ref().filter(|_| !self.hunt.awaits(index))
+            else {
+                continue;
+            };
+            // The rest of a turn that the hunt has given up is for ears, too.
+            order.end();
+            if let Err(error) = drone.source.poll().map(drop) {
                 self.hunt.device_failed(time, Some(index), error.to_string());
             }
         }

@@ -52,10 +52,11 @@ impl FlightConfig {
             let mut open = drone.open(self, ground, ports, clock, clock_origin_unix_s, goal)?;
             if let Some(tap) = tap {
                 let tap = tap.clone();
-                open.listens_between = drone.listens_on_the_way();
-                open.source = if open.listens_between {
+                open.source = if drone.listens_on_the_way() {
                     let beacons = u16::try_from(self.beacons.len()).unwrap_or(u16::MAX);
-                    boxed_source(Eager::new(open.source, index, beacons, tap))
+                    let eager = Eager::new(open.source, index, beacons, tap);
+                    open.listens_between = Some(eager.ordered());
+                    boxed_source(eager)
                 } else {
                     boxed_source(Tapped::new(open.source, index, tap))
                 };

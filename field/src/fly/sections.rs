@@ -97,6 +97,12 @@ pub enum VehicleDevice {
 }
 
 impl VehicleDevice {
+    /// Returns true if it is carried: it goes somewhere, and does not fly.
+    #[must_use]
+    pub fn is_carried(&self) -> bool {
+        matches!(self, Self::Carried { .. })
+    }
+
     /// Returns true if nothing flies: it is carried, or stands.
     #[must_use]
     pub fn is_on_the_ground(&self) -> bool {

@@ -145,6 +145,12 @@ impl Attendance {
         self.rooted = rooted;
     }
 
+    /// Returns true if it never goes anywhere.
+    #[must_use]
+    pub fn is_rooted(&self) -> bool {
+        self.rooted
+    }
+
     /// For how many seconds its place has not been known.
     #[must_use]
     pub fn unlocated_s(&self, time: f64) -> f64 {

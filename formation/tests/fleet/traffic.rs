@@ -291,6 +291,16 @@ fn nonsense_is_refused_by_name() {
     );
     let outside = refused(config, &[at(1.0, 1.0), at(15.0, 15.0)]);
     assert_eq!(outside, TrafficError::Outside { drone: 1, east: 15.0, north: 15.0, up: 4.0 });
+    // A mast may be higher than drones may fly, and stands inside of the fence all the same.
+    let low = Airspace::new(&AirspaceConfig { altitude_m: Some([1.5, 1.5]), ..corner() });
+    let low = low.expect("an airspace");
+    let mast = |east, rooted: bool| {
+        Traffic::with_rooted(&low, config, &[at(east, 1.0)], |_| rooted).map(|_| ())
+    };
+    let too_high = TrafficError::Outside { drone: 0, east: 1.0, north: 1.0, up: 4.0 };
+    assert_eq!(mast(1.0, false), Err(too_high));
+    assert_eq!(mast(1.0, true), Ok(()));
+    assert!(matches!(mast(150.0, true), Err(TrafficError::Outside { .. })));
     let nowhere = refused(config, &[at(1.0, f64::NAN)]);
     assert!(matches!(nowhere, TrafficError::NotFinite { drone: 0, .. }));
     let field = |config| match refused(config, &[]) {

@@ -1,4 +1,4 @@
-use std::mem;
+use std::{collections::BTreeSet, mem};
 
 use foxhunt_core::{BeaconId, PlanError, Pose, Station, SteadyMotion, Target, Waypoint};
 use foxhunt_formation::{
@@ -68,6 +68,7 @@ impl Flight {
         config: &HuntConfig,
         time: f64,
         stations: Vec<Station>,
+        rooted: &BTreeSet<usize>,
     ) -> Result<Self, HuntError> {
         let starts: Vec<Vector3<f64>> = stations.iter().map(|s| s.pose.position).collect();
         let traffic = TrafficConfig {
@@ -77,7 +78,9 @@ impl Flight {
             stopping_m: config.stopping_m,
             void: config.void,
         };
-        let traffic = Traffic::new(&Airspace::new(&config.airspace)?, traffic, &starts)?;
+        let airspace = Airspace::new(&config.airspace)?;
+        let is_rooted = |drone: usize| rooted.contains(&drone);
+        let traffic = Traffic::with_rooted(&airspace, traffic, &starts, is_rooted)?;
         let homes = traffic.homes(&starts);
         let drone = |(station, home): (Station, Vector3<f64>)| FlownDrone {
             attendance: Attendance::new(config.attendance, time, station.pose.position),
@@ -90,8 +93,12 @@ impl Flight {
             awaited: false,
             landing: None,
         };
+        let mut drones: Vec<FlownDrone> = stations.into_iter().zip(homes).map(drone).collect();
+        for (index, drone) in drones.iter_mut().enumerate() {
+            drone.attendance.set_rooted(is_rooted(index));
+        }
         Ok(Self {
-            drones: stations.into_iter().zip(homes).map(drone).collect(),
+            drones,
             traffic,
             endurance: config
                 .endurance
@@ -173,9 +180,16 @@ impl Flight {
         }
     }
 
-    /// Returns true if no drone takes orders.
+    /// The drones that go anywhere, or all where none does: a station, which takes orders and knows
+    /// its place for ever, keeps no hunt alive.
+    fn movers(&self) -> impl Iterator<Item = &FlownDrone> {
+        let all_rooted = self.drones.iter().all(|drone| drone.attendance.is_rooted());
+        self.drones.iter().filter(move |drone| all_rooted || !drone.attendance.is_rooted())
+    }
+
+    /// Returns true if no drone takes orders that goes anywhere.
     pub(super) fn is_deserted(&self) -> bool {
-        self.drones.iter().all(|drone| drone.attendance.is_away())
+        self.movers().all(|drone| drone.attendance.is_away())
     }
 
     /// Takes note that a drone did not take its order, which is repeated.
@@ -392,4 +406,30 @@ impl Flight {
 /// Converts the error of a formation that cannot be flown to [`PlanError::NoPlace`].
 fn no_place(_: TrafficError) -> PlanError {
     PlanError::NoPlace
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_station_on_a_mast_takes_part_and_keeps_no_hunt_alive() {
+        let mut config = HuntConfig::default();
+        config.airspace.altitude_m = Some([1.5, 1.5]);
+        let mast = Pose::at(50.0, 0.0, 30.0);
+        let stations = || vec![Station::holding(mast), Station::holding(Pose::at(0.0, 0.0, 1.5))];
+        assert!(Flight::new(&config, 0.0, stations(), &BTreeSet::new()).is_err(), "too high");
+        let mut flight =
+            Flight::new(&config, 0.0, stations(), &BTreeSet::from([0])).expect("it is rooted");
+        let late = config.move_timeout_s;
+        flight.located(late, 0, mast);
+        let recall = flight.must_return(late).expect("the walker is lost");
+        assert_eq!(recall.reason, "no drone has reported its place for 120 s");
+        assert!(!flight.is_deserted());
+        flight.set_away(1, true);
+        assert!(flight.is_deserted());
+        // A hunt of stations alone goes on.
+        flight.set_rooted(1, true);
+        assert!(!flight.is_deserted() && flight.must_return(late).is_none());
+    }
 }

@@ -131,6 +131,8 @@ pub struct Hunt {
     targets: Vec<SearchedTarget>,
     /// Absent until the hunt has begun.
     flight: Option<Flight>,
+    /// Drones that never go anywhere.
+    rooted: BTreeSet<usize>,
     phases: Phases,
     since: f64,
     /// The beacon that is searched for.
@@ -245,6 +247,7 @@ impl Hunt {
             config,
             targets: beacons.into_iter().map(SearchedTarget::waiting).collect(),
             flight: None,
+            rooted: BTreeSet::new(),
             phases: Phases::default(),
             since: 0.0,
             current: 0,
@@ -270,7 +273,7 @@ impl Hunt {
         if phase != Phase::Idle {
             return Err(PhaseError { phase, signal: Signal::Begin }.into());
         }
-        self.flight = Some(Flight::new(&self.config, time, stations)?);
+        self.flight = Some(Flight::new(&self.config, time, stations, &self.rooted)?);
         self.begin_beacon(time).inspect_err(|_| self.reset())
     }
 
@@ -306,8 +309,14 @@ impl Hunt {
     }
 
     /// Sets whether a drone never goes anywhere, such as a station; each does at first. One that is
-    /// rooted listens where it is, and no formation waits for it.
+    /// rooted listens where it is, and no formation waits for it. Before the start it allows the
+    /// drone to stand above the airspace.
     pub fn set_rooted(&mut self, drone: usize, rooted: bool) {
+        if rooted {
+            self.rooted.insert(drone);
+        } else {
+            self.rooted.remove(&drone);
+        }
         if let Some(flight) = &mut self.flight {
             flight.set_rooted(drone, rooted);
         }

@@ -54,11 +54,27 @@ impl Traffic {
         config: TrafficConfig,
         positions: &[Vector3<f64>],
     ) -> Result<Self, TrafficError> {
+        Self::with_rooted(airspace, config, positions, |_| false)
+    }
+
+    /// The traffic of drones that rest at `positions`, some of which are `rooted`: they never go
+    /// anywhere, and may stand above the band.
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`new`](Self::new).
+    pub fn with_rooted(
+        airspace: &Airspace,
+        config: TrafficConfig,
+        positions: &[Vector3<f64>],
+        rooted: impl Fn(usize) -> bool,
+    ) -> Result<Self, TrafficError> {
         config.check()?;
         for (drone, place) in positions.iter().enumerate() {
             check_finite(drone, place)?;
             let [east, north, up] = [place.x, place.y, place.z];
-            if !airspace.holds(&place.xy()) || airspace.altitude(up) < up {
+            let too_high = airspace.altitude(up) < up && !rooted(drone);
+            if !airspace.holds(&place.xy()) || too_high {
                 return Err(TrafficError::Outside { drone, east, north, up });
             }
             for (second, other) in positions.iter().enumerate().skip(drone + 1) {

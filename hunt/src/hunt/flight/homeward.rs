@@ -23,7 +23,7 @@ impl Flight {
     /// Returns the reason why the drones have to fly home now, if they have to.
     pub(in crate::hunt) fn must_return(&mut self, time: f64) -> Option<Recall> {
         let unlocated_s = |drone: &FlownDrone| drone.attendance.unlocated_s(time);
-        let unlocated_s = self.drones.iter().map(unlocated_s).fold(f64::INFINITY, f64::min);
+        let unlocated_s = self.movers().map(unlocated_s).fold(f64::INFINITY, f64::min);
         if unlocated_s >= self.move_timeout_s {
             let reason = format!("no drone has reported its place for {unlocated_s:.0} s");
             return Some(Recall { outcome: Outcome::NoDrones, reason });

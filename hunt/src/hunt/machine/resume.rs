@@ -38,7 +38,7 @@ impl Hunt {
         if phase != Phase::Idle {
             return Err(PhaseError { phase, signal: Signal::Begin }.into());
         }
-        let mut flight = Flight::new(&self.config, time, stations)?;
+        let mut flight = Flight::new(&self.config, time, stations, &self.rooted)?;
         flight.continue_from(began, homes);
         self.flight = Some(flight);
         self.replay(events).and_then(|()| self.go_on(time, events)).inspect_err(|_| self.reset())
