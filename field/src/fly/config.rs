@@ -557,7 +557,8 @@ pub(super) mod tests {
         let flight = FlightConfig::parse(&with(&hunt), "meadow.toml").expect("wide enough");
         assert_eq!(flight.hunt.airspace.altitude_m, None);
         let timeouts = [flight.hunt.move_timeout_s, flight.flight.deserted_timeout_s];
-        assert_eq!(timeouts, [HuntConfig::default().move_timeout_s, 30.0]);
+        let expected = [HuntConfig::default().move_timeout_s, 30.0];
+        assert!(timeouts.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{timeouts:?}");
     }
 
     #[test]
@@ -575,8 +576,8 @@ pub(super) mod tests {
         let flight = FlightConfig::parse(&text, "walker.toml").expect("in order");
         assert_eq!(flight.hunt.airspace.altitude_m, Some([1.5, 1.5]));
         let limits = [flight.hunt.arrival_tolerance_m, flight.hunt.attendance.lost_after_s];
-        assert_eq!(limits, [3.0, 20.0]);
-        assert_eq!(flight.flight.deserted_timeout_s, DAY_S);
+        assert!(limits.iter().zip([3.0, 20.0]).all(|(a, b)| (a - b).abs() < 1e-9), "{limits:?}");
+        assert!((flight.flight.deserted_timeout_s - DAY_S).abs() < 1e-9);
     }
 
     #[test]

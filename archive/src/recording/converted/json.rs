@@ -2,7 +2,7 @@ use std::collections::BTreeMap;
 
 use serde_json::{Deserializer, Map, Value};
 
-use super::{Rows, RowsWriter, not_written};
+use super::rows::{Rows, RowsWriter, not_written};
 use crate::recording::RecordingError;
 
 /// Maximum number of columns; further keys are not read.

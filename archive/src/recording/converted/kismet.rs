@@ -2,7 +2,7 @@ use std::io::Cursor;
 
 use rusqlite::{Connection, Row, types::ValueRef};
 
-use super::{Converted, Made, RowsWriter, not_written};
+use super::rows::{Converted, Made, RowsWriter, not_written};
 use crate::recording::RecordingError;
 
 /// First bytes of a database of SQLite 3.
@@ -92,7 +92,7 @@ mod tests {
     /// Places of version 4 are degrees times 100,000, and have no height.
     #[test]
     fn logs_of_before_version_5_have_whole_places() {
-        let log = Connection::open_in_memory().expect("in memory");
+        let mut log = Connection::open_in_memory().expect("in memory");
         log.execute_batch(
             "CREATE TABLE KISMET (kismet_version TEXT, db_version INT); \
              INSERT INTO KISMET VALUES ('2018', 4); \
@@ -110,7 +110,7 @@ mod tests {
             ["1529589780.250000", "02:00", "a", "-61"]
         );
         let place: Vec<f64> =
-            text.split(',').skip(4).take(2).map(|cell| cell.parse().unwrap()).collect();
+            text.split(',').skip(4).take(2).map(|cell| cell.parse().expect("a number")).collect();
         assert!((place[0] - 48.2).abs() < 1e-9 && (place[1] - 16.37).abs() < 1e-9, "{text}");
         assert!(text.ends_with(",\n"), "{text}");
         assert!(convert(b"SQLite format 3\0", "walk.db").expect("no error").is_none());

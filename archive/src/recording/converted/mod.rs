@@ -10,29 +10,9 @@ mod sensorgnome;
 #[cfg(feature = "spreadsheets")]
 mod spreadsheet;
 
-pub(super) use self::rows::Rows;
-use self::rows::RowsWriter;
+use self::rows::not_written;
+pub(super) use self::rows::{Converted, Made, Rows};
 use super::RecordingError;
-
-/// A table that was made of a file.
-#[derive(Debug)]
-pub(super) struct Converted {
-    /// The table.
-    pub(super) table: Made,
-    /// The file's kind and the part of it that was read, as the end of a sentence; empty where
-    /// all of the file is read, and its format says the rest.
-    pub(super) what: String,
-}
-
-/// A table in memory.
-#[derive(Debug)]
-pub(super) enum Made {
-    /// CSV in UTF-8, in which a header is still to be found: the lines are the file's rows.
-    #[cfg_attr(not(feature = "spreadsheets"), expect(dead_code, reason = "of spreadsheets alone"))]
-    Text(Vec<u8>),
-    /// Rows under a header that is known.
-    Rows(Rows),
-}
 
 /// Makes a table of a file, by its contents; `None` for any other. `sheet` is the name of the sheet
 /// to read of a spreadsheet.
@@ -59,12 +39,4 @@ pub(super) fn convert(
     let text = String::from_utf8_lossy(bytes);
     let converted = sensorgnome::convert(&text).or_else(|| aprs::convert(&text));
     converted.map(|made| made.map_err(|error| not_written(file, error))).transpose()
-}
-
-/// An error of reading the other shape, or of writing the table.
-fn not_written(
-    file: &str,
-    source: impl Into<Box<dyn std::error::Error + Send + Sync>>,
-) -> RecordingError {
-    RecordingError::Read { file: file.to_owned(), source: std::io::Error::other(source) }
 }

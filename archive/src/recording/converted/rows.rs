@@ -1,5 +1,27 @@
 use std::io;
 
+use crate::recording::RecordingError;
+
+/// A table that was made of a file.
+#[derive(Debug)]
+pub(in crate::recording) struct Converted {
+    /// The table.
+    pub(in crate::recording) table: Made,
+    /// The file's kind and the part of it that was read, as the end of a sentence; empty where
+    /// all of the file is read, and its format says the rest.
+    pub(in crate::recording) what: String,
+}
+
+/// A table in memory.
+#[derive(Debug)]
+pub(in crate::recording) enum Made {
+    /// CSV in UTF-8, in which a header is still to be found: the lines are the file's rows.
+    #[cfg_attr(not(feature = "spreadsheets"), expect(dead_code, reason = "of spreadsheets alone"))]
+    Text(Vec<u8>),
+    /// Rows under a header that is known.
+    Rows(Rows),
+}
+
 /// Rows that were made of a file of another shape, each with its line there.
 #[derive(Debug, Default, PartialEq)]
 pub(in crate::recording) struct Rows {
@@ -43,4 +65,12 @@ impl RowsWriter {
         let csv = self.writer.into_inner().map_err(csv::IntoInnerError::into_error)?;
         Ok(Rows { csv, ..self.rows })
     }
+}
+
+/// An error of reading the other shape, or of writing the table.
+pub(super) fn not_written(
+    file: &str,
+    source: impl Into<Box<dyn std::error::Error + Send + Sync>>,
+) -> RecordingError {
+    RecordingError::Read { file: file.to_owned(), source: std::io::Error::other(source) }
 }

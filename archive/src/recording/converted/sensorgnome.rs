@@ -1,4 +1,4 @@
-use super::{Converted, Made, RowsWriter};
+use super::rows::{Converted, Made, RowsWriter};
 
 /// Lines in which a file is recognised.
 const LOOKED_AT: usize = 200;

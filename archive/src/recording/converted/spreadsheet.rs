@@ -2,7 +2,7 @@ use std::io::Cursor;
 
 use calamine::{Data, ExcelDateTime, Range, Reader, open_workbook_auto_from_rs};
 
-use super::{Converted, Made, not_written};
+use super::rows::{Converted, Made, not_written};
 use crate::recording::RecordingError;
 
 /// First bytes of a ZIP archive, as `.xlsx`, `.xlsb` and `.ods` are.
@@ -132,7 +132,7 @@ mod tests {
         let moment = |days, kind| date(&ExcelDateTime::new(days, kind, false));
         let day = ExcelDateTimeType::DateTime;
         assert_eq!(moment(46_194.0, day), "2026-06-21");
-        assert_eq!(moment(46_194.585_416_666_664, day), "2026-06-21 14:03:00");
+        assert_eq!(moment(46_194.585_416_666_66, day), "2026-06-21 14:03:00");
         assert_eq!(moment(0.585_416_666_666_666_7, day), "14:03:00");
         assert_eq!(moment(26.0 / 24.0, ExcelDateTimeType::TimeDelta), "26:00:00");
         assert_eq!(duration("PT14H03M00S").as_deref(), Some("14:03:00"));
