@@ -141,12 +141,23 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(16))]
     #[test]
     fn an_estimator_of_ones_own_keeps_the_laws(bearing in -3.0..3.0, rss in -80.0..-50.0) {
-        let prior = Estimate::isotropic(Vector2::new(3.0, -2.0), 8.0);
-        let noise = Matrix2::from_diagonal(&Vector2::new(36.0, 0.25));
-        let turn = Observation::new(0.0, Pose::at(0.0, 9.0, 4.0), Vector2::new(rss, bearing), noise)
-            .expect("finite");
-        laws::estimator(|| Lattice::new(model(), &prior), &turn);
+        let (lattice, turn) = lattice_and_turn(rss, bearing);
+        laws::estimator_with(lattice, &turn, laws::Checks::AT_ONE_OBSERVATION);
     }
+}
+
+/// All laws: seconds for each observation, with so many places.
+#[test]
+fn an_estimator_of_ones_own_keeps_all_laws() {
+    let (lattice, turn) = lattice_and_turn(-62.0, -1.2);
+    laws::estimator(lattice, &turn);
+}
+
+fn lattice_and_turn(rss: f64, bearing: f64) -> (impl Fn() -> Lattice, Observation<2>) {
+    let prior = Estimate::isotropic(Vector2::new(3.0, -2.0), 8.0);
+    let noise = Matrix2::from_diagonal(&Vector2::new(36.0, 0.25));
+    let turn = Observation::new(0.0, Pose::at(0.0, 9.0, 4.0), Vector2::new(rss, bearing), noise);
+    (move || Lattice::new(model(), &prior), turn.expect("finite"))
 }
 
 /// A user's own planner: everybody on a ring that shrinks with the belief.
