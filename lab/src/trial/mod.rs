@@ -440,8 +440,10 @@ mod tests {
         // Until q took its place, `acceleration_density` was √q.
         let text = include_str!("../../trials/isaacs-circle.toml");
         let old = text.replace("spectral_density = 1e-4", "acceleration_density = 0.01");
-        let error = Trial::parse(&old, "old.toml").expect_err("it is refused").to_string();
-        assert!(error.starts_with("old.toml") && error.contains("acceleration_density"), "{error}");
+        let error = Trial::parse(&old, "old.toml").expect_err("it is refused");
+        let cause = std::error::Error::source(&error).expect("the parser's").to_string();
+        assert!(error.to_string().starts_with("old.toml"), "{error}");
+        assert!(cause.contains("acceleration_density"), "{cause}");
     }
 
     #[test]
