@@ -112,8 +112,8 @@ def turn_pvt_on(path):
     write(UBXMessage("CFG", "CFG-MSG", 1, msgClass=1, msgID=7, rateUSB=1).serialize())
 
 
-def query_gpsd(port, origin, wanted):
-    """Reads gpsd until it has a fix by the wanted driver, and a GST."""
+def watch_gpsd(port):
+    """A connection to gpsd, which may still be starting, that is sent its reports."""
     for _ in range(100):
         try:
             client = socket.create_connection(("127.0.0.1", port))
@@ -121,6 +121,12 @@ def query_gpsd(port, origin, wanted):
         except OSError:
             time.sleep(0.1)
     client.sendall(b'?WATCH={"enable":true,"json":true};\n')
+    return client
+
+
+def query_gpsd(port, origin, wanted):
+    """Reads gpsd until it has a fix by the wanted driver, and a GST."""
+    client = watch_gpsd(port)
     client.settimeout(40)
     driver, gst, begun = None, None, time.time()
     for line in client.makefile():
@@ -231,13 +237,7 @@ def serve_stream(port_file, name):
 
 def judge(port):
     """Prints gpsd's place, with its height above the ellipsoid if it has one."""
-    for _ in range(100):
-        try:
-            client = socket.create_connection(("127.0.0.1", port))
-            break
-        except OSError:
-            time.sleep(0.1)
-    client.sendall(b'?WATCH={"enable":true,"json":true};\n')
+    client = watch_gpsd(port)
     client.settimeout(30)
     fixes = 0
     for line in client.makefile():

@@ -34,7 +34,8 @@ use foxhunt_core::{Correction, Estimator, Observation, Quantity, Smooth};
 /// for second in 0..10 {
 ///     let time = f64::from(second);
 ///     filter.predict(if second == 0 { 0.0 } else { 1.0 })?;
-///     let (east, variance) = (Vector1::new(2.0 * time), Matrix1::new(1.0));
+///     let east = Vector1::new(2.0 * time);
+///     let variance = Matrix1::new(1.0);
 ///     let _ = filter.update(&Observation::new(time, Pose::default(), east, variance)?)?;
 ///     run.push((time, filter.clone()));
 /// }

@@ -26,7 +26,7 @@ pub fn geoid_height_m(place: &Geodetic) -> f64 {
     let lon_deg = (place.lon_deg + 180.0).rem_euclid(360.0) - 180.0;
     let lat_deg = place.lat_deg.clamp(-90.0, 90.0);
     #[expect(clippy::cast_possible_truncation, reason = "f32 is 10⁻⁵° here")]
-    let (lat, lon) = (lat_deg as f32, lon_deg as f32);
+    let [lat, lon] = [lat_deg, lon_deg].map(|degrees| degrees as f32);
     // Both are in range unless they are NaN, which no place is.
     egm2008::geoid_height(lat, lon).map_or(0.0, f64::from)
 }
