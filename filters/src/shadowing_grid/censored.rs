@@ -2,73 +2,288 @@ use alloc::vec::Vec;
 
 use foxhunt_core::{Pose, noise::log_normal_cdf};
 
-use super::{Censoring, ShadowedReading, ShadowingGridConfig};
+use super::{
+    Censoring, ShadowedReading,
+    whitener::{Correlation, NEIGHBOURS, Neighbours, Receivers, Row},
+};
 
-/// Number of segments of one side that are weighed; of more, some stand for all, as neighbours
-/// fade together.
-const MOST: usize = 24;
+/// Number of segments of one side that are weighed; of more, some stand for all beside them.
+const MOST: usize = 100;
+
+/// Correlation of two segments below which they count as independent.
+const UNLIKE: f64 = 0.02;
 
 /// The segments whose values are known to lie below or above a limit, and no more.
+///
+/// Each is expected where the law and the segments with a value nearest to it say, as kriging
+/// does, and weighs by the number that fade like it beyond that.
 #[derive(Clone, Debug)]
 pub(super) struct Censored {
     receivers: Vec<Pose>,
     /// Each limit, and the sign of limit − value: 1 below, −1 above.
     limits: Vec<(f64, f64)>,
-    /// The exponent of each segment's probability, for each correlation length and nugget.
-    exponents: Vec<Vec<f64>>,
+    /// The segments with a value nearest to each.
+    neighbours: Neighbours,
+    /// For each correlation, each segment given its neighbours.
+    given: Vec<Vec<Given>>,
+}
+
+/// One censored segment under one correlation, given the segments with a value near by.
+#[derive(Clone, Debug)]
+struct Given {
+    /// Weight of each neighbour in the mean.
+    weights: [f64; NEIGHBOURS],
+    /// What the neighbours' values add to the mean.
+    value: f64,
+    /// What a unit of the intercept adds to the mean: 1 less the weights.
+    ones: f64,
+    /// The variance given the neighbours, in units of σ².
+    variance: f64,
+    /// The exponent of the probability: 1 over the number of segments that fade alike, for all
+    /// segments that this one stands for.
+    exponent: f64,
+}
+
+/// The explanation of the levels by which censored segments are expected.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Law {
+    pub(super) intercept: f64,
+    /// Slope and gain.
+    pub(super) coefficients: [f64; 2],
+    /// σ² of the values.
+    pub(super) variance: f64,
+    /// Variance of the intercept in units of σ².
+    pub(super) of_intercept: f64,
 }
 
 impl Censored {
-    /// Weighs each segment by the number that fade like it, 1 / Σⱼ Cᵢⱼ.
-    pub(super) fn new(config: &ShadowingGridConfig, segments: &[ShadowedReading]) -> Self {
-        let mut kept: Vec<&ShadowedReading> = Vec::new();
+    /// Weighs each segment; `values` are those of the segments at `received`, and a correlation
+    /// that is not positive definite leaves a segment without neighbours.
+    pub(super) fn new(
+        segments: &[(ShadowedReading, f64)],
+        received: Receivers<'_>,
+        values: &[f64],
+        correlations: &[Correlation],
+    ) -> Self {
+        let mut ordered: Vec<&(ShadowedReading, f64)> = Vec::with_capacity(segments.len());
+        // The number in `ordered` of each that is weighed, and those that it stands for.
+        let mut kept: Vec<(usize, core::ops::Range<usize>)> = Vec::new();
         for side in [Censoring::Below, Censoring::Above] {
-            let of_side: Vec<_> = segments.iter().filter(|s| s.censoring == side).collect();
-            let group = of_side.len().div_ceil(MOST).max(1);
-            kept.extend(
-                of_side.chunks(group).filter_map(|chunk| chunk.get(chunk.len() / 2).copied()),
-            );
-        }
-        let receivers: Vec<Pose> = kept.iter().map(|s| s.receiver).collect();
-        let sign = |s: &ShadowedReading| if s.censoring == Censoring::Above { -1.0 } else { 1.0 };
-        let limits = kept.iter().map(|s| (s.value, sign(s))).collect();
-        let exponent = |receiver: &Pose, length_m: f64, nugget: f64| {
-            let alike = receivers.iter().map(|other| {
-                let apart_m = (other.position - receiver.position).norm();
-                (1.0 - nugget) * libm::exp(-apart_m / length_m)
-            });
-            1.0 / (nugget + alike.sum::<f64>())
-        };
-        let mut exponents = Vec::new();
-        for &length_m in &config.correlation_lengths_m {
-            for &nugget in &config.nuggets {
-                exponents.push(receivers.iter().map(|r| exponent(r, length_m, nugget)).collect());
+            let begin = ordered.len();
+            ordered.extend(segments.iter().filter(|(reading, _)| reading.censoring == side));
+            let group = (ordered.len() - begin).div_ceil(MOST).max(1);
+            for from in (begin..ordered.len()).step_by(group) {
+                let to = (from + group).min(ordered.len());
+                kept.push((from + (to - from) / 2, from..to));
             }
         }
-        Self { receivers, limits, exponents }
-    }
-
-    pub(super) fn receivers(&self) -> &[Pose] {
-        &self.receivers
+        let all =
+            Neighbours::among(ordered.iter().map(|(reading, _)| &reading.receiver), received.poses);
+        let near: Vec<&[u32]> = all.each().collect();
+        let of_correlation = |correlation: &Correlation| {
+            let each: Vec<Given> = (ordered.iter().zip(&near))
+                .map(|((reading, count), near)| {
+                    Given::new(reading, *count, near, received, values, *correlation)
+                })
+                .collect();
+            let given = kept.iter().filter_map(|(middle, group)| {
+                let shared =
+                    |j| remaining(&ordered, &near, &each, received, correlation, *middle, j);
+                let alike: f64 = (0..ordered.len()).map(shared).sum();
+                #[expect(clippy::cast_precision_loss, reason = "fewer segments than 2⁵³")]
+                let exponent = group.len() as f64 / alike;
+                Some(Given { exponent, ..each.get(*middle)?.clone() })
+            });
+            given.collect()
+        };
+        let given = correlations.iter().map(of_correlation).collect();
+        let kept = || kept.iter().filter_map(|(middle, _)| ordered.get(*middle));
+        let sign = |s: &ShadowedReading| if s.censoring == Censoring::Above { -1.0 } else { 1.0 };
+        let receivers: Vec<Pose> = kept().map(|(reading, _)| reading.receiver).collect();
+        Self {
+            limits: kept().map(|(reading, _)| (reading.value, sign(reading))).collect(),
+            neighbours: Neighbours::among(receivers.iter(), received.poses),
+            receivers,
+            given,
+        }
     }
 
     pub(super) fn is_empty(&self) -> bool {
         self.receivers.is_empty()
     }
 
-    /// The weighted log-probability that all lie on their sides of their limits, where they are
-    /// expected at `expected`, with a standard deviation, under the correlation of that number.
+    pub(super) fn receivers(&self) -> &[Pose] {
+        &self.receivers
+    }
+
+    /// Takes from each segment's regressors, `own`, what its neighbours' are expected to make of
+    /// it under a correlation.
+    pub(super) fn beyond_neighbours(
+        &self,
+        correlation: usize,
+        own: &[[Row; 2]],
+        received: &[[Row; 2]],
+        beyond: &mut Vec<[Row; 2]>,
+    ) {
+        let given = self.given.get(correlation).into_iter().flatten();
+        for ((own, near), given) in own.iter().zip(self.neighbours.each()).zip(given) {
+            let mut rest = *own;
+            for (index, weight) in near.iter().zip(&given.weights) {
+                let Some(known) = received.get(*index as usize) else { continue };
+                for (rest, known) in rest.as_flattened_mut().iter_mut().zip(known.as_flattened()) {
+                    *rest -= weight * known;
+                }
+            }
+            beyond.push(rest);
+        }
+    }
+
+    /// The weighted log-probability that all lie on their sides of their limits under a law and
+    /// a correlation, or −∞ if it is less than `least`; `beyond` are their regressors beyond those
+    /// of their neighbours, of which one column is read.
     pub(super) fn log_probability(
         &self,
-        expected: impl Iterator<Item = f64>,
-        deviation: f64,
         correlation: usize,
+        law: &Law,
+        beyond: &[[Row; 2]],
+        column: usize,
+        least: f64,
     ) -> f64 {
-        let exponents = self.exponents.get(correlation).into_iter().flatten();
-        let each = self.limits.iter().zip(expected).zip(exponents);
-        each.map(|(((limit, sign), expected), exponent)| {
-            exponent * log_normal_cdf(sign * (limit - expected) / deviation)
-        })
-        .sum()
+        let Law { intercept, coefficients: [b, c], variance, of_intercept } = *law;
+        let given = self.given.get(correlation).into_iter().flatten();
+        let mut sum = 0.0;
+        for (((limit, sign), [x, g]), given) in self.limits.iter().zip(beyond).zip(given) {
+            let [x, g] = [x, g].map(|row| row.get(column).copied().unwrap_or(0.0));
+            let expected = given.value + intercept * given.ones + b * x + c * g;
+            let own = given.variance + of_intercept * given.ones * given.ones;
+            let deviation = libm::sqrt(variance * own);
+            sum += given.exponent * log_normal_cdf(sign * (limit - expected) / deviation);
+            if sum < least {
+                return f64::NEG_INFINITY;
+            }
+        }
+        sum
+    }
+}
+
+impl Given {
+    fn new(
+        reading: &ShadowedReading,
+        count: f64,
+        near: &[u32],
+        received: Receivers<'_>,
+        values: &[f64],
+        correlation: Correlation,
+    ) -> Self {
+        let given = correlation.given(near, received, &reading.receiver, count);
+        let (weights, variance) = given
+            .map_or(([0.0; NEIGHBOURS], 1.0), |(weights, variance)| (weights.into(), variance));
+        let of = near.iter().zip(&weights);
+        let value = of.filter_map(|(index, weight)| Some(weight * values.get(*index as usize)?));
+        Self {
+            weights,
+            value: value.sum(),
+            ones: 1.0 - weights.iter().take(near.len()).sum::<f64>(),
+            variance,
+            exponent: 1.0,
+        }
+    }
+}
+
+/// The correlation of two censored segments beyond what the neighbours of the first tell, from 0
+/// to 1.
+fn remaining(
+    segments: &[&(ShadowedReading, f64)],
+    near: &[&[u32]],
+    given: &[Given],
+    received: Receivers<'_>,
+    correlation: &Correlation,
+    i: usize,
+    j: usize,
+) -> f64 {
+    let pair = || {
+        let [first, second] = [segments.get(i)?, segments.get(j)?].map(|s| &s.0.receiver);
+        let [own, other] = [given.get(i)?, given.get(j)?];
+        let shared = correlation.shared(first, second);
+        if shared < UNLIKE {
+            return None;
+        }
+        let told = near.get(i)?.iter().zip(&own.weights).filter_map(|(index, weight)| {
+            Some(weight * correlation.shared(received.poses.get(*index as usize)?, second))
+        });
+        let rest = shared - told.sum::<f64>();
+        Some((rest / libm::sqrt(own.variance * other.variance)).clamp(0.0, 1.0))
+    };
+    if i == j { 1.0 } else { pair().unwrap_or(0.0) }
+}
+
+#[cfg(test)]
+mod tests {
+    use alloc::vec;
+
+    use nalgebra::DMatrix;
+
+    use super::*;
+
+    fn above(east: f64, north: f64) -> (ShadowedReading, f64) {
+        let receiver = Pose::at(east, north, 0.0);
+        (ShadowedReading { receiver, value: -40.0, censoring: Censoring::Above }, 1.0)
+    }
+
+    #[test]
+    fn a_segment_is_expected_as_kriging_with_all_values_expects_it() {
+        let correlation = Correlation { length_m: 30.0, nugget: 0.3 };
+        let poses: Vec<Pose> = [(0.0, 0.0), (20.0, 5.0), (45.0, -3.0), (12.0, 25.0), (-70.0, 9.0)]
+            .map(|(east, north)| Pose::at(east, north, 0.0))
+            .to_vec();
+        let values = [3.0, -1.0, 0.5, 2.0, -4.0];
+        let counts = [1.0, 4.0, 1.0, 2.0, 1.0];
+        let received = Receivers { poses: &poses, counts: &counts };
+        let censored = Censored::new(&[above(10.0, 10.0)], received, &values, &[correlation]);
+        // Written out anew, from the model's definition.
+        let of = |apart_m: f64| 0.7 * libm::exp(-apart_m / 30.0);
+        let apart_m = |a: &Pose, b: &Pose| (a.position - b.position).norm();
+        let c = DMatrix::from_fn(5, 5, |i, j| {
+            let own = if i == j { 0.3 / counts[i] } else { 0.0 };
+            of(apart_m(&poses[i], &poses[j])) + own
+        });
+        let with =
+            DMatrix::from_fn(5, 1, |i, _| of(apart_m(&poses[i], &Pose::at(10.0, 10.0, 0.0))));
+        let weights = c.lu().solve(&with).expect("regular");
+        let given = &censored.given[0][0];
+        let mean: f64 = weights.iter().zip(&values).map(|(weight, value)| weight * value).sum();
+        assert!((given.value - mean).abs() < 1e-12, "{} {mean}", given.value);
+        assert!((given.ones - (1.0 - weights.sum())).abs() < 1e-12);
+        assert!((given.variance - (1.0 - weights.dot(&with))).abs() < 1e-12);
+
+        // A regressor that the values follow is taken off in the same way.
+        let row = |value: f64| [[value; 16], [2.0 * value; 16]];
+        let mut beyond = Vec::new();
+        let known: Vec<[Row; 2]> = values.iter().map(|value| row(*value)).collect();
+        censored.beyond_neighbours(0, &[row(7.0)], &known, &mut beyond);
+        assert!((beyond[0][0][3] - (7.0 - mean)).abs() < 1e-12);
+        assert!((beyond[0][1][3] - 2.0 * (7.0 - mean)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn segments_that_fade_alike_count_as_one() {
+        let correlation = Correlation { length_m: 30.0, nugget: 1e-9 };
+        let poses = [Pose::at(1e6, 0.0, 0.0)];
+        let received = Receivers { poses: &poses, counts: &[1.0] };
+        let of = |places: &[(f64, f64)]| {
+            let segments: Vec<_> = places.iter().map(|(e, n)| above(*e, *n)).collect();
+            let censored = Censored::new(&segments, received, &[0.0], &[correlation]);
+            let law =
+                Law { intercept: -42.0, coefficients: [0.0; 2], variance: 4.0, of_intercept: 0.0 };
+            let none = vec![[[0.0; 16]; 2]; places.len()];
+            let all = censored.log_probability(0, &law, &none, 0, f64::NEG_INFINITY);
+            all / log_normal_cdf(-1.0)
+        };
+        assert!((of(&[(0.0, 0.0)]) - 1.0).abs() < 1e-6);
+        assert!((of(&[(0.0, 0.0), (0.0, 0.0)]) - 1.0).abs() < 1e-6);
+        assert!((of(&[(0.0, 0.0), (1e4, 0.0)]) - 2.0).abs() < 1e-6);
+        // Of 300 side by side 100 are weighed, each for three.
+        let many: Vec<(f64, f64)> = (0..300).map(|i| (1e3 * f64::from(i), 0.0)).collect();
+        assert!((of(&many) - 300.0).abs() < 1e-3);
     }
 }

@@ -5,18 +5,18 @@ use nalgebra::Vector2;
 
 use super::{
     Intercept, ShadowingGridConfig, ShadowingGridError,
-    censored::Censored,
+    censored::{Censored, Law},
     coefficient::Coefficient,
     grid::{Grid, PosteriorMap},
     marginal::{Marginal, Mixture, Moments},
     path::Segments,
     regression::{Products, Regression},
-    whitener::{LANES, Neighbours, Row},
+    whitener::{Correlation, LANES, Neighbours, Receivers, Row},
 };
 
-/// Gap in the log-likelihood below the best, before the censored segments that make nothing more
-/// probable, beyond which an explanation is left out.
-const NEGLIGIBLE: f64 = 40.0;
+/// Gap in the log-likelihood below the best beyond which an explanation is left out, where censored
+/// segments make it less probable still.
+const NEGLIGIBLE: f64 = 25.0;
 
 /// Gap in the log-likelihood below the best at a sample of cells beyond which a correlation is
 /// left out of all cells.
@@ -100,37 +100,42 @@ impl Likelihood {
         config: &ShadowingGridConfig,
         segments: Segments,
     ) -> Result<Self, ShadowingGridError> {
-        let censored = Censored::new(config, &segments.censored);
-        let Segments { receivers, mut values, counts, .. } = segments;
+        let Segments { receivers, mut values, counts, mut censored, .. } = segments;
         #[expect(clippy::cast_precision_loss, reason = "capped by a u32")]
-        let received = values.len() as f64;
+        let mut n = values.len() as f64;
         let (intercept_is_flat, offset) = match config.intercept {
             Intercept::Flat | Intercept::Calibrated { .. } => {
-                (true, values.iter().sum::<f64>() / received)
+                (true, values.iter().sum::<f64>() / n)
             }
             Intercept::Known(value) => (false, value),
         };
         let mut calibration = None;
         let mut calibration_variance = None;
-        let mut n = received;
         if let Intercept::Calibrated { regressor, value, variance } = config.intercept {
             values.push(value);
             n += 1.0;
             calibration = Some([regressor, 0.0]);
             calibration_variance = Some(variance);
         }
-        for value in &mut values {
+        for value in values.iter_mut().chain(censored.iter_mut().map(|(limit, _)| &mut limit.value))
+        {
             *value -= offset;
         }
-        let of_length = |&length_m: &f64| config.nuggets.iter().map(move |&g| (length_m, g));
-        let neighbours = Neighbours::new(&receivers);
-        let path = (receivers.as_slice(), counts.as_slice(), &neighbours);
-        let regression = |correlation: (f64, f64)| {
-            Regression::new(path, &values, calibration_variance, intercept_is_flat, correlation)
-                .ok_or(ShadowingGridError::Correlation { length_m: correlation.0 })
+        let of_length = |&length_m: &f64| {
+            config.nuggets.iter().map(move |&nugget| Correlation { length_m, nugget })
         };
-        let lengths = config.correlation_lengths_m.iter();
-        let regressions = lengths.flat_map(of_length).map(regression).collect::<Result<_, _>>()?;
+        let correlations: Vec<Correlation> =
+            config.correlation_lengths_m.iter().flat_map(of_length).collect();
+        let received = Receivers { poses: &receivers, counts: &counts };
+        // Without their calibration, which no segment is a neighbour of.
+        let near = (received, &Neighbours::new(&receivers));
+        let regression = |correlation: &Correlation| {
+            let Correlation { length_m, .. } = *correlation;
+            Regression::new(near, &values, calibration_variance, intercept_is_flat, *correlation)
+                .ok_or(ShadowingGridError::Correlation { length_m })
+        };
+        let regressions = correlations.iter().map(regression).collect::<Result<_, _>>()?;
+        let censored = Censored::new(&censored, received, &values, &correlations);
         let (prior_readings, prior_sigma) = config.sigma_prior;
         let freedom = prior_readings + if intercept_is_flat { n - 1.0 } else { n };
         let ratio = libm::lgamma(0.5 * (freedom - 1.0)) - libm::lgamma(0.5 * freedom);
@@ -299,7 +304,11 @@ impl Likelihood {
         let mut white_x = x.clone();
         let mut white_g = g.clone();
         let mut scratch = Scratch::default();
-        let mut silent: Vec<[[f64; 2]; LANES]> = Vec::new();
+        // Regressors of the receivers with a value and without, and the latter's beyond what their
+        // neighbours tell, one correlation after another.
+        let mut received: Vec<[Row; 2]> = Vec::new();
+        let mut silent: Vec<[Row; 2]> = Vec::new();
+        let mut beyond: Vec<[Row; 2]> = Vec::new();
         let mut best = f64::NEG_INFINITY;
         let sampled = grid.len().div_ceil(stride);
         for begin in (0..sampled).step_by(LANES) {
@@ -307,11 +316,19 @@ impl Likelihood {
             let lanes = LANES.min(sampled - begin);
             let places: [_; LANES] =
                 core::array::from_fn(|k| grid.centre((begin + k.min(lanes - 1)) * stride));
-            for (i, receiver) in self.receivers.iter().enumerate() {
+            let both = |receiver: &Pose| -> [Row; 2] {
                 let both: [_; LANES] = core::array::from_fn(|k| regressors(&places[k], receiver));
-                x[i] = both.map(|[slope, _]| slope);
+                [both.map(|[slope, _]| slope), both.map(|[_, gain]| gain)]
+            };
+            received.clear();
+            for (i, receiver) in self.receivers.iter().enumerate() {
+                let [slope, gain] = both(receiver);
+                x[i] = slope;
                 if let Some(row) = g.get_mut(i) {
-                    *row = both.map(|[_, gain]| gain);
+                    *row = gain;
+                }
+                if !self.censored.is_empty() {
+                    received.push([slope, gain]);
                 }
             }
             if let Some([slope, gain]) = self.calibration {
@@ -328,15 +345,23 @@ impl Likelihood {
                 })
                 .collect();
             silent.clear();
-            for receiver in self.censored.receivers() {
-                silent.push(core::array::from_fn(|k| regressors(&places[k], receiver)));
+            silent.extend(self.censored.receivers().iter().map(both));
+            beyond.clear();
+            for number in probable {
+                self.censored.beyond_neighbours(*number, &silent, &received, &mut beyond);
             }
-            for k in 0..lanes {
-                let products = blocks.iter().map(|block| &block[k]);
-                let origin = origins.map(|row| row[k]);
-                let silent = silent.iter().map(|both| both[k]);
-                let explained = self.explained_by(probable).zip(products);
-                let cell = self.conditional(explained, origin, silent, gain, best, &mut scratch);
+            let of_silent = beyond.chunks(silent.len().max(1)).chain(core::iter::repeat(&[][..]));
+            for column in 0..lanes {
+                let explained = self.explained_by(probable).zip(&blocks).zip(of_silent.clone());
+                let explained = explained.map(|(((number, regression), block), beyond)| Under {
+                    number,
+                    regression,
+                    products: &block[column],
+                    beyond,
+                    column,
+                });
+                let origin = origins.map(|row| row[column]);
+                let cell = self.conditional(explained, origin, gain, best, &mut scratch);
                 best = best.max(cell.log_mass);
                 conditionals.push(cell);
             }
@@ -372,9 +397,8 @@ impl Likelihood {
     /// slopes, the gains and the correlations (Handcock & Stein 1993), and what goes with it.
     fn conditional<'a>(
         &self,
-        explained: impl Iterator<Item = ((usize, &'a Regression), &'a Products)> + Clone,
+        explained: impl Iterator<Item = Under<'a>> + Clone,
         origin: [f64; 2],
-        silent: impl Iterator<Item = [f64; 2]> + Clone,
         gain: &Coefficient,
         best: f64,
         scratch: &mut Scratch,
@@ -382,7 +406,7 @@ impl Likelihood {
         let Scratch { explanations, gains, slopes } = scratch;
         explanations.clear();
         let mut peak = f64::NEG_INFINITY;
-        for ((correlation, regression), products) in explained.clone() {
+        for Under { number, regression, products, beyond, column } in explained.clone() {
             let per_one = if self.intercept_is_flat { 1.0 / regression.ones_square() } else { 0.0 };
             let square_of = |b, c| self.prior_square + regression.residual_square(products, b, c);
             for &(c, c_weight) in self.gains(gain, regression, products, gains) {
@@ -395,15 +419,26 @@ impl Likelihood {
                         - 0.5 * self.freedom * libm::log(square);
                     let mut log_mass = if log_mass.is_nan() { f64::NEG_INFINITY } else { log_mass };
                     // A censored segment makes nothing more probable.
-                    if !self.censored.is_empty() && log_mass > best.max(peak) - NEGLIGIBLE {
-                        let intercept = self.intercept(regression, products, [b, c], origin);
-                        let deviation =
-                            libm::sqrt(square / (self.freedom - 2.0).max(1.0) * (1.0 + per_one));
-                        let expected = silent.clone().map(|[x, g]| intercept + b * x + c * g);
-                        log_mass += self.censored.log_probability(expected, deviation, correlation);
+                    let least = best.max(peak) - NEGLIGIBLE;
+                    if !self.censored.is_empty() && log_mass > least {
+                        let law = Law {
+                            // The segments' values are known but for the offset.
+                            intercept: self.intercept(regression, products, [b, c], origin)
+                                - self.offset,
+                            coefficients: [b, c],
+                            variance: square / (self.freedom - 2.0).max(1.0),
+                            of_intercept: per_one,
+                        };
+                        log_mass += self.censored.log_probability(
+                            number,
+                            &law,
+                            beyond,
+                            column,
+                            least - log_mass,
+                        );
                     }
                     peak = peak.max(log_mass);
-                    explanations.push(Explanation { correlation, b, c, square, log_mass });
+                    explanations.push(Explanation { correlation: number, b, c, square, log_mass });
                 }
             }
         }
@@ -422,10 +457,10 @@ impl Likelihood {
         let mut slope = Moments::about(self.slope.first());
         let mut of_gain = Moments::about(gain.first());
         let mut explanations = explanations.iter().peekable();
-        for ((correlation, regression), products) in explained {
+        for Under { number, regression, products, .. } in explained {
             let per_one = 1.0 / regression.ones_square();
             let share_before = total;
-            while let Some(own) = explanations.next_if(|own| own.correlation == correlation) {
+            while let Some(own) = explanations.next_if(|own| own.correlation == number) {
                 let Explanation { b, c, square, log_mass, .. } = *own;
                 let weight = libm::exp(log_mass - peak);
                 // Less than 10⁻¹⁶ of the whole even if all others were as small.
@@ -443,7 +478,7 @@ impl Likelihood {
                 let best = self.intercept(regression, products, [b, c], origin);
                 given.intercept.add(weight, best, of_intercept);
             }
-            if let Some(share) = given.shares.correlations.get_mut(correlation) {
+            if let Some(share) = given.shares.correlations.get_mut(number) {
                 *share = total - share_before;
             }
         }
@@ -472,6 +507,19 @@ impl Likelihood {
             self.prior_square + regression.residual_square(products, slope, gain.clamped(c));
         gain.around(c, libm::sqrt(square / self.freedom * variance), nodes)
     }
+}
+
+/// One cell under one correlation.
+#[derive(Clone, Copy, Debug)]
+struct Under<'a> {
+    /// The correlation's number.
+    number: usize,
+    regression: &'a Regression,
+    products: &'a Products,
+    /// Regressors of the censored segments beyond those of their neighbours, and the cell's column
+    /// in them.
+    beyond: &'a [[Row; 2]],
+    column: usize,
 }
 
 /// One pair of coefficients under one correlation.

@@ -64,8 +64,8 @@ pub(crate) struct Segments {
     pub(crate) values: Vec<f64>,
     /// The number of independent readings behind each value.
     pub(crate) counts: Vec<f64>,
-    /// The segments whose quantile is censored.
-    pub(crate) censored: Vec<ShadowedReading>,
+    /// The segments whose quantile is censored, with the number of independent readings of each.
+    pub(crate) censored: Vec<(ShadowedReading, f64)>,
     /// The factor by which segments were made longer for the cap: 1 where none was needed.
     pub(crate) stretch: f64,
 }
@@ -95,7 +95,8 @@ impl Segments {
             self.values.push(value);
             self.counts.push(summary.independent(readings));
         } else {
-            self.censored.push(ShadowedReading { receiver, value, censoring });
+            let count = summary.independent(readings);
+            self.censored.push((ShadowedReading { receiver, value, censoring }, count));
         }
     }
 }

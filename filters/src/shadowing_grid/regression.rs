@@ -1,8 +1,6 @@
 use alloc::{vec, vec::Vec};
 
-use foxhunt_core::Pose;
-
-use super::whitener::{LANES, Neighbours, Row, Whitener};
+use super::whitener::{Correlation, LANES, Neighbours, Receivers, Row, Whitener};
 
 /// The readings, whitened under one correlation length and nugget, and cleared of their mean where
 /// the intercept is unknown.
@@ -41,13 +39,13 @@ impl Regression {
     /// Factors and whitens; `None` where the correlation is not positive definite. One value more
     /// than there are receivers is a calibration's, with its variance.
     pub(super) fn new(
-        (receivers, counts, neighbours): (&[Pose], &[f64], &Neighbours),
+        (receivers, neighbours): (Receivers<'_>, &Neighbours),
         values: &[f64],
         calibration: Option<f64>,
         intercept_is_flat: bool,
-        (length_m, nugget): (f64, f64),
+        correlation: Correlation,
     ) -> Option<Self> {
-        let whitener = Whitener::new(receivers, counts, neighbours, length_m, nugget)?;
+        let whitener = Whitener::new(receivers, neighbours, correlation)?;
         let whitener = match calibration {
             Some(variance) => whitener.with_independent(variance),
             None => whitener,

@@ -13,8 +13,62 @@ pub(super) type Row = [f64; LANES];
 /// little memory beyond the nearest.
 pub(super) const NEIGHBOURS: usize = 12;
 
-/// The nearest readings before each one.
-#[derive(Clone, Debug)]
+/// Correlation of two readings, `C_ij = (1 − nugget) exp(−D_ij/ℓ) + nugget δ_ij / n_i`, D the
+/// distance (Gudmundson 1991) and n the number of readings behind each.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Correlation {
+    pub(super) length_m: f64,
+    pub(super) nugget: f64,
+}
+
+/// Receivers, each with the number of readings behind its value.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Receivers<'a> {
+    pub(super) poses: &'a [Pose],
+    pub(super) counts: &'a [f64],
+}
+
+impl Correlation {
+    /// The correlation of the readings of two receivers.
+    pub(super) fn shared(&self, a: &Pose, b: &Pose) -> f64 {
+        (1.0 - self.nugget) * libm::exp(-(a.position - b.position).norm() / self.length_m)
+    }
+
+    /// The variance of a value, of 1 for a single reading.
+    fn variance(&self, count: f64) -> f64 {
+        1.0 - self.nugget + self.nugget / count
+    }
+
+    /// The weights of the readings `near` in the mean of one at `receiver`, and its variance given
+    /// them; `None` where the correlation is not positive definite.
+    pub(super) fn given(
+        &self,
+        near: &[u32],
+        of: Receivers<'_>,
+        receiver: &Pose,
+        count: f64,
+    ) -> Option<(SVector<f64, NEIGHBOURS>, f64)> {
+        // Rows and columns beyond the neighbours stay those of the unit matrix.
+        let mut among = SMatrix::<f64, NEIGHBOURS, NEIGHBOURS>::identity();
+        let mut with = SVector::<f64, NEIGHBOURS>::zeros();
+        for (row, a) in near.iter().enumerate() {
+            let a = *a as usize;
+            let at = of.poses.get(a)?;
+            with[row] = self.shared(at, receiver);
+            among[(row, row)] = self.variance(*of.counts.get(a)?);
+            for (column, b) in near.iter().enumerate().take(row) {
+                among[(row, column)] = self.shared(at, of.poses.get(*b as usize)?);
+            }
+        }
+        // The factor reads the lower triangle alone.
+        let weights = among.cholesky()?.solve(&with);
+        let variance = self.variance(count) - weights.dot(&with);
+        (variance > LEAST_VARIANCE).then_some((weights, variance))
+    }
+}
+
+/// The nearest readings of each one, among those before it or among others.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Neighbours {
     /// Indices of the neighbours of all readings, one reading behind the other.
     indices: Vec<u32>,
@@ -25,28 +79,37 @@ pub(super) struct Neighbours {
 impl Neighbours {
     /// Finds the nearest earlier readings of each, by place.
     pub(super) fn new(receivers: &[Pose]) -> Self {
-        let mut indices = Vec::with_capacity(receivers.len() * NEIGHBOURS);
-        let mut ends = Vec::with_capacity(receivers.len());
+        let mut neighbours = Self::default();
         for (i, receiver) in receivers.iter().enumerate() {
-            let mut nearest: [(f64, u32); NEIGHBOURS] = [(f64::INFINITY, 0); NEIGHBOURS];
-            let earlier = receivers.get(..i).unwrap_or_default();
-            for (other, number) in earlier.iter().zip(0_u32..) {
-                let square = (other.position - receiver.position).norm_squared();
-                let [.., last] = &nearest;
-                if square < last.0 {
-                    let at = nearest.partition_point(|(known, _)| *known <= square);
-                    nearest[at..].rotate_right(1);
-                    nearest[at] = (square, number);
-                }
-            }
-            indices.extend(nearest.iter().take(i).map(|(_, number)| *number));
-            ends.push(indices.len());
+            neighbours.add(receiver, receivers.get(..i).unwrap_or_default());
         }
-        Self { indices, ends }
+        neighbours
+    }
+
+    /// Finds the nearest of the others for each.
+    pub(super) fn among<'a>(receivers: impl Iterator<Item = &'a Pose>, others: &[Pose]) -> Self {
+        let mut neighbours = Self::default();
+        receivers.for_each(|receiver| neighbours.add(receiver, others));
+        neighbours
+    }
+
+    fn add(&mut self, receiver: &Pose, others: &[Pose]) {
+        let mut nearest: [(f64, u32); NEIGHBOURS] = [(f64::INFINITY, 0); NEIGHBOURS];
+        for (other, number) in others.iter().zip(0_u32..) {
+            let square = (other.position - receiver.position).norm_squared();
+            let [.., last] = &nearest;
+            if square < last.0 {
+                let at = nearest.partition_point(|(known, _)| *known <= square);
+                nearest[at..].rotate_right(1);
+                nearest[at] = (square, number);
+            }
+        }
+        self.indices.extend(nearest.iter().take(others.len()).map(|(_, number)| *number));
+        self.ends.push(self.indices.len());
     }
 
     /// The neighbours of each reading.
-    fn each(&self) -> impl Iterator<Item = &[u32]> {
+    pub(super) fn each(&self) -> impl Iterator<Item = &[u32]> {
         let begins = core::iter::once(0).chain(self.ends.iter().copied());
         let parts = begins.zip(&self.ends);
         parts.map(|(begin, end)| self.indices.get(begin..*end).unwrap_or_default())
@@ -68,41 +131,18 @@ pub(super) struct Whitener {
 }
 
 impl Whitener {
-    /// Factors `C_ij = (1 − nugget) exp(−D_ij/ℓ) + nugget δ_ij / n_i`, D the distance
-    /// (Gudmundson 1991) and n the number of readings behind each; `None` where C is not positive
-    /// definite.
+    /// Factors a correlation; `None` where it is not positive definite.
     pub(super) fn new(
-        receivers: &[Pose],
-        counts: &[f64],
+        receivers: Receivers<'_>,
         neighbours: &Neighbours,
-        length_m: f64,
-        nugget: f64,
+        correlation: Correlation,
     ) -> Option<Self> {
-        let shared = |a: &Pose, b: &Pose| {
-            (1.0 - nugget) * libm::exp(-(a.position - b.position).norm() / length_m)
-        };
         let mut weights = Vec::with_capacity(neighbours.indices.len());
-        let mut scales = Vec::with_capacity(receivers.len());
+        let mut scales = Vec::with_capacity(receivers.poses.len());
         let mut half_log_determinant = 0.0;
-        for ((receiver, count), near) in receivers.iter().zip(counts).zip(neighbours.each()) {
-            // Rows and columns beyond the neighbours stay those of the unit matrix.
-            let mut among = SMatrix::<f64, NEIGHBOURS, NEIGHBOURS>::identity();
-            let mut with = SVector::<f64, NEIGHBOURS>::zeros();
-            for (row, a) in near.iter().enumerate() {
-                let a = *a as usize;
-                let at = receivers.get(a)?;
-                with[row] = shared(at, receiver);
-                among[(row, row)] = 1.0 - nugget + nugget / counts.get(a)?;
-                for (column, b) in near.iter().enumerate().take(row) {
-                    among[(row, column)] = shared(at, receivers.get(*b as usize)?);
-                }
-            }
-            // The factor reads the lower triangle alone.
-            let solved = among.cholesky()?.solve(&with);
-            let variance = 1.0 - nugget + nugget / count - solved.dot(&with);
-            if variance.is_nan() || variance <= LEAST_VARIANCE {
-                return None;
-            }
+        let each = receivers.poses.iter().zip(receivers.counts);
+        for ((receiver, count), near) in each.zip(neighbours.each()) {
+            let (solved, variance) = correlation.given(near, receivers, receiver, *count)?;
             weights.extend(solved.iter().take(near.len()));
             scales.push(1.0 / libm::sqrt(variance));
             half_log_determinant += 0.5 * libm::log(variance);
@@ -160,9 +200,10 @@ mod tests {
         let receivers: Vec<_> = [(0.0, 0.0), (10.0, 5.0), (40.0, -3.0), (12.0, 5.0), (0.0, 30.0)]
             .map(|(east, north)| Pose::at(east, north, 20.0 + east))
             .to_vec();
-        let whitener =
-            Whitener::new(&receivers, &[1.0; 5], &Neighbours::new(&receivers), 25.0, 0.2)
-                .expect("positive definite");
+        let of = Receivers { poses: &receivers, counts: &[1.0; 5] };
+        let correlation = Correlation { length_m: 25.0, nugget: 0.2 };
+        let whitener = Whitener::new(of, &Neighbours::new(&receivers), correlation)
+            .expect("positive definite");
         let mut x = [[0.0; LANES]; 5];
         for (phase, entry) in (0..80_u8).zip(x.as_flattened_mut()) {
             *entry = libm::sin(0.7 * f64::from(phase) + 0.1 * f64::from(phase % 7));
@@ -185,7 +226,8 @@ mod tests {
     fn coinciding_places_need_a_nugget() {
         let receivers = [Pose::at(1.0, 2.0, 3.0); 2];
         let near = Neighbours::new(&receivers);
-        let with = |nugget| Whitener::new(&receivers, &[1.0; 2], &near, 25.0, nugget);
+        let of = Receivers { poses: &receivers, counts: &[1.0; 2] };
+        let with = |nugget| Whitener::new(of, &near, Correlation { length_m: 25.0, nugget });
         assert!(with(0.0).is_none());
         assert!(with(0.1).is_some());
     }
@@ -208,7 +250,8 @@ mod tests {
     fn a_mean_of_many_readings_has_less_noise_of_its_own() {
         let receivers = [Pose::at(0.0, 0.0, 0.0), Pose::at(1e4, 0.0, 0.0)];
         let near = Neighbours::new(&receivers);
-        let whitener = Whitener::new(&receivers, &[1.0, 4.0], &near, 20.0, 0.8);
+        let of = Receivers { poses: &receivers, counts: &[1.0, 4.0] };
+        let whitener = Whitener::new(of, &near, Correlation { length_m: 20.0, nugget: 0.8 });
         let mut x = [[1.0; LANES]; 2];
         whitener.expect("positive definite").whiten(&mut x);
         let variances = x.map(|row| 1.0 / (row[0] * row[0]));
