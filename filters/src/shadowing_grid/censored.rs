@@ -152,6 +152,9 @@ impl Censored {
         let Law { intercept, coefficients: [b, c], variance, of_intercept } = *law;
         let given = self.given.get(correlation).into_iter().flatten();
         let mut sum = 0.0;
+        if least >= sum {
+            return f64::NEG_INFINITY;
+        }
         for (((limit, sign), [x, g]), given) in self.limits.iter().zip(beyond).zip(given) {
             let [x, g] = [x, g].map(|row| row.get(column).copied().unwrap_or(0.0));
             let expected = given.value + intercept * given.ones + b * x + c * g;
@@ -176,8 +179,10 @@ impl Given {
         correlation: Correlation,
     ) -> Self {
         let given = correlation.given(near, received, &reading.receiver, count);
-        let (weights, variance) = given
-            .map_or(([0.0; NEIGHBOURS], 1.0), |(weights, variance)| (weights.into(), variance));
+        let (weights, variance) = given.map_or_else(
+            || ([0.0; NEIGHBOURS], correlation.variance(count)),
+            |(weights, variance)| (weights.into(), variance),
+        );
         let of = near.iter().zip(&weights);
         let value = of.filter_map(|(index, weight)| Some(weight * values.get(*index as usize)?));
         Self {

@@ -175,9 +175,9 @@ impl Likelihood {
                 continue;
             }
             let at = |place: &Vector2<f64>, receiver: &Pose| regressors(place, receiver, height);
-            let mut cells = self.layer(&grid, &at);
-            for (index, cell) in cells.iter_mut().enumerate() {
-                cell.log_mass += log_weight + log_prior(&grid.centre(index));
+            let mut cells = self.layer(&grid, &at, log_prior);
+            for cell in &mut cells {
+                cell.log_mass += log_weight;
                 cell.shares.heights = vec![0.0; heights.len()];
                 if let Some(share) = cell.shares.heights.get_mut(number) {
                     *share = 1.0;
@@ -218,12 +218,13 @@ impl Likelihood {
         &self,
         grid: &Grid,
         regressors: &impl Fn(&Vector2<f64>, &Pose) -> [f64; 2],
+        log_prior: &impl Fn(&Vector2<f64>) -> f64,
     ) -> Vec<Conditional> {
         // Readings without a word on the gain leave its prior.
         let held = (!self.gain_matters(grid, regressors)).then(|| self.gain.held());
         let gain = held.as_ref().unwrap_or(&self.gain);
-        let probable = self.probable(grid, gain, regressors);
-        let mut cells = self.conditionals(grid, 1, &probable, gain, regressors);
+        let probable = self.probable(grid, gain, regressors, log_prior);
+        let mut cells = self.conditionals(grid, 1, &probable, gain, regressors, log_prior);
         if held.is_some() {
             let prior = self.gain.prior();
             cells.iter_mut().for_each(|cell| cell.gain = prior);
@@ -258,13 +259,14 @@ impl Likelihood {
         grid: &Grid,
         gain: &Coefficient,
         regressors: &impl Fn(&Vector2<f64>, &Pose) -> [f64; 2],
+        log_prior: &impl Fn(&Vector2<f64>) -> f64,
     ) -> Vec<usize> {
         let all: Vec<usize> = (0..self.regressions.len()).collect();
         let stride = grid.len() / (SAMPLED_BLOCKS * LANES);
         if stride < 2 || all.len() < 2 {
             return all;
         }
-        let sample = self.conditionals(grid, stride, &all, gain, regressors);
+        let sample = self.conditionals(grid, stride, &all, gain, regressors, log_prior);
         let mut best = vec![f64::NEG_INFINITY; all.len()];
         for cell in &sample {
             for (best, share) in best.iter_mut().zip(&cell.shares.correlations) {
@@ -287,7 +289,8 @@ impl Likelihood {
         correlations.iter().filter_map(|number| Some((*number, self.regressions.get(*number)?)))
     }
 
-    /// One cell in `stride`, given that the target is there, under the probable correlations.
+    /// One cell in `stride`, given that the target is there, under the probable correlations; its
+    /// mass is with the prior.
     fn conditionals(
         &self,
         grid: &Grid,
@@ -295,6 +298,7 @@ impl Likelihood {
         probable: &[usize],
         gain: &Coefficient,
         regressors: &impl Fn(&Vector2<f64>, &Pose) -> [f64; 2],
+        log_prior: &impl Fn(&Vector2<f64>) -> f64,
     ) -> Vec<Conditional> {
         let mut conditionals = Vec::with_capacity(grid.len());
         let has_gain = gain.len() > 1 || gain.first() != 0.0;
@@ -361,7 +365,10 @@ impl Likelihood {
                     column,
                 });
                 let origin = origins.map(|row| row[column]);
-                let cell = self.conditional(explained, origin, gain, best, &mut scratch);
+                let prior = log_prior(&places[column]);
+                let needed = best - prior - NEGLIGIBLE;
+                let mut cell = self.conditional(explained, origin, gain, needed, &mut scratch);
+                cell.log_mass += prior;
                 best = best.max(cell.log_mass);
                 conditionals.push(cell);
             }
@@ -394,13 +401,14 @@ impl Likelihood {
     }
 
     /// ln p(values | cell) up to a constant: Σ w_b w_c |C|^−½ (u·u)^−½ SSR(b, c)^(−ν/2) over the
-    /// slopes, the gains and the correlations (Handcock & Stein 1993), and what goes with it.
+    /// slopes, the gains and the correlations (Handcock & Stein 1993), and what goes with it. With
+    /// censored segments an explanation less probable than `needed` counts as impossible.
     fn conditional<'a>(
         &self,
         explained: impl Iterator<Item = Under<'a>> + Clone,
         origin: [f64; 2],
         gain: &Coefficient,
-        best: f64,
+        needed: f64,
         scratch: &mut Scratch,
     ) -> Conditional {
         let Scratch { explanations, gains, slopes } = scratch;
@@ -417,10 +425,8 @@ impl Likelihood {
                     let square = square_of(b, c);
                     let log_mass = regression.log_scale() + b_weight + c_weight
                         - 0.5 * self.freedom * libm::log(square);
-                    let mut log_mass = if log_mass.is_nan() { f64::NEG_INFINITY } else { log_mass };
-                    // A censored segment makes nothing more probable.
-                    let least = best.max(peak) - NEGLIGIBLE;
-                    if !self.censored.is_empty() && log_mass > least {
+                    let mut log_mass = log_mass;
+                    if !self.censored.is_empty() {
                         let law = Law {
                             // The segments' values are known but for the offset.
                             intercept: self.intercept(regression, products, [b, c], origin)
@@ -429,13 +435,13 @@ impl Likelihood {
                             variance: square / (self.freedom - 2.0).max(1.0),
                             of_intercept: per_one,
                         };
-                        log_mass += self.censored.log_probability(
-                            number,
-                            &law,
-                            beyond,
-                            column,
-                            least - log_mass,
-                        );
+                        // A censored segment makes nothing more probable.
+                        let least = needed.max(peak - NEGLIGIBLE) - log_mass;
+                        log_mass +=
+                            self.censored.log_probability(number, &law, beyond, column, least);
+                    }
+                    if log_mass.is_nan() {
+                        log_mass = f64::NEG_INFINITY;
                     }
                     peak = peak.max(log_mass);
                     explanations.push(Explanation { correlation: number, b, c, square, log_mass });

@@ -80,7 +80,7 @@ impl ShadowingGrid {
     /// σ and the values of the nearest segments, as in kriging (Chilès & Delfiner 2012,
     /// *Geostatistics*, §3.4). The power is 1 / Σⱼ rᵢⱼ over all such segments, r the correlation
     /// that remains: those that fade together count as one (a composite likelihood: Varin, Reid &
-    /// Firth 2011).
+    /// Firth 2011). Of more than a hundred on one side some stand for the others beside them.
     ///
     /// The target's height is not looked at: [`locate_with`](Self::locate_with) takes it.
     ///

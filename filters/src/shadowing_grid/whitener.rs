@@ -35,7 +35,7 @@ impl Correlation {
     }
 
     /// The variance of a value, of 1 for a single reading.
-    fn variance(&self, count: f64) -> f64 {
+    pub(super) fn variance(&self, count: f64) -> f64 {
         1.0 - self.nugget + self.nugget / count
     }
 
