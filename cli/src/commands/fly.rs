@@ -15,6 +15,7 @@ use std::{
 
 use foxhunt::{
     core::{BeaconId, Clock, PatternSource, Sweep},
+    export::CotPlatform,
     fly::{
         DroneConfig, Examined, FlightConfig, FlightReport, FlyError, Mission, Ports, SystemPorts,
         Tap,
@@ -216,7 +217,17 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     if let Some(file) = &args.mission_to {
         return mission_files::write(&config, registry, file, args.hold_s, output);
     }
+    #[cfg(feature = "cot")]
+    let live = args.live.plan_of(config.cot.as_ref())?;
+    #[cfg(not(feature = "cot"))]
+    if config.cot.is_some() {
+        return Err(super::cot::not_built(&format!("{}: [cot]", field.name)));
+    }
+    #[cfg(not(feature = "cot"))]
     let live = args.live.plan()?;
+    if live.is_none() && args.pace.is_given() {
+        return Err(CliError::input("--pace: only with --live or --cot"));
+    }
     if field.emulated.is_none() && args.pace.is_given() {
         return Err(CliError::input("--pace: real devices fly in their own time"));
     }
@@ -262,9 +273,21 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         failure: None,
     }));
     let pilot = Pilot::listen()?;
-    let shown =
-        Shown { header: &header, registry, estimator, extractor: &config.extractor, orders: true };
-    let live = live.map(|plan| LiveView::start(&plan, &shown)).transpose()?;
+    let platforms = config.drones.iter().map(|drone| CotPlatform {
+        name: drone.name.clone(),
+        on_the_ground: drone.vehicle.is_on_the_ground(),
+    });
+    let platforms: Vec<_> = platforms.collect();
+    let shown = Shown {
+        header: &header,
+        registry,
+        estimator,
+        extractor: &config.extractor,
+        platforms: &platforms,
+        orders: true,
+        is_simulated: field.emulated.is_some(),
+    };
+    let live = live.map(|plan| LiveView::start(plan, &shown)).transpose()?;
     let adviser = Rc::new(RefCell::new(Adviser::new(&config, args.advise)));
     let advised = Rc::clone(&adviser);
     let mut tone = args.tone.open(field.emulated.is_some())?;
@@ -299,6 +322,9 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
             pace.wait_until(time);
         }
         mission.step(time);
+        if let Some(live) = &live {
+            live.place(time, || mission.hunt().stations());
+        }
         if mission.is_ready() && !prompted {
             prompted = true;
             warn("all drones are ready: Enter takes off, Ctrl-C breaks off");

@@ -1,6 +1,7 @@
 use std::{fs, path::Path};
 
 use foxhunt_core::{Quantity, parameter::FieldError};
+use foxhunt_hardware::cot::CotConfig;
 use foxhunt_hunt::{
     calibration::BearingCalibration,
     config::{ExtractorConfig, ModelConfig, PlannerConfig},
@@ -56,6 +57,10 @@ pub struct FlightConfig {
     /// Rules by which the flight begins and ends.
     #[serde(default)]
     pub flight: FlightRules,
+    /// TAK servers and teams that the flight is shown to while it goes on, in Cursor on Target;
+    /// nobody where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cot: Option<CotConfig>,
     /// The drones.
     pub drones: Vec<DroneConfig>,
 }
@@ -103,6 +108,9 @@ impl FlightConfig {
         if let (Some(terrain), Some(folder)) = (&mut config.terrain, path.parent()) {
             terrain.folder = terrain.folder.as_ref().map(|tiles| folder.join(tiles));
             config.model = config.model.in_folder(folder);
+        }
+        if let (Some(cot), Some(folder)) = (config.cot.take(), path.parent()) {
+            config.cot = Some(cot.in_folder(folder));
         }
         Ok(config)
     }

@@ -118,9 +118,11 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         registry,
         estimator: &estimator,
         extractor: field.extractor(),
+        platforms: &[],
         orders: true,
+        is_simulated: false,
     };
-    let live = live.map(|plan| LiveView::start(&plan, &shown)).transpose()?;
+    let live = live.map(|plan| LiveView::start(plan, &shown)).transpose()?;
     if let Some(live) = &live {
         log.events.iter().for_each(|event| live.show(event, &[]));
     }
@@ -138,6 +140,9 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     loop {
         let time = clock.unix()?.since(epoch);
         failures.report(node.step(time))?;
+        if let Some(live) = &live {
+            live.place(time, || node.hunt().stations());
+        }
         if node.homes().is_empty() {
             waiting.report(&node, time);
         } else if log.header.homes.is_empty() {
