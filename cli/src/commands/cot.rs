@@ -62,7 +62,7 @@ impl CotArgs {
         }
     }
 
-    /// Opens the addresses of the flags, or those of a file.
+    /// Opens the addresses of the flags, or else of a file.
     #[cfg(feature = "cot")]
     pub(super) fn open(&self, of_file: Option<&CotConfig>) -> Result<Option<CotSender>, CliError> {
         let (config, named) = match (self.config()?, of_file) {
