@@ -31,6 +31,8 @@ pub(super) struct Outbox {
 #[derive(Debug, Default)]
 struct State {
     kept: BTreeMap<String, Kept>,
+    /// Number of names so far.
+    names: u64,
     /// True once nothing more will be put.
     is_closed: bool,
     /// True once the thread has ended.
@@ -45,6 +47,8 @@ struct Kept {
     xml: Arc<[u8]>,
     stale_unix_s: f64,
     is_sent: bool,
+    /// Place in the order in which names came: receivers go before what they have found.
+    number: u64,
 }
 
 impl Outbox {
@@ -61,17 +65,22 @@ impl Outbox {
             if *stale_unix_s <= now_unix_s || state.is_closed {
                 continue;
             }
-            match state.kept.get(uid) {
+            let number = match state.kept.get(uid) {
                 Some(kept) if *kept.xml == **xml => continue,
+                Some(kept) => kept.number,
                 None if state.kept.len() >= MOST_NAMES => {
                     state.remark(format!(
                         "more than {MOST_NAMES} things at once; the new ones are not sent"
                     ));
                     break;
                 }
-                _ => {}
-            }
-            let kept = Kept { xml: Arc::from(&**xml), stale_unix_s: *stale_unix_s, is_sent: false };
+                None => {
+                    state.names += 1;
+                    state.names
+                }
+            };
+            let stale_unix_s = *stale_unix_s;
+            let kept = Kept { xml: Arc::from(&**xml), stale_unix_s, is_sent: false, number };
             let _ = state.kept.insert(uid.clone(), kept);
         }
         drop(state);
@@ -86,12 +95,14 @@ impl Outbox {
         let (mut state, _) = waited.unwrap_or_else(PoisonError::into_inner);
         state.kept.retain(|_, kept| kept.stale_unix_s > now_unix_s);
         let unsent = state.kept.iter_mut().filter(|(_, kept)| !kept.is_sent);
-        unsent
+        let mut unsent: Vec<_> = unsent
             .map(|(uid, kept)| {
                 kept.is_sent = true;
-                (uid.clone(), Arc::clone(&kept.xml))
+                (kept.number, uid.clone(), Arc::clone(&kept.xml))
             })
-            .collect()
+            .collect();
+        unsent.sort_unstable_by_key(|(number, ..)| *number);
+        unsent.into_iter().map(|(_, uid, xml)| (uid, xml)).collect()
     }
 
     /// Sends everything again: what the lost connection had taken may not have arrived.

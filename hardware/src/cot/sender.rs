@@ -24,6 +24,10 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(30);
 /// Time between two looks at what a server sends, and the shortest between two sends.
 const TURN: Duration = Duration::from_millis(200);
 
+/// Pause behind the first event of a connection: FreeTAKServer takes it for the introduction of the
+/// client, and hangs up if others come along.
+const INTRODUCTION: Duration = Duration::from_millis(500);
+
 /// Largest payload of a datagram over IPv4, in bytes.
 const MOST_DATAGRAM_BYTES: usize = 65_507;
 
@@ -177,6 +181,7 @@ impl Serving {
         let mut stream = Stream::open(&self.resolved()?, tls)?;
         let remark = stream.about().map_or("connected".to_owned(), |it| format!("connected, {it}"));
         self.outbox.connected(remark);
+        let mut is_new = true;
         loop {
             let messages = self.outbox.take(TURN, unix_s());
             if messages.is_empty() && self.outbox.is_closed() {
@@ -186,6 +191,10 @@ impl Serving {
             stream.drain()?;
             for (_, xml) in &messages {
                 stream.send(xml)?;
+                if is_new {
+                    thread::sleep(INTRODUCTION);
+                    is_new = false;
+                }
                 stream.drain()?;
             }
             if !messages.is_empty() {

@@ -14,8 +14,8 @@ use foxhunt::{
 };
 
 #[cfg(feature = "live")]
-use super::page::{Asked, PageNews, PageView};
-use super::{LivePlan, Shown};
+use super::page::{Batch, PageNews, PageView};
+use super::{LivePlan, Shown, happening::Happening};
 #[cfg(feature = "cot")]
 use crate::commands::cot::CotOutlet;
 use crate::{commands::views::Antennas, error::CliError, output::warn};
@@ -30,17 +30,6 @@ const STATE: Duration = Duration::from_secs(1);
 /// Longest wait for teams to have the last state of a hunt before the program ends.
 #[cfg(feature = "cot")]
 const FAREWELL: Duration = Duration::from_secs(3);
-
-/// A turn, a place or an event of a hunt, or a question about it.
-pub(super) enum Happening {
-    Turn(Box<KeptTurn>),
-    Event(Box<Event>),
-    /// Time of the hunt, and the places of the receivers.
-    Places(f64, Vec<Vector3<f64>>),
-    #[cfg(feature = "live")]
-    Asked(Asked),
-    Over,
-}
 
 /// A hunt that is shown while it goes on: to browsers, to programs that fetch it, and to teams.
 pub(in crate::commands) struct LiveView {
@@ -246,7 +235,7 @@ fn follow(
         };
         let mut is_over = false;
         #[cfg(feature = "live")]
-        let mut news = outlets.page.as_ref().map(|_| super::page::Batch::default());
+        let mut news = outlets.page.as_ref().map(|_| Batch::default());
         while let Some(happening) = next {
             match happening {
                 Happening::Turn(turn) => reader.turn(*turn),

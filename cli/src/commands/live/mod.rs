@@ -3,6 +3,8 @@
 
 #[cfg(any(feature = "live", feature = "cot"))]
 mod feed;
+#[cfg(any(feature = "live", feature = "cot"))]
+mod happening;
 #[cfg(feature = "live")]
 mod page;
 #[cfg(feature = "live")]

@@ -9,14 +9,12 @@ use std::{
 };
 
 use foxhunt::{
-    export::{ExportError, Format, export},
     hunt::Event,
     overview::{Overview, OverviewReader},
     page::{Live, Mark, PageLog, live_page, news, page_line},
 };
-use tokio::sync::oneshot;
 
-use super::{PagePlan, Shown, feed::Happening, server, shared::Shared};
+use super::{PagePlan, Shown, happening::Happening, server, shared::Shared};
 use crate::{error::CliError, output::warn};
 
 /// Time for browsers to take the last news before the program ends.
@@ -135,20 +133,6 @@ impl PageNews {
     /// Tells browsers that no more news will come.
     pub(super) fn over(&self) {
         self.shared.progress.send_modify(|progress| progress.over = true);
-    }
-}
-
-/// The hunt as a program wants it, and the way back.
-pub(super) struct Asked {
-    pub(super) format: Format,
-    pub(super) answer: oneshot::Sender<Result<Vec<u8>, ExportError>>,
-}
-
-impl Asked {
-    /// Answers with the hunt as it is now.
-    pub(super) fn answer(self, overview: &Overview) {
-        // Somebody who has gone needs no answer.
-        let _ = self.answer.send(export(overview, self.format));
     }
 }
 

@@ -7,7 +7,10 @@ use std::sync::{
 use foxhunt::export::{ExportError, Format};
 use tokio::sync::{oneshot, watch};
 
-use super::{feed::Happening, page::Asked, tiles::Tiles};
+use super::{
+    happening::{Asked, Happening},
+    tiles::Tiles,
+};
 
 /// Page and news of a hunt, shared by the hunt, the thread that reads it and the server.
 pub(super) struct Shared {
