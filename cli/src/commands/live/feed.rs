@@ -5,8 +5,9 @@ use std::{
     time::{Duration, Instant},
 };
 
+#[cfg(feature = "hardware")]
+use foxhunt::core::Station;
 use foxhunt::{
-    core::Station,
     hunt::Event,
     nalgebra::Vector3,
     overview::{KeptTurn, OverviewReader},
@@ -39,6 +40,7 @@ pub(in crate::commands) struct LiveView {
     /// Number of turns that were shown.
     turns: Cell<usize>,
     /// Time of the last places.
+    #[cfg(feature = "hardware")]
     placed: Cell<Option<Instant>>,
     /// Closed when the last state of the hunt has been sent.
     sent: Receiver<()>,
@@ -95,6 +97,7 @@ impl LiveView {
             #[cfg(feature = "live")]
             page,
             turns: Cell::new(0),
+            #[cfg(feature = "hardware")]
             placed: Cell::new(None),
             sent,
         })

@@ -82,7 +82,10 @@ const SHORTEST_TOKEN: usize = 8;
     expect(dead_code, reason = "nothing is shown")
 )]
 pub(super) struct LivePlan {
-    #[cfg_attr(not(feature = "live"), expect(dead_code, reason = "nothing is served"))]
+    #[cfg_attr(
+        all(feature = "cot", not(feature = "live")),
+        expect(dead_code, reason = "nothing is served")
+    )]
     page: Option<PagePlan>,
     #[cfg(feature = "cot")]
     cot: Option<CotSender>,
@@ -111,13 +114,22 @@ pub(super) struct Shown<'a> {
     pub(super) estimator: &'a EstimatorEntry,
     pub(super) extractor: &'a ExtractorConfig,
     /// Names of the receivers in their order, if the hunt's own names are not theirs.
-    #[cfg_attr(not(feature = "cot"), expect(dead_code, reason = "nothing is sent"))]
+    #[cfg_attr(
+        all(feature = "live", not(feature = "cot")),
+        expect(dead_code, reason = "nothing is sent")
+    )]
     pub(super) platforms: &'a [CotPlatform],
     /// True if viewers with the token may break it off.
-    #[cfg_attr(not(feature = "live"), expect(dead_code, reason = "nothing is served"))]
+    #[cfg_attr(
+        all(feature = "cot", not(feature = "live")),
+        expect(dead_code, reason = "nothing is served")
+    )]
     pub(super) orders: bool,
     /// True if the devices are not real.
-    #[cfg_attr(not(feature = "cot"), expect(dead_code, reason = "nothing is sent"))]
+    #[cfg_attr(
+        all(feature = "live", not(feature = "cot")),
+        expect(dead_code, reason = "nothing is sent")
+    )]
     pub(super) is_simulated: bool,
 }
 

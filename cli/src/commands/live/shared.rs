@@ -93,6 +93,7 @@ impl Shared {
     }
 
     /// Returns true if the flight was broken off since the last call.
+    #[cfg(feature = "hardware")]
     pub(super) fn take_break_off(&self) -> bool {
         self.broken_off.swap(false, Ordering::Relaxed)
     }
