@@ -193,8 +193,12 @@ fn attribute<'a>(xml: &'a str, name: &str) -> &'a str {
 }
 
 fn feed(events: &[CotEvent]) -> Vec<(&str, &str)> {
-    let text = |event: &CotEvent| std::str::from_utf8(&event.xml).map(|xml| attribute(xml, "type"));
-    events.iter().map(|event| (event.uid.as_str(), text(event).expect("UTF-8"))).collect()
+    let mut found = Vec::new();
+    for CotEvent { uid, xml, .. } in events {
+        let xml = std::str::from_utf8(xml).expect("UTF-8");
+        found.push((uid.as_str(), attribute(xml, "type")));
+    }
+    found
 }
 
 #[test]
