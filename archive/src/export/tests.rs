@@ -41,6 +41,7 @@ fn overview() -> Overview {
     }
     let covariance = Matrix2::new(4.0, 0.0, 0.0, 1.0);
     let mut located = Located::at(Estimate { mean: Vector2::new(100.0, 50.0), covariance });
+    located.observations = 2;
     located.rivals = vec![Rival { place: Vector2::new(-100.0, 50.0), relative_density: 0.5 }];
     let corners = [[90.0, 40.0], [110.0, 40.0], [110.0, 60.0], [90.0, 40.0]];
     located.regions_95 = vec![Region {
