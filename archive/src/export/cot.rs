@@ -151,7 +151,8 @@ pub(super) fn put(
             callsign(xml, &name)?;
             corners(xml, outline(rings, feature.kind))?;
             stroke(xml, feature.kind)?;
-            remarks(xml, feature)
+            // The fix has the ellipse's numbers; here they would not fit into a datagram.
+            if feature.kind == Kind::Ellipse { Ok(()) } else { remarks(xml, feature) }
         }),
     }
 }
