@@ -65,14 +65,18 @@ pub(super) fn write(overview: &Overview, frame: &LocalFrame) -> Result<Vec<u8>, 
 
 /// Unique names of events. A name that is used again has a number behind it.
 #[derive(Default)]
-struct Names(HashMap<String, usize>);
+pub(super) struct Names(HashMap<String, usize>);
 
 impl Names {
     fn uid(&mut self, overview: &Overview, kind: &str, name: &str) -> String {
-        let uid = uid(overview, kind, name);
-        let count = self.0.entry(uid.clone()).or_default();
+        self.unique(uid(overview, kind, name))
+    }
+
+    /// Returns the name, with a number behind it if it is used again.
+    pub(super) fn unique(&mut self, name: String) -> String {
+        let count = self.0.entry(name.clone()).or_default();
         *count += 1;
-        if *count == 1 { uid } else { format!("{uid}.{count}") }
+        if *count == 1 { name } else { format!("{name}.{count}") }
     }
 }
 

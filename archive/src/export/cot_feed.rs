@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 
 use super::{
     ExportError,
-    cot::{HOLDS_S, Head, IN_THE_AIR, ON_THE_GROUND, how, platform, put, uid},
+    cot::{HOLDS_S, Head, IN_THE_AIR, Names, ON_THE_GROUND, how, platform, put, uid},
     feature::{Feature, Kind, bearing, found, lon_lat, reach_m},
     xml::Xml,
 };
@@ -113,14 +113,18 @@ impl CotFeed {
         let frame = overview.frame.ok_or(ExportError::NoOrigin)?;
         let mut events = Vec::new();
         let receivers = overview.receivers.len().max(self.places.len());
-        let receivers = if self.is_past { 0 } else { receivers };
-        for receiver in 0..receivers {
-            events.extend(self.receiver(overview, &frame, receiver, now_unix_s)?);
+        let receivers = unique((0..receivers).map(|receiver| self.name(overview, receiver)));
+        let searches = unique(overview.searches.iter().map(|search| search.name.clone()));
+        if !self.is_past {
+            for (receiver, unique) in receivers.iter().enumerate() {
+                events.extend(self.receiver(overview, &frame, receiver, unique, now_unix_s)?);
+            }
         }
         let renewed = (now_unix_s / RENEWED_S).floor() * RENEWED_S;
-        for search in overview.searches.iter().filter(|search| is_found(search)) {
+        let named = overview.searches.iter().zip(&searches);
+        for (search, unique) in named.filter(|(search, _)| is_found(search)) {
             for (feature, number) in numbered(found(search, &frame)) {
-                let uid = uid(overview, feature.kind.name(), &feature.name) + &number;
+                let uid = uid(overview, feature.kind.name(), unique) + &number;
                 let datum = self.shown(&uid, overview, feature.time.unwrap_or(0.0), now_unix_s);
                 let time = datum.unix_s.max(renewed);
                 let stale = time + if is_over { HOLDS_S } else { FIX_HOLDS_S };
@@ -130,9 +134,10 @@ impl CotFeed {
         let reach_m = reach_m(overview);
         let epoch = self.epoch_unix_s(overview);
         for (received, slot) in last_bearings(overview) {
-            let beacon = received.search.and_then(|index| overview.searches.get(index));
-            let of = beacon.map_or("", |search| &search.name);
-            let name = format!("{}.{of}.{slot}", self.name(overview, received.receiver));
+            let of = received.search.and_then(|index| searches.get(index));
+            let of = of.map_or("", String::as_str);
+            let by = receivers.get(received.receiver).map_or("", String::as_str);
+            let name = format!("{by}.{of}.{slot}");
             let uid = uid(overview, Kind::Bearing.name(), &name);
             let Shown { unix_s, reach_m, .. } = *self
                 .shown
@@ -161,21 +166,22 @@ impl CotFeed {
         Ok(CotEvent { uid, xml: xml.into_bytes(), stale_unix_s: times[2] })
     }
 
-    /// The event of a receiver, at its last known place.
+    /// The event of a receiver, at its last known place; `unique` is its name in the UID.
     fn receiver(
         &mut self,
         overview: &Overview,
         frame: &LocalFrame,
         receiver: usize,
+        unique: &str,
         now_unix_s: f64,
     ) -> Result<Option<CotEvent>, ExportError> {
         let reported = self.places.get(receiver).copied().flatten();
         let of_hunt = overview.receivers.get(receiver).and_then(|receiver| receiver.path.last());
         let of_hunt = of_hunt.map(|knot| (knot.time, knot.place));
-        let last = reported.into_iter().chain(of_hunt).max_by(|a, b| a.0.total_cmp(&b.0));
-        let Some((time, place)) = last else { return Ok(None) };
+        // The hunt has a drone whose link is lost where it was sent.
+        let Some((time, place)) = reported.or(of_hunt) else { return Ok(None) };
         let name = self.name(overview, receiver);
-        let uid = uid(overview, "receiver", &name);
+        let uid = uid(overview, "receiver", unique);
         let unix_s = self.shown(&uid, overview, time, now_unix_s).unix_s;
         let stale_unix_s = unix_s + PLATFORM_HOLDS_S;
         let on_the_ground = self.platforms.get(receiver).is_some_and(|it| it.on_the_ground);
@@ -230,6 +236,12 @@ impl Shown {
             *self = Self::new(epoch_unix_s, time, now_unix_s, reach_m);
         }
     }
+}
+
+/// Returns names of which no two are one: one that is used again has a number behind it.
+fn unique(names: impl Iterator<Item = String>) -> Vec<String> {
+    let mut used = Names::default();
+    names.map(|name| used.unique(name)).collect()
 }
 
 /// Returns true if the belief is about receptions: a prior is no fix.
