@@ -64,21 +64,27 @@ impl CotArgs {
 
     /// Opens the addresses of the flags, or else of a file.
     #[cfg(feature = "cot")]
-    pub(super) fn open(&self, of_file: Option<&CotConfig>) -> Result<Option<CotSender>, CliError> {
-        let (config, named) = match (self.config()?, of_file) {
-            (Some(config), _) => (config, "--cot-"),
-            (None, Some(config)) => (config.clone(), "cot."),
+    pub(super) fn open(
+        &self,
+        of_file: Option<(&CotConfig, &str)>,
+    ) -> Result<Option<CotSender>, CliError> {
+        let (config, file) = match (self.config()?, of_file) {
+            (Some(config), _) => (config, None),
+            (None, Some((config, file))) => (config.clone(), Some(file)),
             (None, None) => return Ok(None),
         };
         let password = std::env::var(PASSWORD_VARIABLE).ok();
-        let sender =
-            CotSender::open(&config, password.as_deref()).map_err(|error| match error {
-                CotError::Setting { name, reason } if named == "--cot-" => {
-                    CliError::input(format!("{named}{}: {reason}", name.replace('_', "-")))
+        let sender = CotSender::open(&config, password.as_deref()).map_err(|error| {
+            match (&error, file) {
+                (CotError::Setting { name, reason }, None) => {
+                    CliError::input(format!("--cot-{}: {reason}", name.replace('_', "-")))
                 }
-                CotError::Setting { .. } => CliError::input(format!("{named}{error}")),
+                (CotError::Setting { .. }, Some(file)) => {
+                    CliError::input(format!("{file}: cot.{error}"))
+                }
                 _ => CliError::input(error),
-            })?;
+            }
+        })?;
         for address in config.to.iter().filter(|address| address.is_open()) {
             warn(&format!(
                 "{address}: nothing is encrypted; everybody on the way can read where the \

@@ -86,6 +86,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         extractor: &scenario.extractor,
         platforms: &[],
         orders: false,
+        nowhere: "--cot: the hunt is in local metres; --origin LAT,LON places it on Earth",
         is_simulated: true,
     };
     let live = args.live.plan()?.map(|plan| LiveView::start(plan, &shown)).transpose()?;

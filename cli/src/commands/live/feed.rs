@@ -51,9 +51,7 @@ impl LiveView {
     pub(in crate::commands) fn start(plan: LivePlan, shown: &Shown<'_>) -> Result<Self, CliError> {
         #[cfg(feature = "cot")]
         if plan.cot.is_some() && shown.header.origin.is_none() {
-            return Err(CliError::input(
-                "--cot: the hunt is in local metres; --origin LAT,LON places it on Earth",
-            ));
+            return Err(CliError::input(shown.nowhere));
         }
         let header = shown.header.clone();
         let registry = shown.registry.clone();
@@ -189,6 +187,11 @@ impl Outlets {
         let _ = (reader, time, places);
     }
 
+    /// Returns true if it is time for the next state.
+    fn is_due(&self) -> bool {
+        self.due.is_some_and(|due| Instant::now() >= due)
+    }
+
     /// Sends the state of the hunt to teams, if it is time.
     fn publish(&mut self, reader: &OverviewReader<'_>, is_over: bool) {
         let now = Instant::now();
@@ -251,8 +254,15 @@ fn follow(
                 }
                 Happening::Places(time, places) => outlets.place(&reader, time, &places),
                 #[cfg(feature = "live")]
-                Happening::Asked(asked) => asked.answer(reader.overview()),
+                Happening::Asked(asked) => {
+                    asked.answer(reader.overview());
+                    break;
+                }
                 Happening::Over => is_over = true,
+            }
+            // Neither questions nor a burst of events hold up what others are sent.
+            if outlets.is_due() {
+                break;
             }
             next = happened.try_recv().ok();
         }

@@ -30,6 +30,9 @@ pub(super) struct Asked {
 impl Asked {
     /// Answers with the hunt as it is now.
     pub(super) fn answer(self, overview: &Overview) {
+        if self.answer.is_closed() {
+            return;
+        }
         // Somebody who has gone needs no answer.
         let _ = self.answer.send(export(overview, self.format));
     }

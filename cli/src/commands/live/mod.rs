@@ -29,8 +29,10 @@ pub(super) use feed::LiveView;
 #[cfg(not(any(feature = "live", feature = "cot")))]
 pub(super) use without::LiveView;
 
+#[cfg(feature = "hardware")]
+use foxhunt::hardware::cot::CotConfig;
 #[cfg(feature = "cot")]
-use foxhunt::hardware::cot::{CotConfig, CotSender};
+use foxhunt::hardware::cot::CotSender;
 use foxhunt::{
     config::ExtractorConfig,
     export::CotPlatform,
@@ -125,6 +127,12 @@ pub(super) struct Shown<'a> {
         expect(dead_code, reason = "nothing is served")
     )]
     pub(super) orders: bool,
+    /// Error of a hunt without an origin that is sent to teams.
+    #[cfg_attr(
+        all(feature = "live", not(feature = "cot")),
+        expect(dead_code, reason = "nothing is sent")
+    )]
+    pub(super) nowhere: &'static str,
     /// True if the devices are not real.
     #[cfg_attr(
         all(feature = "live", not(feature = "cot")),
@@ -138,7 +146,7 @@ impl LiveArgs {
     /// anything flies.
     pub(super) fn plan(&self) -> Result<Option<LivePlan>, CliError> {
         #[cfg(feature = "cot")]
-        return self.plan_of(None);
+        return self.plan_of(None, "");
         #[cfg(not(feature = "cot"))]
         {
             let _ = self.cot.teams()?;
@@ -147,11 +155,23 @@ impl LiveArgs {
     }
 
     /// Returns the plan as [`plan`](Self::plan) does; without `--cot` a file's addresses are used.
-    #[cfg(feature = "cot")]
-    pub(super) fn plan_of(&self, cot: Option<&CotConfig>) -> Result<Option<LivePlan>, CliError> {
-        let page = self.page()?;
-        let cot = self.cot.open(cot)?;
-        Ok((page.is_some() || cot.is_some()).then_some(LivePlan { page, cot }))
+    #[cfg(feature = "hardware")]
+    pub(super) fn plan_of(
+        &self,
+        cot: Option<&CotConfig>,
+        file: &str,
+    ) -> Result<Option<LivePlan>, CliError> {
+        #[cfg(feature = "cot")]
+        {
+            let page = self.page()?;
+            let cot = self.cot.open(cot.map(|cot| (cot, file)))?;
+            Ok((page.is_some() || cot.is_some()).then_some(LivePlan { page, cot }))
+        }
+        #[cfg(not(feature = "cot"))]
+        match cot {
+            Some(_) => Err(super::cot::not_built(&format!("{file}: [cot]"))),
+            None => self.plan(),
+        }
     }
 
     fn page(&self) -> Result<Option<PagePlan>, CliError> {
