@@ -1,5 +1,6 @@
 use std::{
     collections::BTreeMap,
+    io,
     sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
     time::Duration,
 };
@@ -39,6 +40,8 @@ struct State {
     has_ended: bool,
     /// Last failure of the connection, if it is not there.
     failure: Option<String>,
+    /// Failure of the end of a connection that had taken everything.
+    unclosed: Option<String>,
     remarks: Vec<String>,
 }
 
@@ -72,7 +75,7 @@ impl Outbox {
                     state.remark(format!(
                         "more than {MOST_NAMES} things at once; the new ones are not sent"
                     ));
-                    break;
+                    continue;
                 }
                 None => {
                     state.names += 1;
@@ -87,22 +90,27 @@ impl Outbox {
         self.changed.notify_all();
     }
 
-    /// Returns the messages that were not sent, each once; waits for one for a while.
+    /// Returns the messages that were not sent; waits for one for a while.
     pub(super) fn take(&self, wait: Duration, now_unix_s: f64) -> Vec<(String, Arc<[u8]>)> {
         let waits =
             |state: &mut State| !state.is_closed && state.kept.values().all(|kept| kept.is_sent);
         let waited = self.changed.wait_timeout_while(self.state(), wait, waits);
         let (mut state, _) = waited.unwrap_or_else(PoisonError::into_inner);
         state.kept.retain(|_, kept| kept.stale_unix_s > now_unix_s);
-        let unsent = state.kept.iter_mut().filter(|(_, kept)| !kept.is_sent);
-        let mut unsent: Vec<_> = unsent
-            .map(|(uid, kept)| {
-                kept.is_sent = true;
-                (kept.number, uid.clone(), Arc::clone(&kept.xml))
-            })
-            .collect();
+        let unsent = state.kept.iter().filter(|(_, kept)| !kept.is_sent);
+        let mut unsent: Vec<_> =
+            unsent.map(|(uid, kept)| (kept.number, uid.clone(), Arc::clone(&kept.xml))).collect();
         unsent.sort_unstable_by_key(|(number, ..)| *number);
         unsent.into_iter().map(|(_, uid, xml)| (uid, xml)).collect()
+    }
+
+    /// Notes that a message was written, unless a later one has replaced it.
+    pub(super) fn sent(&self, uid: &str, xml: &Arc<[u8]>) {
+        if let Some(kept) = self.state().kept.get_mut(uid)
+            && Arc::ptr_eq(&kept.xml, xml)
+        {
+            kept.is_sent = true;
+        }
     }
 
     /// Sends everything again: what the lost connection had taken may not have arrived.
@@ -110,8 +118,8 @@ impl Outbox {
         let mut state = self.state();
         state.kept.values_mut().for_each(|kept| kept.is_sent = false);
         // A server that stays away is reported once.
-        if state.failure.is_none() {
-            state.remark(failure.clone());
+        if state.failure.is_none() && !state.is_closed {
+            state.remark(format!("{failure}; it is tried again"));
         }
         state.failure = Some(failure);
     }
@@ -121,6 +129,11 @@ impl Outbox {
         let mut state = self.state();
         state.failure = None;
         state.remark(remark);
+    }
+
+    /// Notes that the connection broke behind the last message.
+    pub(super) fn unclosed(&self, error: &io::Error) {
+        self.state().unclosed = Some(error.to_string());
     }
 
     pub(super) fn remark(&self, remark: String) {
@@ -153,16 +166,21 @@ impl Outbox {
         self.changed.notify_all();
     }
 
-    /// Waits until the thread has ended. Returns the reason and the number of unsent messages, if
-    /// any are left.
-    pub(super) fn ended(&self, wait: Duration) -> Option<(String, usize)> {
+    /// Waits until the thread has ended. Returns the failure, if messages are left or may be lost.
+    pub(super) fn ended(&self, wait: Duration) -> Option<String> {
         let waits = |state: &mut State| !state.has_ended;
         let waited = self.changed.wait_timeout_while(self.state(), wait, waits);
         let (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        if let Some(error) = &state.unclosed {
+            return Some(format!(
+                "the last events may not have arrived: the connection broke as it was closed: \
+                 {error}"
+            ));
+        }
         let unsent = state.kept.values().filter(|kept| !kept.is_sent).count();
         let is_lost = state.failure.is_some() || !state.has_ended;
         let reason = state.failure.clone().unwrap_or_else(|| "it takes too long".to_owned());
-        (is_lost && unsent > 0).then_some((reason, unsent))
+        (is_lost && unsent > 0).then(|| format!("{unsent} events were not sent: {reason}"))
     }
 }
 

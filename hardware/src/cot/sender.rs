@@ -77,7 +77,7 @@ impl CotSender {
                 tls: match &tls {
                     Some(tls) if is_tls(address) => Some((
                         Arc::clone(tls),
-                        tls::name(config.server_name.as_ref().unwrap_or(&address.host))?,
+                        tls::name(config.server_name.as_deref(), &address.host)?,
                     )),
                     _ => None,
                 },
@@ -122,8 +122,8 @@ impl CotSender {
         let end = Instant::now() + within;
         let failed = self.lines.iter().filter_map(|line| {
             let left = end.saturating_duration_since(Instant::now());
-            let (reason, unsent) = line.outbox.ended(left)?;
-            Some(format!("{}: {unsent} events were not sent: {reason}", line.address))
+            let failure = line.outbox.ended(left)?;
+            Some(format!("{}: {failure}", line.address))
         });
         let failed: Vec<_> = failed.collect();
         if failed.is_empty() { Ok(()) } else { Err(failed) }
@@ -153,12 +153,17 @@ impl Serving {
     fn serve(self) {
         let mut pause = FIRST_PAUSE;
         loop {
+            let mut since = None;
             let served = match self.address.transport {
-                CotTransport::Udp => self.datagrams(&mut pause),
-                CotTransport::Tcp | CotTransport::Tls => self.stream(&mut pause),
+                CotTransport::Udp => self.datagrams(&mut since),
+                CotTransport::Tcp | CotTransport::Tls => self.stream(&mut since),
             };
             let Err(error) = served else { break };
-            self.outbox.lost(format!("{error}; it is tried again"));
+            // A server that takes a message and hangs up is not tried each second.
+            if since.is_some_and(|since: Instant| since.elapsed() >= LONGEST_PAUSE) {
+                pause = FIRST_PAUSE;
+            }
+            self.outbox.lost(error.to_string());
             if self.outbox.is_closed() {
                 break;
             }
@@ -175,22 +180,28 @@ impl Serving {
         if found.is_empty() { Err(io::Error::other("the host has no address")) } else { Ok(found) }
     }
 
-    /// Sends over a stream until nothing more will come; an error if the server is lost.
-    fn stream(&self, pause: &mut Duration) -> io::Result<()> {
+    /// Sends over a stream until nothing more will come; an error if the server is lost. `since`
+    /// becomes the time at which the connection was there.
+    fn stream(&self, since: &mut Option<Instant>) -> io::Result<()> {
         let tls = self.tls.as_ref().map(|(config, name)| (Arc::clone(config), name.clone()));
         let mut stream = Stream::open(&self.resolved()?, tls)?;
         let remark = stream.about().map_or("connected".to_owned(), |it| format!("connected, {it}"));
         self.outbox.connected(remark);
+        *since = Some(Instant::now());
         let mut is_new = true;
         loop {
             let messages = self.outbox.take(TURN, unix_s());
             if messages.is_empty() && self.outbox.is_closed() {
-                return stream.close();
+                if let Err(error) = stream.close() {
+                    self.outbox.unclosed(&error);
+                }
+                return Ok(());
             }
             // The server sends everything of the others; where nobody reads it, it hangs up.
             stream.drain()?;
-            for (_, xml) in &messages {
+            for (uid, xml) in &messages {
                 stream.send(xml)?;
+                self.outbox.sent(uid, xml);
                 if is_new {
                     thread::sleep(INTRODUCTION);
                     is_new = false;
@@ -198,24 +209,28 @@ impl Serving {
                 stream.drain()?;
             }
             if !messages.is_empty() {
-                // A connection that has taken messages starts the pauses anew.
-                *pause = FIRST_PAUSE;
                 self.rest();
             }
         }
     }
 
     /// Sends datagrams until nothing more will come; an error if the network does not take them.
-    fn datagrams(&self, pause: &mut Duration) -> io::Result<()> {
+    /// `since` becomes the time from which on it has taken them.
+    fn datagrams(&self, since: &mut Option<Instant>) -> io::Result<()> {
         let to = self.resolved()?;
-        let to = *to.first().ok_or_else(|| io::Error::other("the host has no address"))?;
+        let is_v4 = self.from.is_none_or(|from| from.is_ipv4());
+        let fit = to.iter().find(|to| to.is_ipv4() == is_v4);
+        let fit = fit.or_else(|| to.first().filter(|_| self.from.is_none()));
+        let to = *fit.ok_or_else(|| {
+            let family = if is_v4 { "IPv4" } else { "IPv6" };
+            io::Error::other(format!("the host has no address of {family}, which from is of"))
+        })?;
         let any = match to {
             SocketAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
             SocketAddr::V6(_) => Ipv6Addr::UNSPECIFIED.into(),
         };
         // The source decides the card that a multicast datagram leaves by.
         let socket = UdpSocket::bind((self.from.unwrap_or(any), 0))?;
-        let mut is_new = true;
         loop {
             let messages = self.outbox.take(TURN, unix_s());
             if messages.is_empty() && self.outbox.is_closed() {
@@ -225,6 +240,8 @@ impl Serving {
                 if xml.len() > MOST_DATAGRAM_BYTES {
                     let bytes = xml.len();
                     self.outbox.remark(format!("{uid} has {bytes} bytes, too many for a datagram"));
+                    // It would be too long again.
+                    self.outbox.sent(uid, xml);
                     continue;
                 }
                 match socket.send_to(xml, to) {
@@ -233,16 +250,16 @@ impl Serving {
                     Err(error) if error.kind() == io::ErrorKind::ConnectionRefused => {}
                     Err(error) => return Err(error),
                 }
+                self.outbox.sent(uid, xml);
                 if number % BURST == 0 {
                     thread::sleep(BURST_PAUSE);
                 }
             }
             if !messages.is_empty() {
-                if is_new {
+                if since.is_none() {
                     self.outbox.connected("sending".to_owned());
-                    is_new = false;
+                    *since = Some(Instant::now());
                 }
-                *pause = FIRST_PAUSE;
                 self.rest();
             }
         }

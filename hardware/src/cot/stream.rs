@@ -17,6 +17,9 @@ const FAREWELL: Duration = Duration::from_secs(1);
 /// Shortest wait for a server to refuse our certificate.
 const SHORTEST_LOOK: Duration = Duration::from_millis(100);
 
+/// Kind of the error for an alert of the server.
+const ALERT: io::ErrorKind = io::ErrorKind::PermissionDenied;
+
 /// Number of reads of a server's own messages at a time: one that sends all the time gets ours.
 const MOST_READS: usize = 64;
 
@@ -46,6 +49,8 @@ impl Stream {
             .map_err(io::Error::other)?;
         let begun = Instant::now();
         if let Some(tls) = &mut tls {
+            // A message of any length is written as a whole, before the next is taken.
+            tls.set_buffer_limit(None);
             while tls.is_handshaking() {
                 let _ = tls.complete_io(&mut tcp).map_err(refused)?;
             }
@@ -56,8 +61,14 @@ impl Stream {
             // what is sent to one that refuses it is lost.
             thread::sleep((2 * begun.elapsed()).clamp(SHORTEST_LOOK, PATIENCE));
             stream.drain().map_err(|error| {
-                let refuses = "the server refuses this certificate or the lack of one";
-                io::Error::new(error.kind(), format!("{refuses}: {error}"))
+                let why = match error.kind() {
+                    ALERT => "the server refuses this certificate or the lack of one",
+                    _ => {
+                        "it ended right after the handshake; perhaps the server refuses this \
+                         certificate or the lack of one"
+                    }
+                };
+                io::Error::new(error.kind(), format!("{why}: {error}"))
             })?;
         }
         Ok(stream)
@@ -158,7 +169,11 @@ fn tls_error(error: rustls::Error) -> io::Error {
         rustls::Error::InvalidCertificate(_) => "the server's certificate is refused: ",
         _ => "",
     };
-    io::Error::other(format!("{why}{error}"))
+    let kind = match &error {
+        rustls::Error::AlertReceived(_) => ALERT,
+        _ => io::ErrorKind::Other,
+    };
+    io::Error::new(kind, format!("{why}{error}"))
 }
 
 /// Names the server that takes nothing.

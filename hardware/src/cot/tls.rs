@@ -70,11 +70,14 @@ pub(super) fn client(
     client.map(Arc::new).map_err(|error| refused(file, error))
 }
 
-/// Returns the name that the server's certificate must have.
-pub(super) fn name(host: &str) -> Result<ServerName<'static>, CotError> {
-    ServerName::try_from(host.to_owned()).map_err(|_| CotError::Address {
-        given: host.to_owned(),
-        reason: "no certificate can have such a name",
+/// Returns the name that the server's certificate must have: that of the setting, or else the host
+/// of the address.
+pub(super) fn name(setting: Option<&str>, host: &str) -> Result<ServerName<'static>, CotError> {
+    let reason = "no certificate can have such a name";
+    let name = setting.unwrap_or(host).to_owned();
+    ServerName::try_from(name).map_err(|_| match setting {
+        Some(_) => CotError::Setting { name: "server_name", reason },
+        None => CotError::Address { given: host.to_owned(), reason },
     })
 }
 
