@@ -136,6 +136,10 @@ impl FlightConfig {
             Some(relief)
         };
         config.model.resolve_terrain(there).map_err(|error| error.within("model"))?;
+        if let Some(cot) = &config.cot {
+            let refused = |source| FlyError::Cot { file: file.to_owned(), source };
+            cot.check().map_err(refused)?;
+        }
         config.check()?;
         if config.is_on_the_ground() {
             config.widen_for_carriers();
