@@ -280,3 +280,34 @@ fn bearings_take_turns_and_what_is_old_goes() {
     let later = feed_of.events(&overview, 1_616_345_530.0 + 601.0, false).expect("an origin");
     assert_eq!(later, [], "receivers and bearings are stale");
 }
+
+#[test]
+fn things_of_one_name_have_two_uids() {
+    let mut overview = overview();
+    overview.searches[0].name = "fox".to_owned();
+    overview.searches.push(overview.searches[0].clone());
+    let twin = CotPlatform { name: "twin".to_owned(), on_the_ground: false };
+    let mut feed_of = CotFeed::new(vec![twin.clone(), twin], false);
+    feed_of.place(1, 2.0, Vector3::zeros());
+    let events = feed_of.events(&overview, 1_616_345_510.0, false).expect("it has an origin");
+    let mut uids: Vec<_> = events.iter().map(|event| event.uid.as_str()).collect();
+    for uid in ["receiver.twin", "receiver.twin.2", "fix.fox", "fix.fox.2", "rival.fox.2.1"] {
+        assert!(uids.contains(&format!("foxhunt.meadow.{uid}").as_str()), "{uid}: {uids:?}");
+    }
+    uids.sort_unstable();
+    assert!(uids.windows(2).all(|pair| pair[0] != pair[1]), "{uids:?}");
+}
+
+#[test]
+fn a_lost_drone_stays_where_it_was_heard() {
+    let mut feed_of = CotFeed::new(Vec::new(), false);
+    // The hunt has it elsewhere, and later.
+    feed_of.place(0, 1.5, Vector3::zeros());
+    let events = feed_of.events(&overview(), 1_616_345_510.0, false).expect("it has an origin");
+    let xml = std::str::from_utf8(&events[0].xml).expect("UTF-8");
+    let place = [attribute(xml, "lat"), attribute(xml, "lon")].map(|deg| deg.parse::<f64>());
+    let off = |deg: f64, origin: f64| (deg - origin).abs() < 1e-9;
+    let [Ok(lat), Ok(lon)] = place else { panic!("{xml}") };
+    assert!(off(lat, ORIGIN.lat_deg) && off(lon, ORIGIN.lon_deg), "{xml}");
+    assert!(events[0].stale_unix_s < 1_616_345_508.0 + 1.6 + 120.0, "{}", events[0].stale_unix_s);
+}

@@ -5,7 +5,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::{CotAddress, CotConfig, CotMessage, CotSender, CotTransport};
+use super::{CotAddress, CotConfig, CotMessage, CotSender, CotTransport, outbox::Outbox, tls};
 
 /// A time that no test reaches.
 const LATER: f64 = 1e10;
@@ -172,4 +172,31 @@ fn datagrams_hold_one_event_each() {
     assert_eq!(came, [whole("a", "1"), whole("c", "3")]);
     let remarks = sender.take_remarks().join("\n");
     assert!(remarks.contains("b has 70023 bytes"), "{remarks}");
+}
+
+#[test]
+fn a_full_outbox_takes_known_names_and_what_is_written_counts() {
+    let outbox = Outbox::default();
+    let names = (0..2_001).map(|name| message(&name.to_string(), "old"));
+    outbox.put(&names.collect::<Vec<_>>(), 0.0);
+    let old = outbox.take(Duration::ZERO, 0.0);
+    assert_eq!(old.len(), 2_000);
+    assert_eq!(outbox.take(Duration::ZERO, 0.0).len(), 2_000, "nothing was written");
+    // The unknown name comes first.
+    outbox.put(&[message("2000", "new"), message("7", "new")], 0.0);
+    old.iter().for_each(|(uid, xml)| outbox.sent(uid, xml));
+    let left = outbox.take(Duration::ZERO, 0.0);
+    assert_eq!(left.iter().map(|(uid, _)| uid.as_str()).collect::<Vec<_>>(), ["7"]);
+    outbox.close();
+    outbox.lost("gone".to_owned());
+    outbox.end();
+    let failure = outbox.ended(Duration::ZERO).expect("messages are left");
+    assert_eq!(failure, "2000 events were not sent: gone");
+}
+
+#[test]
+fn a_wrong_name_of_the_server_is_blamed_on_its_setting() {
+    let refused = |setting| tls::name(setting, "a b").expect_err("a space").to_string();
+    assert!(refused(Some("tak server")).starts_with("server_name:"));
+    assert!(refused(None).contains("\"a b\""));
 }
