@@ -445,6 +445,17 @@ pub(super) mod tests {
     }
 
     #[test]
+    fn addresses_of_teams_are_checked_with_the_flight() {
+        let with = |cot: &str| format!("{MEADOW}\n[cot]\n{cot}");
+        let nobody = refused(&with("to = []"));
+        assert!(nobody.starts_with("meadow.toml: cot.to: "), "{nobody}");
+        let unchecked = refused(&with("to = ['tls://tak.example']"));
+        assert!(unchecked.starts_with("meadow.toml: cot.ca: "), "{unchecked}");
+        let flight = FlightConfig::parse(&with("to = ['udp://239.2.3.1']"), "meadow.toml");
+        assert_eq!(flight.expect("in order").cot.map(|cot| cot.to.len()), Some(1));
+    }
+
+    #[test]
     fn a_flight_takes_the_names_of_antennas() {
         let registry = Registry::builtin();
         for name in AntennaConfig::NAMES {

@@ -223,7 +223,7 @@ impl Serving {
         let fit = fit.or_else(|| to.first().filter(|_| self.from.is_none()));
         let to = *fit.ok_or_else(|| {
             let family = if is_v4 { "IPv4" } else { "IPv6" };
-            io::Error::other(format!("the host has no address of {family}, which from is of"))
+            io::Error::other(format!("the host has no {family} address, but from is one"))
         })?;
         let any = match to {
             SocketAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
