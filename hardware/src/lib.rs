@@ -33,6 +33,7 @@ mod aircraft;
 #[cfg(feature = "ardrone")]
 mod ardrone;
 mod clock;
+pub mod cot;
 mod finding;
 #[cfg(feature = "gnss")]
 mod gnss;

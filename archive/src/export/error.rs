@@ -3,7 +3,9 @@
 #[non_exhaustive]
 pub enum ExportError {
     /// The file's ending belongs to no known format.
-    #[error("the ending {ending:?} is none of .geojson, .json, .kml, .gpx, .csv, .cot and .mcap")]
+    #[error(
+        "the ending {ending:?} is none of .geojson, .json, .kml, .czml, .gpx, .csv, .cot and .mcap"
+    )]
     Ending {
         /// The ending.
         ending: String,

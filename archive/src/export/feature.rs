@@ -2,7 +2,7 @@ use foxhunt_core::Ellipse;
 use foxhunt_wire::geodesy::{LocalFrame, radians_to_compass_deg};
 use nalgebra::{Vector2, Vector3};
 
-use crate::overview::{Believed, Overview, Received};
+use crate::overview::{Believed, Overview, Received, SearchOverview};
 
 /// Something on the map.
 #[derive(Clone, Debug, PartialEq)]
@@ -151,23 +151,32 @@ pub(super) fn features(overview: &Overview, frame: &LocalFrame) -> Vec<Feature> 
             let shape = Shape::Area(rings);
             features.push(Feature { numbers, ..Feature::of(Kind::Region, name, shape) });
         }
-        for rival in &search.rivals {
-            let numbers = vec![("relative_density", rival.relative_density)];
-            let shape = Shape::Point(at(&rival.place));
-            features.push(Feature { numbers, ..Feature::of(Kind::Rival, name, shape) });
-        }
-        let Some(last) = search.last() else { continue };
-        let time = Some(last.time);
-        if let Some(ellipse) = &last.ellipse_95 {
-            let ring = outline(&last.estimate.mean, ellipse).iter().map(at).collect();
-            let shape = Shape::Area(vec![ring]);
-            let numbers = numbers(last);
-            features.push(Feature { time, numbers, ..Feature::of(Kind::Ellipse, name, shape) });
-        }
-        let shape = Shape::Point(at(&last.estimate.mean));
-        let numbers = numbers(last);
-        features.push(Feature { time, numbers, ..Feature::of(Kind::Fix, name, shape) });
+        features.extend(found(search, frame));
     }
+    features
+}
+
+/// The places where a beacon may be: the fix with its ellipse, and its rivals.
+pub(super) fn found(search: &SearchOverview, frame: &LocalFrame) -> Vec<Feature> {
+    let at = |place: &Vector2<f64>| lon_lat(frame, place);
+    let name = &search.name;
+    let rivals = search.rivals.iter().map(|rival| {
+        let numbers = vec![("relative_density", rival.relative_density)];
+        let shape = Shape::Point(at(&rival.place));
+        Feature { numbers, ..Feature::of(Kind::Rival, name, shape) }
+    });
+    let mut features: Vec<_> = rivals.collect();
+    let Some(last) = search.last() else { return features };
+    let time = Some(last.time);
+    if let Some(ellipse) = &last.ellipse_95 {
+        let ring = outline(&last.estimate.mean, ellipse).iter().map(at).collect();
+        let shape = Shape::Area(vec![ring]);
+        let numbers = numbers(last);
+        features.push(Feature { time, numbers, ..Feature::of(Kind::Ellipse, name, shape) });
+    }
+    let shape = Shape::Point(at(&last.estimate.mean));
+    let numbers = numbers(last);
+    features.push(Feature { time, numbers, ..Feature::of(Kind::Fix, name, shape) });
     features
 }
 
@@ -197,7 +206,8 @@ pub(super) fn compass_deg(frame: Option<&LocalFrame>, place: &Vector3<f64>, radi
     }
 }
 
-fn bearing(
+/// The line of a reception's bearing, as long as `reach_m`.
+pub(super) fn bearing(
     overview: &Overview,
     frame: &LocalFrame,
     received: &Received,

@@ -10,6 +10,8 @@ pub enum Format {
     GeoJson,
     /// KML 2.2.
     Kml,
+    /// CZML 1.0, the JSON of Cesium: receivers move in time.
+    Czml,
     /// GPX 1.1: fixes as waypoints, paths, bearings and ellipses as tracks.
     Gpx,
     /// A table of receptions and fixes, in degrees where there is an origin, and in local metres.
@@ -22,10 +24,11 @@ pub enum Format {
 
 impl Format {
     /// Every format, by the ending of its files.
-    pub const ENDINGS: [(&str, Self); 7] = [
+    pub const ENDINGS: [(&str, Self); 8] = [
         ("geojson", Self::GeoJson),
         ("json", Self::GeoJson),
         ("kml", Self::Kml),
+        ("czml", Self::Czml),
         ("gpx", Self::Gpx),
         ("csv", Self::Csv),
         ("cot", Self::Cot),

@@ -1,10 +1,12 @@
 //! Places, bearings, ellipses, regions and paths in the formats of other programs: GeoJSON, KML,
-//! GPX, CSV, Cursor on Target, and MCAP with Foxglove's schemas (feature `mcap`).
+//! CZML, GPX, CSV, Cursor on Target, and MCAP with Foxglove's schemas (feature `mcap`).
 //!
 //! Coordinates are WGS84. Heights are left out where a format does without: those of local frames
 //! are above the frame's origin, whose own height is often not known.
 
 mod cot;
+mod cot_feed;
+mod czml;
 mod error;
 mod feature;
 mod format;
@@ -16,6 +18,7 @@ mod mcap;
 mod table;
 mod xml;
 
+pub use cot_feed::{CotEvent, CotFeed, CotPlatform};
 pub use error::ExportError;
 pub use format::Format;
 
@@ -34,6 +37,7 @@ pub fn export(overview: &Overview, format: Format) -> Result<Vec<u8>, ExportErro
     match format {
         Format::GeoJson => geojson::write(overview, &frame()?),
         Format::Kml => kml::write(overview, &frame()?),
+        Format::Czml => czml::write(overview, &frame()?),
         Format::Gpx => gpx::write(overview, &frame()?),
         Format::Csv => table::write(overview),
         Format::Cot => cot::write(overview, &frame()?),

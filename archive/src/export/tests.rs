@@ -41,6 +41,7 @@ fn overview() -> Overview {
     }
     let covariance = Matrix2::new(4.0, 0.0, 0.0, 1.0);
     let mut located = Located::at(Estimate { mean: Vector2::new(100.0, 50.0), covariance });
+    located.observations = 2;
     located.rivals = vec![Rival { place: Vector2::new(-100.0, 50.0), relative_density: 0.5 }];
     let corners = [[90.0, 40.0], [110.0, 40.0], [110.0, 60.0], [90.0, 40.0]];
     located.regions_95 = vec![Region {
@@ -183,4 +184,130 @@ fn what_is_missing_is_named() {
     assert_eq!(Format::of_file(Path::new("a/b.GeoJSON")).expect("known"), Format::GeoJson);
     let error = Format::of_file(Path::new("hunt.shp")).expect_err("unknown").to_string();
     assert!(error.contains("\"shp\"") && error.contains(".kml"), "{error}");
+}
+
+/// The attribute of the first element that has it.
+fn attribute<'a>(xml: &'a str, name: &str) -> &'a str {
+    let begin = format!(" {name}=\"");
+    let (_, rest) = xml.split_once(&begin).expect("the attribute");
+    rest.split_once('"').expect("its end").0
+}
+
+fn feed(events: &[CotEvent]) -> Vec<(&str, &str)> {
+    let mut found = Vec::new();
+    for CotEvent { uid, xml, .. } in events {
+        let xml = std::str::from_utf8(xml).expect("UTF-8");
+        found.push((uid.as_str(), attribute(xml, "type")));
+    }
+    found
+}
+
+#[test]
+fn a_fix_moves_and_does_not_multiply() {
+    let mut overview = overview();
+    overview.searches[0].name = "fox".to_owned();
+    let walker = CotPlatform { name: "walker".to_owned(), on_the_ground: true };
+    let mut feed_of = CotFeed::new(vec![walker], false);
+    // Two seconds into the hunt.
+    let now = 1_616_345_510.0;
+    let before = feed_of.events(&overview, now, false).expect("it has an origin");
+    assert_eq!(
+        feed(&before),
+        [
+            ("foxhunt.meadow.receiver.walker", "a-f-G-U-C"),
+            ("foxhunt.meadow.rival.fox.1", "b-m-p-s-m"),
+            ("foxhunt.meadow.ellipse-95.fox", "u-d-f"),
+            ("foxhunt.meadow.fix.fox", "a-u-G"),
+            ("foxhunt.meadow.bearing.walker.fox.1", "u-rb-a"),
+            ("foxhunt.meadow.bearing.walker.fox.2", "u-rb-a"),
+        ]
+    );
+    let again = feed_of.events(&overview, now + 0.5, false).expect("it has an origin");
+    assert_eq!(again, before, "nothing to send again");
+    let mut moved = overview.searches[0].beliefs[0].clone();
+    moved.estimate.mean.x += 30.0;
+    moved.time = 3.0;
+    overview.searches[0].beliefs.push(moved);
+    feed_of.place(0, 3.0, Vector3::new(1.0, 2.0, 0.0));
+    let after = feed_of.events(&overview, now + 1.0, false).expect("it has an origin");
+    assert_eq!(feed(&after), feed(&before));
+    let changed: Vec<_> = (after.iter().zip(&before))
+        .filter(|(after, before)| after != before)
+        .map(|(after, _)| after.uid.as_str())
+        .collect();
+    assert_eq!(
+        changed,
+        [
+            "foxhunt.meadow.receiver.walker",
+            "foxhunt.meadow.ellipse-95.fox",
+            "foxhunt.meadow.fix.fox"
+        ]
+    );
+    let fix = std::str::from_utf8(&after[3].xml).expect("UTF-8");
+    assert_eq!(attribute(fix, "start"), "2021-03-21T16:51:51Z");
+    assert_eq!(attribute(fix, "how"), "m-f");
+    assert!((after[3].stale_unix_s - now).abs() < 302.0, "{}", after[3].stale_unix_s);
+    let ended = feed_of.events(&overview, now + 1.0, true).expect("it has an origin");
+    assert!(ended[3].stale_unix_s > now + 86_000.0, "a fix is of use after the hunt");
+}
+
+#[test]
+fn the_ellipse_fits_into_a_datagram() {
+    let mut feed_of = CotFeed::new(Vec::new(), true);
+    let events = feed_of.events(&overview(), 1_616_345_510.0, false).expect("it has an origin");
+    let ellipse = events.iter().find(|event| event.uid.contains("ellipse")).expect("an ellipse");
+    assert!(ellipse.xml.len() < 1472, "{}", ellipse.xml.len());
+    let xml = std::str::from_utf8(&ellipse.xml).expect("UTF-8");
+    assert_eq!((elements(xml, "link"), attribute(xml, "how")), (25, "m-s"));
+    let first = attribute(xml, "point");
+    assert!(xml.rfind(&format!(r#"<link point="{first}""#)) > xml.find("<link"), "closed: {xml}");
+}
+
+#[test]
+fn bearings_take_turns_and_what_is_old_goes() {
+    let mut overview = overview();
+    for time in 3..20 {
+        let one = Received { time: f64::from(time), ..overview.received[1].clone() };
+        overview.add(one);
+    }
+    // A prior is no fix.
+    overview.searches[0].beliefs.iter_mut().for_each(|believed| believed.steps = 0);
+    let mut feed_of = CotFeed::new(Vec::new(), false);
+    let events = feed_of.events(&overview, 1_616_345_530.0, false).expect("it has an origin");
+    let kinds = events.iter().map(|event| event.uid.split('.').nth(2).expect("a kind"));
+    assert_eq!(kinds.clone().filter(|kind| *kind == "bearing").count(), 8);
+    assert_eq!(kinds.filter(|kind| *kind != "bearing").collect::<Vec<_>>(), ["receiver"]);
+    let later = feed_of.events(&overview, 1_616_345_530.0 + 601.0, false).expect("an origin");
+    assert_eq!(later, [], "receivers and bearings are stale");
+}
+
+#[test]
+fn things_of_one_name_have_two_uids() {
+    let mut overview = overview();
+    overview.searches[0].name = "fox".to_owned();
+    overview.searches.push(overview.searches[0].clone());
+    let twin = CotPlatform { name: "twin".to_owned(), on_the_ground: false };
+    let mut feed_of = CotFeed::new(vec![twin.clone(), twin], false);
+    feed_of.place(1, 2.0, Vector3::zeros());
+    let events = feed_of.events(&overview, 1_616_345_510.0, false).expect("it has an origin");
+    let mut uids: Vec<_> = events.iter().map(|event| event.uid.as_str()).collect();
+    for uid in ["receiver.twin", "receiver.twin.2", "fix.fox", "fix.fox.2", "rival.fox.2.1"] {
+        assert!(uids.contains(&format!("foxhunt.meadow.{uid}").as_str()), "{uid}: {uids:?}");
+    }
+    uids.sort_unstable();
+    assert!(uids.windows(2).all(|pair| pair[0] != pair[1]), "{uids:?}");
+}
+
+#[test]
+fn a_lost_drone_stays_where_it_was_heard() {
+    let mut feed_of = CotFeed::new(Vec::new(), false);
+    // The hunt has it elsewhere, and later.
+    feed_of.place(0, 1.5, Vector3::zeros());
+    let events = feed_of.events(&overview(), 1_616_345_510.0, false).expect("it has an origin");
+    let xml = std::str::from_utf8(&events[0].xml).expect("UTF-8");
+    let place = [attribute(xml, "lat"), attribute(xml, "lon")].map(|deg| deg.parse::<f64>());
+    let off = |deg: f64, origin: f64| (deg - origin).abs() < 1e-9;
+    let [Ok(lat), Ok(lon)] = place else { panic!("{xml}") };
+    assert!(off(lat, ORIGIN.lat_deg) && off(lon, ORIGIN.lon_deg), "{xml}");
+    assert!(events[0].stale_unix_s < 1_616_345_508.0 + 1.6 + 120.0, "{}", events[0].stale_unix_s);
 }

@@ -159,7 +159,7 @@ impl From<&BearingMode> for Mode {
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
-    args.views.check()?;
+    args.views.check(false)?;
     let own = args.calibration.read()?;
     let antenna = Antennas::of(&args.extraction.config(registry, &ExtractorConfig::default())?);
     let files = std::slice::from_ref(&args.file);

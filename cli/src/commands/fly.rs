@@ -15,6 +15,7 @@ use std::{
 
 use foxhunt::{
     core::{BeaconId, Clock, PatternSource, Sweep},
+    export::CotPlatform,
     fly::{
         DroneConfig, Examined, FlightConfig, FlightReport, FlyError, Mission, Ports, SystemPorts,
         Tap,
@@ -85,12 +86,12 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE", requires = "emulate")]
     faults: Option<PathBuf>,
     /// Check the file, print the plan, and touch no device
-    #[arg(long)]
+    #[arg(long, conflicts_with = "cot")]
     dry_run: bool,
     /// Write the flight of each drone as a mission for a ground station, and touch no device: .plan
     /// for QGroundControl, .waypoints for Mission Planner; needs a planner with places known
     /// beforehand
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["emulate", "dry_run"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["emulate", "dry_run", "cot"])]
     mission_to: Option<PathBuf>,
     /// The stay of a drone of the mission at each place, in seconds: the time of a turn of the
     /// antenna
@@ -197,7 +198,7 @@ fn calling(clock: &Rc<dyn Fn() -> f64>) -> impl Clock + Clone + use<> {
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
-    args.exports.check(false)?;
+    args.exports.check(args.live.is_on_map())?;
     let mut field = match (&args.config, &args.emulate) {
         (_, Some(scenario)) => Field::emulated(scenario, args.faults.as_deref(), args.seed)?,
         (Some(file), None) => Field::real(file)?,
@@ -216,7 +217,10 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     if let Some(file) = &args.mission_to {
         return mission_files::write(&config, registry, file, args.hold_s, output);
     }
-    let live = args.live.plan()?;
+    let live = args.live.plan_of(config.cot.as_ref(), &field.name)?;
+    if live.is_none() && args.pace.is_given() {
+        return Err(CliError::input("--pace: only with --live or --cot"));
+    }
     if field.emulated.is_none() && args.pace.is_given() {
         return Err(CliError::input("--pace: real devices fly in their own time"));
     }
@@ -262,9 +266,18 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         failure: None,
     }));
     let pilot = Pilot::listen()?;
-    let shown =
-        Shown { header: &header, registry, estimator, extractor: &config.extractor, orders: true };
-    let live = live.map(|plan| LiveView::start(&plan, &shown)).transpose()?;
+    let platforms = platforms(&config);
+    let shown = Shown {
+        header: &header,
+        registry,
+        estimator,
+        extractor: &config.extractor,
+        platforms: &platforms,
+        orders: true,
+        nowhere: "--cot: the flight is in local metres",
+        is_simulated: field.emulated.is_some(),
+    };
+    let live = live.map(|plan| LiveView::start(plan, &shown)).transpose()?;
     let adviser = Rc::new(RefCell::new(Adviser::new(&config, args.advise)));
     let advised = Rc::clone(&adviser);
     let mut tone = args.tone.open(field.emulated.is_some())?;
@@ -299,6 +312,9 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
             pace.wait_until(time);
         }
         mission.step(time);
+        if let Some(live) = &live {
+            live.place(time, || mission.hunt().stations());
+        }
         if mission.is_ready() && !prompted {
             prompted = true;
             warn("all drones are ready: Enter takes off, Ctrl-C breaks off");
@@ -383,6 +399,15 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         Some(why) => Err(CliError::failure(why)),
         None => Ok(()),
     }
+}
+
+/// Returns the receivers of a flight as teams see them.
+pub(super) fn platforms(config: &FlightConfig) -> Vec<CotPlatform> {
+    let platforms = config.drones.iter().map(|drone| CotPlatform {
+        name: drone.name.clone(),
+        on_the_ground: drone.vehicle.is_on_the_ground(),
+    });
+    platforms.collect()
 }
 
 /// Prints an event as a line of JSON, where events are wanted.

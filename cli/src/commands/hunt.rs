@@ -67,7 +67,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
-    args.exports.check(args.live.has_tiles())?;
+    args.exports.check(args.live.is_on_map())?;
     let mut scenario = choice::scenario(&args.scenario)?;
     args.settings.apply_to(&mut scenario, registry)?;
     args.planning.apply_to(&mut scenario, registry)?;
@@ -84,9 +84,15 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         registry,
         estimator: &estimator,
         extractor: &scenario.extractor,
+        platforms: &[],
         orders: false,
+        nowhere: "--cot: the hunt is in local metres; --origin LAT,LON places it on Earth",
+        is_simulated: true,
     };
-    let live = args.live.plan()?.map(|plan| LiveView::start(&plan, &shown)).transpose()?;
+    let live = args.live.plan()?.map(|plan| LiveView::start(plan, &shown)).transpose()?;
+    if live.is_none() && args.pace.is_given() {
+        return Err(CliError::input("--pace: only with --live or --cot"));
+    }
     fs::create_dir_all(&args.out).map_err(|error| CliError::writing(&args.out, error))?;
     let [log, picture, page] =
         ["hunt.jsonl", "hunt.svg", "report.html"].map(|name| args.out.join(name));

@@ -20,6 +20,7 @@ use serde::Serialize;
 
 use self::found::{Estimated, Found, likeliest};
 use super::{
+    cot::{CotArgs, Teams},
     fixes::doubts,
     locating::{Locating, NAMELESS, Prepared, not_located, shared_truth, truth},
     recorded::LatLon,
@@ -83,6 +84,8 @@ pub(crate) struct Args {
     locating: Locating,
     #[command(flatten)]
     views: Views,
+    #[command(flatten)]
+    cot: CotArgs,
 }
 
 /// A located place in JSON.
@@ -144,7 +147,8 @@ struct RivalPlace {
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
-    args.views.check()?;
+    args.views.check(args.cot.is_given())?;
+    let teams = args.cot.teams()?;
     args.movebank_to.iter().try_for_each(|path| writable::file(path))?;
     let conformal = args.locating.conformal()?;
     #[cfg(feature = "batch")]
@@ -156,6 +160,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let on_earth = recordings.iter().any(|recording| recording.frame().is_some());
     let in_utc = recordings.iter().all(Recording::is_in_utc);
     args.views.check_known(on_earth, in_utc)?;
+    teams.check_known(on_earth || args.views.origin().is_some())?;
     if args.movebank_to.is_some() && !(on_earth && in_utc) {
         return Err(CliError::input(NOT_FOR_MOVEBANK));
     }
@@ -170,7 +175,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         }
         to_movebank(args, &prepared, &reports)?;
         output.result(&reports, |reports| places(reports))?;
-        return show(args, registry, &prepared, found, output);
+        return show(args, registry, &prepared, found, teams, output);
     }
     let beacon = args.locating.beacon(prepared.recordings())?;
     #[cfg(feature = "batch")]
@@ -178,27 +183,28 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         let (report, found) =
             tracked::report(&args.tracking, args.truth, &prepared, beacon, output)?;
         output.result(&report, tracked::text)?;
-        return show(args, registry, &prepared, vec![found], output);
+        return show(args, registry, &prepared, vec![found], teams, output);
     }
     let (report, found) = one(args, registry, &prepared, conformal.as_ref(), beacon, output)?;
     to_movebank(args, &prepared, std::slice::from_ref(&report))?;
     output.result(&report, |report| places(std::slice::from_ref(report)))?;
-    show(args, registry, &prepared, vec![found], output)
+    show(args, registry, &prepared, vec![found], teams, output)
 }
 
 /// Reason why there is no table for Movebank.
 const NOT_FOR_MOVEBANK: &str =
     "--movebank-to: Movebank takes only places in degrees and times in UTC";
 
-/// Writes the requested page and exports.
+/// Writes the requested page and exports, and sends the places to teams.
 fn show(
     args: &Args,
     registry: &Registry,
     prepared: &Prepared,
     found: Vec<Found>,
+    teams: Teams,
     output: Output,
 ) -> Result<(), CliError> {
-    if !args.views.any() {
+    if !args.views.any() && !teams.any() {
         return Ok(());
     }
     let method = found.first().map_or_else(String::new, |found| found.method.clone());
@@ -221,14 +227,16 @@ fn show(
         }
     }
     if !args.views.has_page() {
-        return args.views.write(&overview, None, output);
+        args.views.write(&overview, None, output)?;
+        return teams.send(&args.views.placed(overview)?);
     }
     if let Some(estimator) = entry {
         let searches = overview.searches.iter().zip(beacons.iter().map(Option::as_deref));
         let again = prepared.relocation(estimator, searches, args.locating.names_estimator())?;
         tracks = Some(again);
     }
-    args.views.write(&overview, tracks.as_ref(), output)
+    args.views.write(&overview, tracks.as_ref(), output)?;
+    teams.send(&args.views.placed(overview)?)
 }
 
 /// Writes the places for Movebank, if requested.

@@ -42,6 +42,7 @@ mod campaign_tables;
 #[cfg(feature = "hardware")]
 mod checklist;
 mod choice;
+mod cot;
 mod extraction;
 mod fixes;
 #[cfg(feature = "hardware")]

@@ -127,7 +127,7 @@ struct SmoothedPlace {
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
-    args.views.check()?;
+    args.views.check(false)?;
     let log = Log::read(&args.log).map_err(|error: LogError| CliError::input(error))?;
     if log.torn {
         warn(&format!("{}: the last line is cut short and left out", args.log.display()));

@@ -26,11 +26,12 @@ use crate::{error::CliError, output::Output, writable};
 #[derive(Debug, clap::Args)]
 pub(super) struct Exports {
     /// Write places, bearings, ellipses, regions and paths to a file, in the format of its ending:
-    /// .geojson, .kml, .gpx, .csv, .cot (Cursor on Target) or .mcap; may be given several times
+    /// .geojson, .kml, .czml, .gpx, .csv, .cot (Cursor on Target) or .mcap; may be given several
+    /// times
     #[arg(long = "export", value_name = "FILE")]
     exported: Vec<PathBuf>,
-    /// The place of the local origin on Earth (WGS84), for --export and the map of --tiles, if it
-    /// is not known
+    /// The place of the local origin on Earth (WGS84), for --export, --tiles, --cot and programs
+    /// that fetch a hunt from --live, if it is not known
     #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true)]
     origin: Option<LatLon>,
     /// The UTC of the time 0, for --export, if it is not known
@@ -66,7 +67,7 @@ impl Exports {
     /// `on_map` is true if something else than exports needs the origin.
     pub(super) fn check(&self, on_map: bool) -> Result<(), CliError> {
         if self.origin.is_some() && self.exported.is_empty() && !on_map {
-            return Err(CliError::input("--origin: only for --export or --tiles"));
+            return Err(CliError::input("--origin: only for --export, --live or --cot"));
         }
         for file in &self.exported {
             Format::of_file(file).map_err(|error| CliError::input(format!("--export: {error}")))?;
@@ -95,18 +96,23 @@ impl Exports {
         Ok(())
     }
 
-    /// Writes the files.
-    pub(super) fn write(&self, overview: &Overview, output: Output) -> Result<(), CliError> {
-        if self.exported.is_empty() {
-            return Ok(());
-        }
-        let mut overview = overview.clone();
+    /// Returns an overview at the origin of the command line, if it has one.
+    fn placed(&self, mut overview: Overview) -> Result<Overview, CliError> {
         if let Some(origin) = self.origin {
             if overview.frame.is_some() {
                 return Err(CliError::input(OWN_ORIGIN));
             }
             overview.frame = Some(origin.frame());
         }
+        Ok(overview)
+    }
+
+    /// Writes the files.
+    pub(super) fn write(&self, overview: &Overview, output: Output) -> Result<(), CliError> {
+        if self.exported.is_empty() {
+            return Ok(());
+        }
+        let mut overview = self.placed(overview.clone())?;
         overview.epoch_unix_s = overview.epoch_unix_s.or(self.start_utc);
         for file in &self.exported {
             let format = Format::of_file(file).map_err(|error| refused(file, &error))?;
@@ -129,10 +135,21 @@ impl Views {
         self.report.is_some()
     }
 
-    /// Refuses files that have an unknown format or cannot be written, before any work is done.
-    pub(super) fn check(&self) -> Result<(), CliError> {
+    /// Refuses files that have an unknown format or cannot be written, before any work is done;
+    /// `on_map` is true if something else than exports needs the origin.
+    pub(super) fn check(&self, on_map: bool) -> Result<(), CliError> {
         self.report.iter().try_for_each(|path| writable::file(path))?;
-        self.exports.check(false)
+        self.exports.check(on_map)
+    }
+
+    /// Returns the origin of local metres, if the command line has it.
+    pub(super) fn origin(&self) -> Option<Geodetic> {
+        self.exports.origin()
+    }
+
+    /// Returns an overview at the origin of the command line, if it has one.
+    pub(super) fn placed(&self, overview: Overview) -> Result<Overview, CliError> {
+        self.exports.placed(overview)
     }
 
     /// Refuses formats that need an origin of local metres or a start in UTC that is unknown.

@@ -1,6 +1,7 @@
 use std::{fs, path::Path};
 
 use foxhunt_core::{Quantity, parameter::FieldError};
+use foxhunt_hardware::cot::CotConfig;
 use foxhunt_hunt::{
     calibration::BearingCalibration,
     config::{ExtractorConfig, ModelConfig, PlannerConfig},
@@ -56,6 +57,10 @@ pub struct FlightConfig {
     /// Rules by which the flight begins and ends.
     #[serde(default)]
     pub flight: FlightRules,
+    /// TAK servers and teams that the flight is shown to while it goes on, in Cursor on Target;
+    /// nobody where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cot: Option<CotConfig>,
     /// The drones.
     pub drones: Vec<DroneConfig>,
 }
@@ -104,6 +109,9 @@ impl FlightConfig {
             terrain.folder = terrain.folder.as_ref().map(|tiles| folder.join(tiles));
             config.model = config.model.in_folder(folder);
         }
+        if let (Some(cot), Some(folder)) = (config.cot.take(), path.parent()) {
+            config.cot = Some(cot.in_folder(folder));
+        }
         Ok(config)
     }
 
@@ -128,6 +136,10 @@ impl FlightConfig {
             Some(relief)
         };
         config.model.resolve_terrain(there).map_err(|error| error.within("model"))?;
+        if let Some(cot) = &config.cot {
+            let refused = |source| FlyError::Cot { file: file.to_owned(), source };
+            cot.check().map_err(refused)?;
+        }
         config.check()?;
         if config.is_on_the_ground() {
             config.widen_for_carriers();
@@ -430,6 +442,17 @@ pub(super) mod tests {
 
     fn refused(text: &str) -> String {
         FlightConfig::parse(text, "meadow.toml").expect_err("it is refused").to_string()
+    }
+
+    #[test]
+    fn addresses_of_teams_are_checked_with_the_flight() {
+        let with = |cot: &str| format!("{MEADOW}\n[cot]\n{cot}");
+        let nobody = refused(&with("to = []"));
+        assert!(nobody.starts_with("meadow.toml: cot.to: "), "{nobody}");
+        let unchecked = refused(&with("to = ['tls://tak.example']"));
+        assert!(unchecked.starts_with("meadow.toml: cot.ca: "), "{unchecked}");
+        let flight = FlightConfig::parse(&with("to = ['udp://239.2.3.1']"), "meadow.toml");
+        assert_eq!(flight.expect("in order").cot.map(|cot| cot.to.len()), Some(1));
     }
 
     #[test]

@@ -240,6 +240,7 @@ impl EmulatedField {
                 hunt: scenario.hunt.clone(),
                 terrain: terrain.as_ref().map(TerrainConfig::of_world),
                 flight: FlightRules::default(),
+                cot: None,
                 drones: Vec::new(),
             },
         };

@@ -1,6 +1,7 @@
 use std::io;
 
 use foxhunt_core::parameter::FieldError;
+use foxhunt_hardware::cot::CotError;
 use foxhunt_hunt::{
     config::{ExtractorConfigError, PlannerConfigError},
     hunt::HuntError,
@@ -29,6 +30,14 @@ pub enum FlyError {
         file: String,
         /// Description of the error, with line and field.
         source: toml::de::Error,
+    },
+    /// The addresses of teams, or the certificates for them, contradict each other.
+    #[error("{file}: cot.{source}")]
+    Cot {
+        /// The file.
+        file: String,
+        /// Description of the error, with the field.
+        source: CotError,
     },
     /// The origin is no place.
     #[error("site: {0}")]

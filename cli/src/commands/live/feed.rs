@@ -1,100 +1,103 @@
 use std::{
     cell::Cell,
-    net::TcpListener,
-    sync::{
-        Arc,
-        mpsc::{self, Receiver, Sender},
-    },
+    sync::mpsc::{self, Receiver, RecvTimeoutError, Sender},
     thread,
-    time::{Duration, SystemTime, UNIX_EPOCH},
+    time::{Duration, Instant},
 };
 
+#[cfg(feature = "hardware")]
+use foxhunt::core::Station;
 use foxhunt::{
     hunt::Event,
+    nalgebra::Vector3,
     overview::{KeptTurn, OverviewReader},
-    page::{Live, Mark, PageLog, live_page, news, page_line},
     replay::ReplayError,
 };
 
-use super::{LivePlan, Shown, server, shared::Shared};
+#[cfg(feature = "live")]
+use super::page::{Batch, PageNews, PageView};
+use super::{LivePlan, Shown, happening::Happening};
+#[cfg(feature = "cot")]
+use crate::commands::cot::CotOutlet;
 use crate::{commands::views::Antennas, error::CliError, output::warn};
 
 /// Maximum number of places for one belief: a long hunt is sent as a whole to late browsers.
 const PLACES: u32 = 500;
 
-/// Time for browsers to take the last news before the program ends.
-const FAREWELL: Duration = Duration::from_secs(2);
+/// Shortest time from one state of the hunt to the next for teams, and between two places of a
+/// receiver.
+const STATE: Duration = Duration::from_secs(1);
 
-/// A turn or an event of a hunt.
-enum Happening {
-    Turn(Box<KeptTurn>),
-    Event(Box<Event>),
-}
+/// Longest wait for teams to have the last state of a hunt before the program ends.
+#[cfg(feature = "cot")]
+const FAREWELL: Duration = Duration::from_secs(3);
 
-/// A hunt that is shown while it goes on.
+/// A hunt that is shown while it goes on: to browsers, to programs that fetch it, and to teams.
 pub(in crate::commands) struct LiveView {
-    /// Sender of turns and events; `None` once the hunt is over.
-    happenings: Option<Sender<Happening>>,
-    shared: Arc<Shared>,
-    until_done: bool,
-    address: String,
+    happenings: Sender<Happening>,
+    #[cfg(feature = "live")]
+    page: Option<PageView>,
     /// Number of turns that were shown.
     turns: Cell<usize>,
-    /// Closed when the server ends.
-    ended: Receiver<()>,
+    /// Time of the last places.
+    #[cfg(feature = "hardware")]
+    placed: Cell<Option<Instant>>,
+    /// Closed when the last state of the hunt has been sent.
+    sent: Receiver<()>,
 }
 
 impl LiveView {
-    /// Opens the address and serves the page from now on.
-    pub(in crate::commands) fn start(plan: &LivePlan, shown: &Shown<'_>) -> Result<Self, CliError> {
-        let LivePlan { address, token, until_done, tiles } = plan;
-        if tiles.is_some() && shown.header.origin.is_none() {
-            return Err(CliError::input(
-                "--tiles: the hunt is in local metres; --origin LAT,LON places it on Earth",
-            ));
+    /// Opens the addresses of the plan, and shows the hunt there from now on.
+    pub(in crate::commands) fn start(plan: LivePlan, shown: &Shown<'_>) -> Result<Self, CliError> {
+        #[cfg(feature = "cot")]
+        if plan.cot.is_some() && shown.header.origin.is_none() {
+            return Err(CliError::input(shown.nowhere));
         }
-        let refused = |error: std::io::Error| {
-            CliError::input(format!("--live={address}: cannot be served there: {error}"))
-        };
-        let listener = TcpListener::bind(address).map_err(refused)?;
-        listener.set_nonblocking(true).map_err(refused)?;
-        let address = listener.local_addr().map_err(refused)?;
-        let orders = shown.orders && token.is_some();
         let header = shown.header.clone();
         let registry = shown.registry.clone();
         let estimator = shown.estimator.clone();
         let extractor = shown.extractor.clone();
-        let beginning = OverviewReader::new(&header, &registry, Some(&estimator), None)
-            .map_err(CliError::failure)?;
-        let log = PageLog::live(&header, None);
-        let about = tiles.as_ref().map(|tiles| tiles.about().clone());
-        let page = live_page(beginning.overview(), &log, Live { orders, tiles: about });
-        let page = page.map_err(CliError::failure)?;
-        let shared = Arc::new(Shared::new(page, token.clone(), orders, tiles.clone(), run_name()));
         let (happenings, happened) = mpsc::channel();
-        let kept = Arc::clone(&shared);
+        #[cfg(feature = "live")]
+        let page = plan
+            .page
+            .as_ref()
+            .map(|plan| PageView::start(plan, shown, happenings.clone()))
+            .transpose()?;
+        let outlets = Outlets {
+            #[cfg(feature = "live")]
+            page: page.as_ref().map(PageView::news),
+            #[cfg(feature = "cot")]
+            cot: plan
+                .cot
+                .map(|sender| CotOutlet::new(sender, shown.platforms.to_vec(), shown.is_simulated)),
+            due: None,
+        };
+        let (end, sent) = mpsc::channel();
         thread::spawn(move || {
             let antennas = Antennas::of(&extractor);
             let reader =
                 OverviewReader::new(&header, &registry, Some(&estimator), antennas.known());
-            let read =
-                reader.and_then(|reader| follow(reader.with_places(PLACES), &happened, &kept));
-            if let Err(error) = read {
+            let mut outlets = outlets;
+            let followed = reader.and_then(|reader| {
+                follow(reader.with_places(PLACES), &happened, &mut outlets, end)
+            });
+            if let Err(error) = followed {
                 warn(&format!("the live view stops: {error}"));
             }
-            kept.progress.send_modify(|progress| progress.over = true);
+            #[cfg(feature = "live")]
+            if let Some(page) = &outlets.page {
+                page.over();
+            }
         });
-        let (end, ended) = mpsc::channel();
-        server::start(listener, Arc::clone(&shared), *until_done, end)?;
-        announce(&shared, address);
-        let address = format!("http://{address}/");
         Ok(Self {
-            happenings: Some(happenings),
-            shared,
-            until_done: *until_done,
-            address,
+            happenings,
+            #[cfg(feature = "live")]
+            page,
             turns: Cell::new(0),
-            ended,
+            #[cfg(feature = "hardware")]
+            placed: Cell::new(None),
+            sent,
         })
     }
 
@@ -107,83 +110,175 @@ impl LiveView {
         self.send(Happening::Event(Box::new(event.clone())));
     }
 
-    fn send(&self, happening: Happening) {
-        if let Some(happenings) = &self.happenings {
-            // Where the view has stopped, it has been on standard error why.
-            let _ = happenings.send(happening);
+    /// Shows where the receivers are, once a second at most.
+    #[cfg(feature = "hardware")]
+    pub(in crate::commands) fn place(&self, time: f64, stations: impl FnOnce() -> Vec<Station>) {
+        let now = Instant::now();
+        let is_due = |last: Instant| now.duration_since(last) >= STATE;
+        if self.placed.get().is_none_or(is_due) {
+            self.placed.set(Some(now));
+            let places = stations().iter().map(|station| station.pose.position).collect();
+            self.send(Happening::Places(time, places));
         }
+    }
+
+    fn send(&self, happening: Happening) {
+        // Where the view has stopped, it has been on standard error why.
+        let _ = self.happenings.send(happening);
     }
 
     /// Returns true if a viewer with the token has broken the flight off since the last call.
+    #[cfg(feature = "hardware")]
     pub(in crate::commands) fn is_broken_off(&self) -> bool {
-        self.shared.take_break_off()
+        #[cfg(feature = "live")]
+        return self.page.as_ref().is_some_and(PageView::is_broken_off);
+        #[cfg(not(feature = "live"))]
+        false
     }
 
-    /// Serves the page of a hunt that is over until `interrupted`, or ends at once if that was
-    /// requested.
-    pub(in crate::commands) fn stay(mut self, interrupted: impl Fn() -> bool) {
-        self.happenings = None;
-        if self.until_done {
-            // All browsers have the last news then, or are too slow.
-            let _ = self.ended.recv_timeout(FAREWELL);
-            return;
-        }
-        warn(&format!("the hunt is over; {} stays until Ctrl-C", self.address));
-        while !interrupted() {
-            thread::sleep(Duration::from_millis(100));
+    /// Sends the last state of a hunt that is over. Serves its page until `interrupted`; ends at once
+    /// if that was requested, or without a page.
+    #[cfg_attr(not(feature = "live"), expect(unused_variables, reason = "no page is served"))]
+    pub(in crate::commands) fn stay(self, interrupted: impl Fn() -> bool) {
+        self.send(Happening::Over);
+        // It ends where the thread has ended.
+        let _ = self.sent.recv();
+        #[cfg(feature = "live")]
+        if let Some(page) = self.page {
+            page.stay(interrupted);
         }
     }
 }
 
-/// Adds the news for browsers, as long as anything happens.
+/// Receivers of a hunt that goes on.
+struct Outlets {
+    #[cfg(feature = "live")]
+    page: Option<PageNews>,
+    #[cfg(feature = "cot")]
+    cot: Option<CotOutlet>,
+    /// Time of the next state for teams; `None` before the first.
+    due: Option<Instant>,
+}
+
+impl Outlets {
+    #[cfg(feature = "cot")]
+    fn has_teams(&self) -> bool {
+        self.cot.is_some()
+    }
+
+    #[cfg(not(feature = "cot"))]
+    fn has_teams(&self) -> bool {
+        false
+    }
+
+    fn place(&mut self, reader: &OverviewReader<'_>, time: f64, places: &[Vector3<f64>]) {
+        #[cfg(feature = "cot")]
+        if let Some(cot) = &mut self.cot {
+            for (receiver, place) in places.iter().enumerate() {
+                // Where a drone that is not heard of was last is no place of now.
+                let known = reader.overview().receivers.get(receiver);
+                let health = known.and_then(|receiver| receiver.health.last());
+                if health.is_none_or(|health| health.linked) {
+                    cot.place(receiver, time, *place);
+                }
+            }
+        }
+        #[cfg(not(feature = "cot"))]
+        let _ = (reader, time, places);
+    }
+
+    /// Returns true if it is time for the next state.
+    fn is_due(&self) -> bool {
+        self.due.is_some_and(|due| Instant::now() >= due)
+    }
+
+    /// Sends the state of the hunt to teams, if it is time.
+    fn publish(&mut self, reader: &OverviewReader<'_>, is_over: bool) {
+        let now = Instant::now();
+        if !is_over && self.due.is_some_and(|due| now < due) {
+            return;
+        }
+        self.due = Some(now + STATE);
+        #[cfg(feature = "cot")]
+        if let Some(cot) = &mut self.cot {
+            cot.publish(reader.overview(), is_over);
+        }
+        #[cfg(not(feature = "cot"))]
+        let _ = reader;
+    }
+
+    /// Sends the last state of the hunt, and waits until it has arrived.
+    fn finish(&mut self, reader: &OverviewReader<'_>) {
+        self.publish(reader, true);
+        #[cfg(feature = "cot")]
+        if let Some(Err(error)) = self.cot.take().map(|cot| cot.finish(FAREWELL)) {
+            warn(&error);
+        }
+    }
+}
+
+/// Passes everything on that happens, and answers questions, as long as anybody may ask.
 fn follow(
     mut reader: OverviewReader<'_>,
     happened: &Receiver<Happening>,
-    shared: &Shared,
+    outlets: &mut Outlets,
+    end: Sender<()>,
 ) -> Result<(), ReplayError> {
-    let mut mark = Mark::default();
-    while let Ok(first) = happened.recv() {
-        let mut lines = Vec::new();
-        let mut sent = Vec::new();
-        let mut next = Some(first);
+    // Dropped when the last state has been sent.
+    let mut end = Some(end);
+    loop {
+        let first = match outlets.has_teams() {
+            true => match happened.recv_timeout(STATE) {
+                Err(RecvTimeoutError::Timeout) => None,
+                other => Some(other.map_err(|_| ())),
+            },
+            false => Some(happened.recv().map_err(|_| ())),
+        };
+        let mut next = match first {
+            Some(Err(())) => return Ok(()),
+            Some(Ok(happening)) => Some(happening),
+            None => None,
+        };
+        let mut is_over = false;
+        #[cfg(feature = "live")]
+        let mut news = outlets.page.as_ref().map(|_| Batch::default());
         while let Some(happening) = next {
             match happening {
                 Happening::Turn(turn) => reader.turn(*turn),
                 Happening::Event(event) => {
                     reader.event(&event)?;
-                    lines.extend(page_line(&event));
-                    if let Event::Sent { drone, to, .. } = *event {
-                        sent.push((drone, to.x, to.y));
+                    #[cfg(feature = "live")]
+                    if let Some(news) = &mut news {
+                        news.add(&event);
                     }
                 }
+                Happening::Places(time, places) => outlets.place(&reader, time, &places),
+                #[cfg(feature = "live")]
+                Happening::Asked(asked) => {
+                    asked.answer(reader.overview());
+                    break;
+                }
+                Happening::Over => is_over = true,
+            }
+            // Neither questions nor a burst of events hold up what others are sent.
+            if outlets.is_due() {
+                break;
             }
             next = happened.try_recv().ok();
         }
-        // JSON has a text for every overview; a page that misses one has the next.
-        if let Ok(Some(news)) = news(reader.overview(), &mut mark) {
-            let lines = serde_json::to_string(&lines).unwrap_or_default();
-            let sent = serde_json::to_string(&sent).unwrap_or_default();
-            shared.add(format!("{{\"news\":{news},\"log\":{lines},\"sent\":{sent}}}"));
+        #[cfg(feature = "live")]
+        if let (Some(page), Some(news)) = (&mut outlets.page, news) {
+            page.add(reader.overview(), news);
+            if is_over {
+                page.over();
+            }
         }
-    }
-    Ok(())
-}
-
-/// Returns a name that no other run of the program has.
-fn run_name() -> String {
-    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    format!("{:x}", now.as_nanos())
-}
-
-/// Prints the address of the page, and what others see of it.
-fn announce(shared: &Shared, address: std::net::SocketAddr) {
-    let query = if shared.token.is_some() { "?token=…" } else { "" };
-    warn(&format!("live view: http://{address}/{query}"));
-    if !address.ip().is_loopback() {
-        let orders = if shared.orders { ", and can break the flight off" } else { "" };
-        warn(&format!(
-            "others can reach this address: who has the token sees where the drones and beacons \
-             are, every reception and estimate{orders}; nothing is encrypted on its way"
-        ));
+        match is_over {
+            true => {
+                outlets.finish(&reader);
+                drop(end.take());
+            }
+            false => outlets.publish(&reader, false),
+        }
     }
 }

@@ -1,14 +1,19 @@
-//! The page of a hunt that goes on, served to browsers.
+//! A hunt that goes on: its page, served to browsers, the hunt for programs that fetch it, and
+//! events for TAK servers and teams.
 
-#[cfg(feature = "live")]
+#[cfg(any(feature = "live", feature = "cot"))]
 mod feed;
+#[cfg(any(feature = "live", feature = "cot"))]
+mod happening;
+#[cfg(feature = "live")]
+mod page;
 #[cfg(feature = "live")]
 mod server;
 #[cfg(feature = "live")]
 mod shared;
 #[cfg(feature = "live")]
 mod tiles;
-#[cfg(not(feature = "live"))]
+#[cfg(not(any(feature = "live", feature = "cot")))]
 mod without;
 
 mod pace;
@@ -19,17 +24,23 @@ pub(super) use pace::PaceArgs;
 use std::sync::Arc;
 use std::{env, net::SocketAddr, path::PathBuf};
 
-#[cfg(feature = "live")]
+#[cfg(any(feature = "live", feature = "cot"))]
 pub(super) use feed::LiveView;
-#[cfg(not(feature = "live"))]
+#[cfg(not(any(feature = "live", feature = "cot")))]
 pub(super) use without::LiveView;
 
+#[cfg(feature = "hardware")]
+use foxhunt::hardware::cot::CotConfig;
+#[cfg(feature = "cot")]
+use foxhunt::hardware::cot::CotSender;
 use foxhunt::{
     config::ExtractorConfig,
+    export::CotPlatform,
     log::LogHeader,
     registry::{EstimatorEntry, Registry},
 };
 
+use super::cot::CotArgs;
 use crate::{error::CliError, hints};
 
 /// Arguments of the live view of a hunt.
@@ -56,6 +67,8 @@ pub(super) struct LiveArgs {
     /// or .pmtiles file of images; the hunt needs an origin in degrees
     #[arg(long, value_name = "PATH", requires = "live")]
     tiles: Option<PathBuf>,
+    #[command(flatten)]
+    cot: CotArgs,
 }
 
 /// The environment variable of the token.
@@ -64,10 +77,26 @@ const TOKEN_VARIABLE: &str = "FOXHUNT_LIVE_TOKEN";
 /// Minimum length of a token.
 const SHORTEST_TOKEN: usize = 8;
 
-/// Plan to show a hunt: the address, the token, the end and the map.
+/// Plan to show a hunt: on a page, and to teams.
+#[derive(Debug)]
+#[cfg_attr(
+    not(any(feature = "live", feature = "cot")),
+    expect(dead_code, reason = "nothing is shown")
+)]
+pub(super) struct LivePlan {
+    #[cfg_attr(
+        all(feature = "cot", not(feature = "live")),
+        expect(dead_code, reason = "nothing is served")
+    )]
+    page: Option<PagePlan>,
+    #[cfg(feature = "cot")]
+    cot: Option<CotSender>,
+}
+
+/// Plan to serve the page of a hunt: the address, the token, the end and the map.
 #[derive(Clone, Debug)]
 #[cfg_attr(not(feature = "live"), expect(dead_code, reason = "nothing is served"))]
-pub(super) struct LivePlan {
+struct PagePlan {
     address: SocketAddr,
     token: Option<String>,
     until_done: bool,
@@ -77,19 +106,75 @@ pub(super) struct LivePlan {
 
 /// The hunt that is shown.
 #[derive(Clone, Copy, Debug)]
-#[cfg_attr(not(feature = "live"), expect(dead_code, reason = "nothing is served"))]
+#[cfg_attr(
+    not(any(feature = "live", feature = "cot")),
+    expect(dead_code, reason = "nothing is shown")
+)]
 pub(super) struct Shown<'a> {
     pub(super) header: &'a LogHeader,
     pub(super) registry: &'a Registry,
     pub(super) estimator: &'a EstimatorEntry,
     pub(super) extractor: &'a ExtractorConfig,
+    /// Names of the receivers in their order, if the hunt's own names are not theirs.
+    #[cfg_attr(
+        all(feature = "live", not(feature = "cot")),
+        expect(dead_code, reason = "nothing is sent")
+    )]
+    pub(super) platforms: &'a [CotPlatform],
     /// True if viewers with the token may break it off.
+    #[cfg_attr(
+        all(feature = "cot", not(feature = "live")),
+        expect(dead_code, reason = "nothing is served")
+    )]
     pub(super) orders: bool,
+    /// Error of a hunt without an origin that is sent to teams.
+    #[cfg_attr(
+        all(feature = "live", not(feature = "cot")),
+        expect(dead_code, reason = "nothing is sent")
+    )]
+    pub(super) nowhere: &'static str,
+    /// True if the devices are not real.
+    #[cfg_attr(
+        all(feature = "live", not(feature = "cot")),
+        expect(dead_code, reason = "nothing is sent")
+    )]
+    pub(super) is_simulated: bool,
 }
 
 impl LiveArgs {
-    /// Returns the plan for `--live`, if it is given; a wrong one is refused before anything flies.
+    /// Returns the plan for `--live` and `--cot`, if one is given; a wrong one is refused before
+    /// anything flies.
     pub(super) fn plan(&self) -> Result<Option<LivePlan>, CliError> {
+        #[cfg(feature = "cot")]
+        return self.plan_of(None, "");
+        #[cfg(not(feature = "cot"))]
+        {
+            let _ = self.cot.teams()?;
+            Ok(self.page()?.map(|page| LivePlan { page: Some(page) }))
+        }
+    }
+
+    /// Returns the plan as [`plan`](Self::plan) does; without `--cot` a file's addresses are used.
+    #[cfg(feature = "hardware")]
+    pub(super) fn plan_of(
+        &self,
+        cot: Option<&CotConfig>,
+        file: &str,
+    ) -> Result<Option<LivePlan>, CliError> {
+        #[cfg(feature = "cot")]
+        {
+            let page = self.page()?;
+            let cot = self.cot.open(cot.map(|cot| (cot, file)))?;
+            Ok((page.is_some() || cot.is_some()).then_some(LivePlan { page, cot }))
+        }
+        #[cfg(not(feature = "cot"))]
+        match cot {
+            Some(_) => Err(super::cot::not_built(&format!("{file}: [cot]"))),
+            None => self.plan(),
+        }
+    }
+
+    fn page(&self) -> Result<Option<PagePlan>, CliError> {
         let Some(address) = self.live else { return Ok(None) };
         if !cfg!(feature = "live") {
             return Err(CliError::input(format!(
@@ -101,16 +186,16 @@ impl LiveArgs {
         let token = self.live_token.clone().or_else(|| env::var(TOKEN_VARIABLE).ok());
         let plan = plan(address, token, self.live_until_done)?;
         #[cfg(feature = "live")]
-        let plan = LivePlan {
+        let plan = PagePlan {
             tiles: self.tiles.as_deref().map(tiles::Tiles::open).transpose()?.map(Arc::new),
             ..plan
         };
         Ok(Some(plan))
     }
 
-    /// Returns true if a map is wanted.
-    pub(super) fn has_tiles(&self) -> bool {
-        self.tiles.is_some()
+    /// Returns true if the hunt has to have a place on Earth.
+    pub(super) fn is_on_map(&self) -> bool {
+        self.tiles.is_some() || self.live.is_some() || self.cot.is_given()
     }
 }
 
@@ -118,7 +203,7 @@ fn plan(
     address: SocketAddr,
     token: Option<String>,
     until_done: bool,
-) -> Result<LivePlan, CliError> {
+) -> Result<PagePlan, CliError> {
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
     if let Some(token) = &token
         && (token.len() < SHORTEST_TOKEN || !token.chars().all(plain))
@@ -133,7 +218,7 @@ fn plan(
              are; it needs a token: --live-token, or {TOKEN_VARIABLE} in the environment"
         )));
     }
-    Ok(LivePlan {
+    Ok(PagePlan {
         address,
         token,
         until_done,

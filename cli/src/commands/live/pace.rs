@@ -6,8 +6,8 @@ use std::{
 /// Pace of simulated time in the live view.
 #[derive(Debug, clap::Args)]
 pub(in crate::commands) struct PaceArgs {
-    /// With --live: the simulated seconds that pass in one second [default: 20]
-    #[arg(long, value_name = "FACTOR", requires = "live", value_parser = factor)]
+    /// With --live or --cot: the simulated seconds that pass in one second [default: 20]
+    #[arg(long, value_name = "FACTOR", value_parser = factor)]
     pace: Option<f64>,
 }
 
@@ -16,7 +16,6 @@ const FACTOR: f64 = 20.0;
 
 impl PaceArgs {
     /// Returns true if the pace was given.
-    #[cfg(feature = "hardware")]
     pub(in crate::commands) fn is_given(&self) -> bool {
         self.pace.is_some()
     }

@@ -11,6 +11,7 @@ use axum::{
     },
     routing::{get, post},
 };
+use foxhunt::export::Format;
 use futures_util::{Stream, stream};
 
 use super::{
@@ -59,6 +60,10 @@ fn router(shared: Arc<Shared>) -> Router {
         .route("/", get(page))
         .route("/events", get(events))
         .route("/break-off", post(break_off))
+        .route("/fixes.geojson", get(geojson))
+        .route("/fixes.czml", get(czml))
+        .route("/fixes.kml", get(kml))
+        .route("/link.kml", get(link))
         .route("/tiles/{zoom}/{column}/{row}", get(tile))
         .layer(middleware::from_fn_with_state(Arc::clone(&shared), admit))
         .with_state(shared)
@@ -74,6 +79,10 @@ async fn admit(State(shared): State<Arc<Shared>>, request: Request, next: Next) 
         None => next.run(request).await,
         Some(token) if has_token(headers, token) => next.run(request).await,
         Some(token) => match request.uri().query().and_then(|query| query.strip_prefix("token=")) {
+            // Programs that fetch a file follow no way over a cookie.
+            Some(given) if same(given, token) && request.uri().path() != "/" => {
+                next.run(request).await
+            }
             Some(given) if same(given, token) => to_the_page(token),
             _ => refused(StatusCode::UNAUTHORIZED, "this hunt is shown at /?token=TOKEN"),
         },
@@ -148,6 +157,51 @@ async fn tile(
         }
         None => StatusCode::NO_CONTENT.into_response(),
     }
+}
+
+async fn geojson(State(shared): State<Arc<Shared>>) -> Response {
+    file(&shared, Format::GeoJson, "application/geo+json").await
+}
+
+async fn czml(State(shared): State<Arc<Shared>>) -> Response {
+    file(&shared, Format::Czml, "application/json").await
+}
+
+async fn kml(State(shared): State<Arc<Shared>>) -> Response {
+    file(&shared, Format::Kml, KML).await
+}
+
+/// Content type of KML.
+const KML: &str = "application/vnd.google-earth.kml+xml";
+
+/// The hunt as it is now, in a format of other programs.
+async fn file(shared: &Shared, format: Format, content_type: &'static str) -> Response {
+    match shared.ask(format).await {
+        Some(Ok(bytes)) => ([(header::CONTENT_TYPE, content_type)], bytes).into_response(),
+        Some(Err(error)) => (StatusCode::CONFLICT, error.to_string()).into_response(),
+        None => refused(StatusCode::SERVICE_UNAVAILABLE, "the hunt is not shown any more"),
+    }
+}
+
+/// Seconds from one look of Google Earth at the hunt to the next.
+const LOOK_S: u32 = 5;
+
+/// A network link: Google Earth and others that open it fetch the hunt again and again.
+async fn link(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
+    let host = headers.get(header::HOST).and_then(|host| host.to_str().ok());
+    let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | ':' | '[' | ']');
+    let Some(host) = host.filter(|host| host.chars().all(plain)) else {
+        return refused(StatusCode::BAD_REQUEST, "the request has no host");
+    };
+    // A token has letters, digits, - and _ alone.
+    let query = shared.token.as_ref().map_or(String::new(), |token| format!("?token={token}"));
+    let text = format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
+         <kml xmlns=\"http://www.opengis.net/kml/2.2\"><NetworkLink><name>foxhunt</name><Link>\
+         <href>http://{host}/fixes.kml{query}</href><refreshMode>onInterval</refreshMode>\
+         <refreshInterval>{LOOK_S}</refreshInterval></Link></NetworkLink></kml>\n"
+    );
+    ([(header::CONTENT_TYPE, KML)], text).into_response()
 }
 
 async fn break_off(State(shared): State<Arc<Shared>>) -> StatusCode {

@@ -1,11 +1,16 @@
 use std::sync::{
     Arc, Mutex, PoisonError,
     atomic::{AtomicBool, Ordering},
+    mpsc::Sender,
 };
 
-use tokio::sync::watch;
+use foxhunt::export::{ExportError, Format};
+use tokio::sync::{oneshot, watch};
 
-use super::tiles::Tiles;
+use super::{
+    happening::{Asked, Happening},
+    tiles::Tiles,
+};
 
 /// Page and news of a hunt, shared by the hunt, the thread that reads it and the server.
 pub(super) struct Shared {
@@ -22,6 +27,8 @@ pub(super) struct Shared {
     pub(super) progress: watch::Sender<Progress>,
     /// True if a viewer with the token has broken the flight off.
     broken_off: AtomicBool,
+    /// Sender of questions to the hunt's thread.
+    questions: Option<Sender<Happening>>,
 }
 
 /// Progress of a hunt.
@@ -49,7 +56,21 @@ impl Shared {
             news: Mutex::new(Vec::new()),
             progress: watch::Sender::new(Progress::default()),
             broken_off: AtomicBool::new(false),
+            questions: None,
         }
+    }
+
+    /// Sends questions of programs to the hunt's thread.
+    pub(super) fn with_questions(self, questions: Sender<Happening>) -> Self {
+        Self { questions: Some(questions), ..self }
+    }
+
+    /// Returns the hunt as it is now, in a format; `None` if it is not shown any more.
+    pub(super) async fn ask(&self, format: Format) -> Option<Result<Vec<u8>, ExportError>> {
+        let (answer, answered) = oneshot::channel();
+        let asked = Happening::Asked(Asked { format, answer });
+        self.questions.as_ref()?.send(asked).ok()?;
+        answered.await.ok()
     }
 
     /// The news of a number, from 0.
@@ -72,6 +93,7 @@ impl Shared {
     }
 
     /// Returns true if the flight was broken off since the last call.
+    #[cfg(feature = "hardware")]
     pub(super) fn take_break_off(&self) -> bool {
         self.broken_off.swap(false, Ordering::Relaxed)
     }

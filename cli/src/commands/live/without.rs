@@ -9,11 +9,20 @@ use crate::error::CliError;
 pub(in crate::commands) enum LiveView {}
 
 impl LiveView {
-    pub(in crate::commands) fn start(_: &LivePlan, _: &Shown<'_>) -> Result<Self, CliError> {
+    pub(in crate::commands) fn start(_: LivePlan, _: &Shown<'_>) -> Result<Self, CliError> {
         Err(CliError::input("--live is not in this build"))
     }
 
     pub(in crate::commands) fn show(&self, _: &Event, _: &[KeptTurn]) {
+        match *self {}
+    }
+
+    #[cfg(feature = "hardware")]
+    pub(in crate::commands) fn place(
+        &self,
+        _: f64,
+        _: impl FnOnce() -> Vec<foxhunt::core::Station>,
+    ) {
         match *self {}
     }
 

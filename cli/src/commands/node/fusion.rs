@@ -25,7 +25,7 @@ use super::{
 use crate::{
     commands::{
         choice, fixes,
-        fly::{Pilot, PilotInput},
+        fly::{Pilot, PilotInput, platforms},
         live::{LiveArgs, LiveView, Shown},
         notices::Notices,
         views::write_page,
@@ -97,7 +97,10 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
              take off without asking",
         ));
     }
-    let live = args.live.plan()?;
+    let live = match &field {
+        Field::Flown(flight) => args.live.plan_of(flight.cot.as_ref(), &args.field)?,
+        Field::Simulated(_) => args.live.plan()?,
+    };
     let past_log = NodeLog::read(&args.log, args.resume)?;
     let operator = match field.is_flown() {
         true => Operator::Pilot(Pilot::listen()?),
@@ -113,14 +116,22 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
             (NodeLog::new(&args.log, header), estimator, None)
         }
     };
+    let platforms = match &field {
+        Field::Flown(flight) => platforms(flight),
+        Field::Simulated(_) => Vec::new(),
+    };
     let shown = Shown {
         header: &log.header,
         registry,
         estimator: &estimator,
         extractor: field.extractor(),
+        platforms: &platforms,
         orders: true,
+        nowhere: "--cot: the scenario's hunt is in local metres; a flight's file has its place on \
+                  Earth in [site]",
+        is_simulated: false,
     };
-    let live = live.map(|plan| LiveView::start(&plan, &shown)).transpose()?;
+    let live = live.map(|plan| LiveView::start(plan, &shown)).transpose()?;
     if let Some(live) = &live {
         log.events.iter().for_each(|event| live.show(event, &[]));
     }
@@ -138,6 +149,9 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     loop {
         let time = clock.unix()?.since(epoch);
         failures.report(node.step(time))?;
+        if let Some(live) = &live {
+            live.place(time, || node.hunt().stations());
+        }
         if node.homes().is_empty() {
             waiting.report(&node, time);
         } else if log.header.homes.is_empty() {
