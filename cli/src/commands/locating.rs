@@ -149,9 +149,9 @@ impl Locating {
         let own = self.calibration.read()?;
         // Mistakes of the command line are reported before those of files.
         self.power(&own)?;
-        let (mut recordings, clock_offset_s) = self.reading.read_with_clock(files)?;
+        let (mut recordings, clock) = self.reading.read_with_clock(files)?;
         let is_timed = recordings.iter().all(Recording::is_timed);
-        if clock_offset_s.abs() > 0.0 && !is_timed {
+        if clock.offset_s.abs() > 0.0 && !is_timed {
             return Err(CliError::input("--clock-offset-s needs the time of each row"));
         }
         let calibration = match recordings.first() {
@@ -205,7 +205,8 @@ impl Locating {
             terrain: relief.as_ref().map(|relief| relief.config.clone()),
             margin_m: self.margin_m,
             reference_m: self.reference_m.map(Into::into),
-            clock_offset_s,
+            clock_offset_s: clock.offset_s,
+            finds_clock_offset: !clock.is_known,
             is_timed,
             seed: self.seed,
             ..LocateConfig::default()

@@ -9,7 +9,9 @@ use std::{
 
 use clap::value_parser;
 use foxhunt::{
+    core::Remark,
     geodesy::{Geodetic, LocalFrame},
+    locate::{ClockSearch, Clocks, ClocksUnknown, FoundOffset},
     recorded::{RecordedError, Selection, only_beacon},
     recording::{
         Band, Column, Mapping, North, ReadOptions, Recording, Rover, TimeFormat, TimeZone, UtmZone,
@@ -85,15 +87,10 @@ pub(crate) struct Reading {
     /// Seconds added to the times of the measurements for the receiver's path: `rtl_power` and
     /// `hackrf_sweep` write the computer's local time. Or the time in UTC at which the recording's
     /// clock showed 0. In a table with places of its own, seconds by which the clock of the
-    /// measurements is behind that of the places
-    #[arg(
-        long,
-        value_name = "S|UTC",
-        default_value = "0",
-        allow_hyphen_values = true,
-        value_parser = offset
-    )]
-    clock_offset_s: f64,
+    /// measurements is behind that of the places. Unless given, an offset of up to two minutes is
+    /// found where the levels show it; 0 leaves the times as they are
+    #[arg(long, value_name = "S|UTC", allow_hyphen_values = true, value_parser = offset)]
+    clock_offset_s: Option<f64>,
     /// The beacon's frequency in hertz, for recordings of power over frequency
     #[arg(long, value_name = "HZ")]
     frequency_hz: Option<f64>,
@@ -119,6 +116,15 @@ impl FromStr for Day {
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         utc_seconds(&format!("{text} 00:00:00")).map(Self).ok_or("it must be YYYY-MM-DD")
     }
+}
+
+/// Offset of the measurements' clock, as far as it is still to be applied.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct StatedClock {
+    /// Seconds by which the clock of the measurements is behind that of the places.
+    pub(super) offset_s: f64,
+    /// False if the offset is still to be found.
+    pub(super) is_known: bool,
 }
 
 /// A place in degrees, as the command line has it.
@@ -165,7 +171,7 @@ impl LatLon {
 
 impl Reading {
     /// Options of the reading; `rover` is the path of the receiver.
-    fn options(&self, rover: Option<&Path>) -> Result<ReadOptions, CliError> {
+    fn options(&self, rover: Option<&Rover>) -> Result<ReadOptions, CliError> {
         let date_s = self.date.map(|Day(first_s)| first_s);
         let mut options = ReadOptions { north: self.north, date_s, ..ReadOptions::default() }
             .with_columns(self.columns.iter().map(|name| name.trim()))
@@ -186,9 +192,9 @@ impl Reading {
         if let Some(format) = &self.format {
             options = options.with_format(Mapping::find(format).map_err(CliError::input)?);
         }
-        if let Some(path) = rover {
-            let rover = Rover::read(path).map_err(CliError::input)?;
-            options = options.with_rover(rover, self.clock_offset_s).map_err(CliError::input)?;
+        if let Some(rover) = rover {
+            let offset_s = self.clock_offset_s.unwrap_or(0.0);
+            options = options.with_rover(rover.clone(), offset_s).map_err(CliError::input)?;
         }
         if let Some(frequency_hz) = self.frequency_hz {
             let band = Band::new(frequency_hz, self.bandwidth_hz).map_err(CliError::input)?;
@@ -206,8 +212,8 @@ impl Reading {
     /// Reads recordings into one frame, and prints on standard error what was left out. Refuses a
     /// clock's offset without a path beside the recordings.
     pub(super) fn read(&self, files: &[PathBuf]) -> Result<Vec<Recording>, CliError> {
-        let (recordings, clock_offset_s) = self.read_with_clock(files)?;
-        if clock_offset_s.abs() > 0.0 {
+        let (recordings, clock) = self.read_with_clock(files)?;
+        if clock.offset_s.abs() > 0.0 {
             return Err(CliError::input(
                 "--clock-offset-s is of use for a recording beside its receiver's path (--rover \
                  FILE), and for locate and judge",
@@ -222,28 +228,43 @@ impl Reading {
     pub(super) fn read_with_clock(
         &self,
         files: &[PathBuf],
-    ) -> Result<(Vec<Recording>, f64), CliError> {
+    ) -> Result<(Vec<Recording>, StatedClock), CliError> {
         let (tracks, recordings) = self.tracks(files)?;
-        let has_path = self.rover.is_some() || !tracks.is_empty();
-        let options = self.options(self.rover.as_deref().or(tracks.first().copied()))?;
-        let recordings = Recording::read_all(recordings, &options).map_err(CliError::input)?;
-        for recording in &recordings {
+        let track = self.rover.as_deref().or(tracks.first().copied());
+        let rover = track.map(Rover::read).transpose().map_err(CliError::input)?;
+        let mut options = self.options(rover.as_ref())?;
+        let mut read = Recording::read_all(&recordings, &options).map_err(CliError::input)?;
+        if let (Some(rover), None, [own]) = (&rover, self.clock_offset_s, read.as_slice())
+            && let Some(clocks) = own.compare_clocks(rover, &ClockSearch::default())
+        {
+            if let Clocks::Differ(found) = clocks {
+                options =
+                    options.with_rover(rover.clone(), found.offset_s).map_err(CliError::input)?;
+                read = Recording::read_all(&recordings, &options).map_err(CliError::input)?;
+            }
+            match clocks_remark(&clocks, rover.file()) {
+                Ok(remark) => read.iter_mut().for_each(|own| own.add_remark(remark.clone())),
+                Err(line) => warn(&line),
+            }
+        }
+        for recording in &read {
             narrate(recording);
         }
-        if self.date.is_some() && recordings.iter().all(|r| r.north() != North::Magnetic) {
+        if self.date.is_some() && read.iter().all(|r| r.north() != North::Magnetic) {
             return Err(CliError::input(
                 "--date is of use for magnetic North alone (--north magnetic)",
             ));
         }
-        let clock_offset_s = if has_path { 0.0 } else { self.clock_offset_s };
-        let span_s = recordings.iter().map(span_s).fold(0.0, f64::max);
-        if clock_offset_s.abs() > span_s {
+        let is_known = rover.is_some() || self.clock_offset_s.is_some();
+        let offset_s = if rover.is_some() { 0.0 } else { self.clock_offset_s.unwrap_or(0.0) };
+        let span_s = read.iter().map(span_s).fold(0.0, f64::max);
+        if offset_s.abs() > span_s {
             return Err(CliError::input(format!(
-                "--clock-offset-s is {clock_offset_s} s, and the recording with places of its own \
-                 lasts {span_s:.0} s"
+                "--clock-offset-s is {offset_s} s, and the recording with places of its own lasts \
+                 {span_s:.0} s"
             )));
         }
-        Ok((recordings, clock_offset_s))
+        Ok((read, StatedClock { offset_s, is_known }))
     }
 
     /// The files that are paths of a receiver, at most one, and the recordings.
@@ -286,6 +307,37 @@ fn is_track(file: &Path) -> bool {
     let mut begin = Vec::new();
     let read = File::open(file).and_then(|file| file.take(4096).read_to_end(&mut begin));
     read.is_ok() && Rover::is_track(&begin)
+}
+
+/// Remark on the clocks of levels and of the receiver's path in another file, or the line that says
+/// that they are taken to agree.
+fn clocks_remark(clocks: &Clocks, path: &str) -> Result<Remark, String> {
+    match clocks {
+        Clocks::Differ(FoundOffset { offset_s, interval_s: [from_s, to_s] }) => Ok(Remark::new(
+            "clock-taken-off",
+            format!(
+                "the levels' clock is {offset_s:.1} s behind that of {path} ({from_s:.1} to \
+                 {to_s:.1} s, by how the levels fit the path); they are joined with it. \
+                 --clock-offset-s states another offset, 0 for none"
+            ),
+        )),
+        Clocks::Unknown(why @ ClocksUnknown::NotZero { .. }) => Ok(Remark::new(
+            "clocks-differ",
+            format!(
+                "{why}; the times are taken as they are. State the right offset with \
+                 --clock-offset-s"
+            ),
+        )),
+        Clocks::Agree { interval_s: [from_s, to_s] } => Err(format!(
+            "  clocks of levels and {path}: they agree, the levels' one is {from_s:.1} to \
+             {to_s:.1} s behind"
+        )),
+        Clocks::Unknown(why) => Err(format!(
+            "  clocks of levels and {path}: taken to agree, as the levels do not show an offset \
+             ({why}); --clock-offset-s states one"
+        )),
+        _ => Err(String::new()),
+    }
 }
 
 /// Prints how a recording was read.

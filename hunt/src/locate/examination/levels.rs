@@ -5,8 +5,7 @@ use nalgebra::Vector2;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::{
-    super::{Area, LocateConfig, Located, Power, config::Centroid},
-    clocks,
+    super::{Area, ClockSearch, LocateConfig, Located, Power, clocks_remark, config::Centroid},
     law::{LEAST_TO_COMPARE, Law, Levels, MOST_TO_COMPARE, Row, best_place, gain, residuals},
     motion,
     paths::Hypotheses,
@@ -66,8 +65,13 @@ pub(super) fn examine(
     } else {
         receptions.iter().filter(|r| r.level.is_some()).copied().collect()
     };
-    let of_path = Hypotheses::new(located, &levels, config).and_then(|hypotheses| {
-        clocks::differ(located, &hypotheses).or_else(|| motion::moves(&hypotheses))
+    // Where the offset was looked for, the answer has its remark already.
+    let is_told = located.remarks.iter().any(|remark| remark.code.starts_with("clock"));
+    let of_path = Hypotheses::new(located, &levels, config).filter(|_| !is_told).and_then(|own| {
+        let search = ClockSearch::of(config);
+        let clocks = (!config.finds_clock_offset).then(|| search.compare_within(&levels));
+        let differ = clocks.and_then(|clocks| clocks_remark(&clocks, false));
+        differ.or_else(|| motion::moves(&own))
     });
     of_path.into_iter().chain(of_row).chain(open).collect()
 }
