@@ -364,6 +364,24 @@ pub enum RecordingError {
         /// The missing part.
         problem: String,
     },
+    /// An autopilot's log holds several levels, or not the one that was asked for.
+    #[error(
+        "{file}: this is {what} {}; choose one with --level NAME (and their number): {levels}",
+        match named {
+            Some(named) => format!("without levels {named:?}"),
+            None => "with levels".to_owned(),
+        }
+    )]
+    ChooseLevel {
+        /// The file.
+        file: String,
+        /// Kind of the log.
+        what: &'static str,
+        /// The name that was asked for.
+        named: Option<String>,
+        /// The names that there are, each with its number of levels.
+        levels: String,
+    },
     /// A recording and the track of its receiver have no time in common.
     #[error(
         "{file}: its times, from {} to {} UTC, are not those of the track {track}, from {} to {} \

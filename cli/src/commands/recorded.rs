@@ -39,6 +39,10 @@ pub(crate) struct Reading {
     /// The sheet of a spreadsheet; the first with more than one row unless given
     #[arg(long, value_name = "NAME")]
     sheet: Option<String>,
+    /// The levels to read of an autopilot's log that is located alone, such as RADIO_STATUS.rssi,
+    /// RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name; needed where it has several
+    #[arg(long, value_name = "NAME")]
+    level: Option<String>,
     /// The beacon, where the recording holds several
     #[arg(long, value_name = "NAME")]
     beacon: Option<String>,
@@ -80,7 +84,7 @@ pub(crate) struct Reading {
     #[arg(long, value_name = "DBM", allow_hyphen_values = true)]
     ceiling_dbm: Option<f64>,
     /// The receiver's path, instead of the recording's own places: a GPX file or an
-    /// autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), which may be among the
+    /// autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log, which may be among the
     /// recordings instead, or a table with dates and places
     #[arg(long, value_name = "FILE")]
     rover: Option<PathBuf>,
@@ -179,6 +183,9 @@ impl Reading {
             .with_negated_levels(self.negate_levels);
         if let Some(sheet) = &self.sheet {
             options = options.with_sheet(sheet);
+        }
+        if let Some(level) = &self.level {
+            options = options.with_level(level);
         }
         if let Some(format) = self.time_format {
             options = options.with_time_format(format);

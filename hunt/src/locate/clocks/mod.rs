@@ -24,6 +24,8 @@ const MOST_IN_PROFILE: usize = 900;
 const SCAN_STEP_M: f64 = 8.0;
 /// Largest number of offsets of the scan.
 const MOST_OFFSETS: f64 = 241.0;
+/// Steps of the scan about an offset whose levels are all on the path.
+const PROFILE_STEPS: f64 = 6.0;
 /// Largest number of local maxima of the scan that are looked at.
 const MOST_MODES: usize = 10;
 /// Twice the log-likelihood ratio by which a maximum of the scan is behind the best one at most: the
@@ -311,7 +313,7 @@ impl<'a> Comparison<'a> {
         let count = count.min(MOST_OFFSETS) as i32;
         let offsets: Vec<f64> = (-count..=count).map(|n| f64::from(n) * self.step_s).collect();
         let end_s = f64::from(count) * self.step_s;
-        let all = self.on_path([-end_s, end_s]);
+        let all = self.on_path([-end_s - self.step_s, end_s + self.step_s]);
         if all.len() < LEAST {
             return Err(ClocksUnknown::Few { levels: all.len() });
         }
@@ -354,7 +356,7 @@ impl<'a> Comparison<'a> {
         // By all levels that lie on the path about the best offset.
         let shadowings = self.shadowings(&self.near(best.offset_s, MOST_AT_BEST), &best);
         let about = self.near(best.offset_s, MOST_IN_PROFILE);
-        let profile = self.profile(&about, &best, &shadowings, end_s);
+        let profile = self.profile(&about, &best, &shadowings);
         let [from_s, offset_s, to_s] = posterior(&profile);
         let interval_s = [from_s, to_s];
         let most_way_m = MOST_WAY_M * self.scale.max(0.3);
@@ -427,7 +429,7 @@ impl<'a> Comparison<'a> {
 
     /// Returns the levels that lie on the path about an offset.
     fn near(&self, offset_s: f64, most: usize) -> Vec<HeardLevel> {
-        let reach_s = 2.0 * self.step_s;
+        let reach_s = PROFILE_STEPS * self.step_s;
         averaged(&self.on_path([offset_s - reach_s, offset_s + reach_s]), most)
     }
 
@@ -446,9 +448,13 @@ impl<'a> Comparison<'a> {
 
     /// Returns the levels that have a place at both ends of a range of offsets and between.
     fn on_path(&self, [from_s, to_s]: [f64; 2]) -> Vec<HeardLevel> {
-        let middle_s = 0.5 * (from_s + to_s);
+        let steps = ((to_s - from_s) / self.step_s).ceil().max(1.0);
+        #[expect(clippy::cast_possible_truncation, reason = "at most some MOST_OFFSETS")]
+        let count = steps.min(4.0 * MOST_OFFSETS) as i32;
+        let offsets: Vec<f64> =
+            (0..=count).map(|n| from_s + (to_s - from_s) * f64::from(n) / steps).collect();
         let has_place = |own: &&HeardLevel| {
-            let mut offsets = [from_s, middle_s, to_s].into_iter();
+            let mut offsets = offsets.iter();
             offsets.all(|offset_s| (self.place)(own.path, own.time_s + offset_s).is_some())
         };
         self.heard.iter().filter(has_place).copied().collect()
@@ -463,18 +469,20 @@ impl<'a> Comparison<'a> {
         shadowings: &[Shadowing],
         near: Option<Vector2<f64>>,
     ) -> Tried {
+        let none = Tried { offset_s, value: f64::NEG_INFINITY, place: self.search.middle };
         let mut values = Vec::with_capacity(shadowings.len());
         let mut from = near;
         let mut best = (self.search.middle, f64::NEG_INFINITY);
         let mut places = Vec::with_capacity(heard.len());
         let mut levels = Vec::with_capacity(heard.len());
         for own in heard {
-            let Some(place) = (self.place)(own.path, own.time_s + offset_s) else { continue };
+            // Of fewer levels any offset would be more likely.
+            let Some(place) = (self.place)(own.path, own.time_s + offset_s) else { return none };
             places.push(place);
             levels.push(own.level_db);
         }
         if places.len() < LEAST / 2 {
-            return Tried { offset_s, value: f64::NEG_INFINITY, place: best.0 };
+            return none;
         }
         let neighbours = Neighbours::new(places);
         for shadowing in shadowings {
@@ -529,20 +537,17 @@ impl<'a> Comparison<'a> {
     }
 
     /// Returns the profile of the likelihood about an offset, as far as it is likely.
-    fn profile(
-        &self,
-        heard: &[HeardLevel],
-        about: &Tried,
-        shadowings: &[Shadowing],
-        end_s: f64,
-    ) -> Vec<Tried> {
+    fn profile(&self, heard: &[HeardLevel], about: &Tried, shadowings: &[Shadowing]) -> Vec<Tried> {
         let mut profile = vec![self.tried(heard, about.offset_s, shadowings, Some(about.place))];
         let mut top = profile.first().map_or(f64::NEG_INFINITY, |own| own.value);
         for side in [-1.0, 1.0] {
             let mut last = profile.first().copied().unwrap_or(*about);
             let mut step_s = 0.05 * self.step_s;
             let mut steps = 0;
-            while 2.0 * (top - last.value) < LIKELY && last.offset_s.abs() < end_s && steps < 80 {
+            let is_near = |own: &Tried| {
+                (own.offset_s - about.offset_s).abs() < (PROFILE_STEPS - 1.0) * self.step_s
+            };
+            while 2.0 * (top - last.value) < LIKELY && is_near(&last) && steps < 80 {
                 steps += 1;
                 let offset_s = last.offset_s + side * step_s;
                 last = self.tried(heard, offset_s, shadowings, Some(last.place));
