@@ -18,7 +18,7 @@ impl Recording {
             if record.boresight.is_some() || record.bearing.is_some() {
                 return None;
             }
-            let (Some(time_s), Some(level_db)) = (record.time, record.rss_dbm) else { continue };
+            let Some((time_s, level_db)) = record.time.zip(record.rss_dbm) else { continue };
             let heard = HeardLevel { time_s, level_db, path: 0 };
             beacons.entry(record.beacon.as_deref()).or_default().push(heard);
         }

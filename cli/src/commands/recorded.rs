@@ -84,8 +84,8 @@ pub(crate) struct Reading {
     #[arg(long, value_name = "DBM", allow_hyphen_values = true)]
     ceiling_dbm: Option<f64>,
     /// The receiver's path, instead of the recording's own places: a GPX file or an
-    /// autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log, which may be among the
-    /// recordings instead, or a table with dates and places
+    /// autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log, which may
+    /// be among the recordings instead, or a table with dates and places
     #[arg(long, value_name = "FILE")]
     rover: Option<PathBuf>,
     /// Seconds added to the times of the measurements for the receiver's path: `rtl_power` and

@@ -5,8 +5,8 @@ use crate::recording::{
     utc::utc,
 };
 
-/// Levels in an autopilot's log, each at the vehicle's place; `None` for a log without levels, which
-/// is a path alone, and for any other file. `level` is the name of the levels to read.
+/// Levels in an autopilot's log, each at the vehicle's place; `None` for a log without levels,
+/// which is a path alone, and for any other file. `level` is the name of the levels to read.
 pub(super) fn convert(
     bytes: &[u8],
     file: &str,

@@ -9,8 +9,8 @@ const LOOKED_AT: usize = 1024;
 /// Names of elements with a level, as loggers write them into a point's extensions.
 const LEVELS: [&[u8]; 6] = [b"rssi", b"rss", b"dbm", b"rsrp", b"signal", b"signal_strength"];
 
-/// Points of a GPX track that have a level among their extensions; `None` for a track without, which
-/// is a path, and for any other file.
+/// Points of a GPX track that have a level among their extensions; `None` for a track without,
+/// which is a path, and for any other file.
 pub(super) fn convert(bytes: &[u8], file: &str) -> Result<Option<Converted>, RecordingError> {
     let begin = bytes.get(..LOOKED_AT).unwrap_or(bytes);
     if !begin.windows(4).any(|word| word == b"<gpx") {

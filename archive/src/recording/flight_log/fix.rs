@@ -23,8 +23,8 @@ pub(super) struct OwnFix {
     pub(super) place: Geodetic,
 }
 
-/// Fixes and levels of the vehicle's own clock in UTC. `pairs` are times of the own clock and of UTC; their
-/// median offset stands for all, as single ones are late.
+/// Fixes and levels of the vehicle's own clock in UTC. `pairs` are times of the own clock and of
+/// UTC; their median offset stands for all, as single ones are late.
 pub(super) fn in_utc(fixes: &[OwnFix], levels: Levels, pairs: &[[f64; 2]]) -> Result<Log, String> {
     let mut offsets: Vec<f64> = pairs.iter().map(|[own, utc]| utc - own).collect();
     offsets.sort_by(f64::total_cmp);

@@ -1,4 +1,4 @@
-//! Logs of autopilots and GNSS receivers, as far as they hold the vehicle's places and levels over time.
+//! Logs of autopilots and GNSS receivers, as far as they hold places and levels over time.
 
 mod dataflash;
 mod fix;

@@ -86,7 +86,7 @@ impl Track {
     }
 
     fn add(&mut self, time_s: f64, spot: Option<(f64, f64)>) {
-        let (Some((lat_deg, lon_deg)), Some(day_s)) = (spot, self.day_s) else { return };
+        let Some(((lat_deg, lon_deg), day_s)) = spot.zip(self.day_s) else { return };
         // Past midnight before the next date.
         let days = if time_s < self.dated_s - 0.5 * DAY_S { DAY_S } else { 0.0 };
         let time = day_s + days + time_s;

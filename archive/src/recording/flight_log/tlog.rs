@@ -49,7 +49,8 @@ pub(super) fn is_tlog(bytes: &[u8]) -> bool {
     message(bytes).is_some()
 }
 
-/// Reads the places of the only vehicle, and the levels; damaged bytes are skipped up to the next message.
+/// Reads the places of the only vehicle, and the levels. Damaged bytes are skipped up to the next
+/// message.
 pub(super) fn read(bytes: &[u8]) -> Result<Log, String> {
     let mut fixes = Vec::new();
     let mut levels = Levels::default();

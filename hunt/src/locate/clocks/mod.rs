@@ -16,6 +16,8 @@ use super::{LocateConfig, Paths};
 
 /// Least number of levels by which clocks are compared.
 const LEAST: usize = 40;
+/// Largest number of levels that are looked at; of longer recordings, means.
+const MOST_HEARD: usize = 4000;
 /// Largest number of levels in the scan of all offsets, and about the best one; more are averaged.
 const MOST_IN_SCAN: usize = 150;
 const MOST_AT_BEST: usize = 300;
@@ -28,7 +30,7 @@ const MOST_OFFSETS: f64 = 241.0;
 const PROFILE_STEPS: f64 = 6.0;
 /// Largest number of local maxima of the scan that are looked at.
 const MOST_MODES: usize = 10;
-/// Twice the log-likelihood ratio by which a maximum of the scan is behind the best one at most: the
+/// Largest gap of a maximum of the scan to the best one, as twice the log-likelihood ratio: the
 /// levels that all offsets have in common may be the lesser part.
 const MOST_BEHIND: f64 = 120.0;
 /// Clocks that differ by less than this agree, in seconds: so late are many receivers' levels.
@@ -38,10 +40,10 @@ const DIFFER: f64 = 40.0;
 /// Twice the log-likelihood ratio up to which another offset is a rival.
 const RIVAL: f64 = 20.0;
 /// Twice the log-likelihood ratio up to which an offset is looked at for the interval.
-const LIKELY: f64 = 24.0;
+const LIKELY: f64 = 30.0;
 /// Divisor of the log-likelihood in the posterior: shadows are no Gaussian field, and readings have
 /// errors besides. So intervals of 95 % hold 95 % of drawn flights.
-const TEMPER: f64 = 2.0;
+const TEMPER: f64 = 2.5;
 /// Largest way of the receiver within the interval of an offset that is taken off, in metres.
 const MOST_WAY_M: f64 = 60.0;
 /// Levels that spread by less than this, in dB, show no place.
@@ -115,7 +117,7 @@ pub enum ClocksUnknown {
         /// The offsets, in seconds.
         between: [f64; 2],
     },
-    /// The clocks differ, and two separate offsets fit about as well.
+    /// The clocks differ, and two offsets far from each other fit about as well.
     #[error(
         "the clocks differ, and offsets of {:.1} and {:.1} s fit about as well", between[0],
         between[1]
@@ -181,7 +183,7 @@ impl ClockSearch {
                 Some(HeardLevel { time_s: r.time, level_db, path })
             };
             heard.extend(own.iter().filter_map(level));
-            if let (Some(first), Some(last)) = (own.first(), own.last()) {
+            if let Some((first, last)) = own.first().zip(own.last()) {
                 longest_s = longest_s.max(last.time - first.time);
             }
         }
@@ -202,7 +204,8 @@ pub(crate) fn remark(clocks: &Clocks, is_taken_off: bool) -> Option<Remark> {
                 format!(
                     "the clock of the levels is {offset_s:.1} s behind that of the places \
                      ({from_s:.1} to {to_s:.1} s): the levels fit the receiver's path far better \
-                     so, and were joined with it; --clock-offset-s states another offset, 0 for none"
+                     so, and were joined with it; --clock-offset-s states another offset, 0 for \
+                     none"
                 )
             } else {
                 format!(
@@ -218,8 +221,8 @@ pub(crate) fn remark(clocks: &Clocks, is_taken_off: bool) -> Option<Remark> {
             "clocks-differ",
             format!(
                 "the clocks of levels and places seem to differ: the levels fit the receiver's \
-                     path far better {one_s:.1} or {other_s:.1} s later, and do not show which; \
-                     nothing was taken off. State the right one with --clock-offset-s"
+                 path far better with offsets of {one_s:.1} and {other_s:.1} s alike, and do not \
+                 show which; nothing was taken off. State the right one with --clock-offset-s"
             ),
         )),
         Clocks::Agree { .. } | Clocks::Unknown(_) => None,
@@ -253,7 +256,7 @@ impl<'a> Comparison<'a> {
         heard: &[HeardLevel],
         place: &'a dyn Fn(usize, f64) -> Option<Vector3<f64>>,
     ) -> Result<Self, ClocksUnknown> {
-        let heard = without_outliers(heard);
+        let heard = without_outliers(&averaged(heard, MOST_HEARD));
         if heard.len() < LEAST {
             return Err(ClocksUnknown::Few { levels: heard.len() });
         }
@@ -272,14 +275,15 @@ impl<'a> Comparison<'a> {
             return Err(ClocksUnknown::Few { levels: 0 });
         }
         // The speed on the way: of the faster half of the steps.
-        let pairs = heard.iter().zip(&places).zip(heard.iter().zip(&places).skip(1));
-        let speed = |((a, from), (b, to)): ((&HeardLevel, &Option<Vector3<f64>>), _)| {
-            let (b, to): (&HeardLevel, &Option<Vector3<f64>>) = (b, to);
+        let steps = heard.windows(2).zip(places.windows(2));
+        let speed = |(levels, places): (&[HeardLevel], &[Option<Vector3<f64>>])| {
+            let [a, b] = levels else { return None };
+            let [from, to] = places else { return None };
             let seconds = b.time_s - a.time_s;
             let way = (*to)? - (*from)?;
             (a.path == b.path && seconds > 0.0).then(|| way.norm() / seconds)
         };
-        let mut speeds: Vec<f64> = pairs.filter_map(speed).collect();
+        let mut speeds: Vec<f64> = steps.filter_map(speed).collect();
         speeds.sort_by(f64::total_cmp);
         let speed_mps = quantile(&speeds, 0.75);
         if !(speed_mps > 0.05 && extent_m > 10.0) {
@@ -361,7 +365,13 @@ impl<'a> Comparison<'a> {
         let interval_s = [from_s, to_s];
         let most_way_m = MOST_WAY_M * self.scale.max(0.3);
         if (interval_s[1] - interval_s[0]) * self.speed_mps > most_way_m {
-            return Err(ClocksUnknown::Open { interval_s });
+            let excluded = interval_s[0] > AGREE_S || interval_s[1] < -AGREE_S;
+            let gain = || self.gain_over_none(&best, now.place, &shadowings);
+            return Err(if excluded && gain() >= DIFFER {
+                ClocksUnknown::NotZero { between: interval_s }
+            } else {
+                ClocksUnknown::Open { interval_s }
+            });
         }
         let agrees = interval_s[0] <= AGREE_S && interval_s[1] >= -AGREE_S;
         let is_zero = |other_s: f64| other_s.abs() <= self.step_s;
@@ -476,7 +486,7 @@ impl<'a> Comparison<'a> {
         let mut places = Vec::with_capacity(heard.len());
         let mut levels = Vec::with_capacity(heard.len());
         for own in heard {
-            // Of fewer levels any offset would be more likely.
+            // Fewer levels would make any offset more likely.
             let Some(place) = (self.place)(own.path, own.time_s + offset_s) else { return none };
             places.push(place);
             levels.push(own.level_db);
