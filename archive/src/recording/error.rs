@@ -366,7 +366,7 @@ pub enum RecordingError {
     },
     /// An autopilot's log holds several levels, or not the one that was asked for.
     #[error(
-        "{file}: this is {what} {}; choose one with --level NAME (and their number): {levels}",
+        "{file}: this is {what} {}; choose them with --level NAME: {levels}",
         match named {
             Some(named) => format!("without levels {named:?}"),
             None => "with levels".to_owned(),
