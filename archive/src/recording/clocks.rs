@@ -19,7 +19,7 @@ impl Recording {
                 return None;
             }
             let Some((time_s, level_db)) = record.time.zip(record.rss_dbm) else { continue };
-            let heard = HeardLevel { time_s, level_db, path: 0 };
+            let heard = HeardLevel { time_s, level_db };
             beacons.entry(record.beacon.as_deref()).or_default().push(heard);
         }
         // The first of several with as many.
@@ -30,7 +30,7 @@ impl Recording {
             }
         }
         heard.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-        let place = |_: usize, time_s: f64| Some(frame.to_local(&rover.place(time_s)?));
+        let place = |time_s: f64| Some(frame.to_local(&rover.place(time_s)?));
         Some(search.compare(&heard, &place))
     }
 }

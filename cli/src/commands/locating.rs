@@ -206,7 +206,6 @@ impl Locating {
             margin_m: self.margin_m,
             reference_m: self.reference_m.map(Into::into),
             clock_offset_s: clock.offset_s,
-            finds_clock_offset: !clock.is_known,
             is_timed,
             seed: self.seed,
             ..LocateConfig::default()

@@ -92,7 +92,8 @@ pub(crate) struct Reading {
     /// `hackrf_sweep` write the computer's local time. Or the time in UTC at which the recording's
     /// clock showed 0. In a table with places of its own, seconds by which the clock of the
     /// measurements is behind that of the places. Unless given, an offset of up to two minutes is
-    /// found where the levels show it; 0 leaves the times as they are
+    /// found where one recording of levels alone stands beside a path in another file and the
+    /// levels show it; 0 leaves the times as they are
     #[arg(long, value_name = "S|UTC", allow_hyphen_values = true, value_parser = offset)]
     clock_offset_s: Option<f64>,
     /// The beacon's frequency in hertz, for recordings of power over frequency

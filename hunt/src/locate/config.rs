@@ -49,11 +49,6 @@ pub struct LocateConfig {
     /// was made where the receiver was that much later.
     #[serde(default)]
     pub clock_offset_s: f64,
-    /// True if the offset of the clocks is looked for by how the levels fit the receiver's path,
-    /// and taken off where they show it; false if [`clock_offset_s`](Self::clock_offset_s) is
-    /// known.
-    #[serde(default = "yes")]
-    pub finds_clock_offset: bool,
     /// True if the receptions have times in seconds, false if they are only in order.
     #[serde(default = "yes")]
     pub is_timed: bool,
@@ -274,7 +269,6 @@ impl Default for LocateConfig {
             bearing_freedom: 2.0,
             assumed_bearing_sigma: None,
             clock_offset_s: 0.0,
-            finds_clock_offset: true,
             is_timed: true,
             reference_m: None,
             seed: 1,

@@ -12,7 +12,7 @@ use serde::Serialize;
 #[cfg(feature = "batch")]
 use super::region::of_modes;
 use super::{
-    FoundOffset, LocateConfig, LocateError, Region,
+    LocateConfig, LocateError, Region,
     parts::{Part, parts},
 };
 
@@ -49,9 +49,6 @@ pub struct Located {
     pub common_errors: Option<CommonErrors>,
     /// Bias that all measured ranges share, where the estimator found one.
     pub range_bias: Option<RangeBias>,
-    /// Time by which the clock of the places is ahead of that of the levels, where it was found and
-    /// taken off.
-    pub clock_offset: Option<FoundOffset>,
     /// The smallest region that holds the transmitter with 95 %, in parts that do not touch, where
     /// the estimator has a posterior density: an ellipse is a poor picture of two places, of a
     /// ridge and of a border.
@@ -165,7 +162,6 @@ impl Located {
             explanation: None,
             common_errors: None,
             range_bias: None,
-            clock_offset: None,
             regions_95: Vec::new(),
             rivals: Vec::new(),
             remarks: Vec::new(),

@@ -31,7 +31,6 @@ pub(crate) use batch::MultiStart;
 pub(crate) use bearings::{ClosedForm, Lenth, Posterior, RepeatedMedian};
 #[cfg(feature = "batch")]
 pub use bearings::{LearnedSigma, learn_bearing_sigma};
-pub(crate) use clocks::remark as clocks_remark;
 pub use clocks::{ClockSearch, Clocks, ClocksUnknown, FoundOffset, HeardLevel};
 pub use config::{CalibratedPower, Height, Listener, LocateConfig, Power};
 pub use error::LocateError;

@@ -5,9 +5,6 @@ use nalgebra::Vector3;
 /// than a second apart, their distance in metres.
 const MOST_SPEED_MPS: f64 = 300.0;
 
-/// Time before and behind a path in which the receiver is taken to be at the end of it, in seconds.
-const NEAR_END_S: f64 = 2.0;
-
 /// Paths of the receivers through their receptions, each in the order of time.
 #[derive(Clone, Debug)]
 pub(crate) struct Paths<'a> {
@@ -31,17 +28,10 @@ impl<'a> Paths<'a> {
     }
 
     /// Returns the paths.
-    pub(crate) fn each(&self) -> impl Iterator<Item = &'a [Reception]> {
+    fn each(&self) -> impl Iterator<Item = &'a [Reception]> {
         let begins = std::iter::once(0).chain(self.ends.iter().copied());
         let parts = begins.zip(self.ends.iter().copied());
         parts.map(|(begin, end)| self.receptions.get(begin..end).unwrap_or_default())
-    }
-
-    /// Returns the place of a receiver on its path at a time; `None` before its begin and behind
-    /// its end.
-    pub(crate) fn place(path: &[Reception], time: f64) -> Option<Vector3<f64>> {
-        let is_within = path.first()?.time <= time && time <= path.last()?.time;
-        if is_within { at(path, time) } else { None }
     }
 
     /// Length of all paths together, in metres.
@@ -54,8 +44,7 @@ impl<'a> Paths<'a> {
     }
 
     /// Returns one reception in `stride`, with its receiver where it was `offset_s` later; before
-    /// and behind its path it is at the end of it, and from two seconds on nothing that was
-    /// measured there counts.
+    /// and behind its path it is at the end of it.
     pub(crate) fn shifted(&self, offset_s: f64, stride: usize) -> Vec<Reception> {
         let stride = stride.max(1);
         let mut shifted = Vec::with_capacity(self.receptions.len() / stride + 1);
@@ -67,27 +56,12 @@ impl<'a> Paths<'a> {
                 if let Some(position) = at(path, reception.time + offset_s) {
                     own.receiver.position = position;
                 }
-                if is_beyond(path, reception.time + offset_s) {
-                    own = Reception {
-                        beacon: own.beacon,
-                        time: own.time,
-                        receiver: own.receiver,
-                        receiver_sigma_m: own.receiver_sigma_m,
-                        ..Reception::default()
-                    };
-                }
                 shifted.push(own);
             }
             begin += path.len();
         }
         shifted
     }
-}
-
-/// Returns true for a time at which the receiver is no longer near the end of its path.
-fn is_beyond(path: &[Reception], time: f64) -> bool {
-    let before = path.first().is_none_or(|first| time < first.time - NEAR_END_S);
-    before || path.last().is_none_or(|last| time > last.time + NEAR_END_S)
 }
 
 /// Returns the place of a receiver at a time; `None` without a path.

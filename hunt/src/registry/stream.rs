@@ -13,9 +13,9 @@ use crate::{
     config::{EstimatorConfig, ModelConfig, PulseModel, ReceiverModel},
     hunt::{Components, Search, TrackStep},
     locate::{
-        Area, CalibratedPower, ClockSearch, Clocks, FREE_POWER_SIGMA_DB, Height, LocateConfig,
-        LocateError, Located, Locator, Paths, Power, Residual, Uses, clocks_remark, examine,
-        extent_m, receiver_sigma_m, reference_power, residuals,
+        Area, CalibratedPower, FREE_POWER_SIGMA_DB, Height, LocateConfig, LocateError, Located,
+        Locator, Paths, Power, Residual, Uses, examine, extent_m, receiver_sigma_m,
+        reference_power, residuals,
     },
 };
 
@@ -63,16 +63,8 @@ impl EstimatorEntry {
         if config.height == Height::Free && !can_estimate {
             return Err(LocateError::NoFreeHeight { estimator: self.name.clone().into_owned() });
         }
-        let clocks = self.clocks(receptions, config);
-        let clock_offset = match clocks {
-            Some(Clocks::Differ(found)) => Some(found),
-            _ => None,
-        };
-        let clock_offset_s = clock_offset.map_or(config.clock_offset_s, |found| found.offset_s);
-        let receptions = &*on_clock(receptions, clock_offset_s);
+        let receptions = &*on_clock(receptions, config);
         let mut located = self.unexamined(receptions, config)?;
-        located.clock_offset = clock_offset;
-        located.remarks.extend(clocks.and_then(|clocks| clocks_remark(&clocks, true)));
         let config = &LocateConfig { target_up_m: located.up_m(config), ..config.clone() };
         let uses = self.uses();
         let outliers = examine(&mut located, receptions, config, uses, name);
@@ -135,7 +127,6 @@ impl EstimatorEntry {
             },
             target_up_m: model.target_up_m,
             reference_m: model.reference_m.map(Vector3::from),
-            finds_clock_offset: false,
             ..LocateConfig::default()
         };
         let uses = self.uses();
@@ -159,21 +150,7 @@ impl EstimatorEntry {
         config: &LocateConfig,
     ) -> Vec<Residual> {
         let config = LocateConfig { target_up_m: located.up_m(config), ..config.clone() };
-        let found_s = located.clock_offset.map(|found| found.offset_s);
-        let clock_offset_s = found_s.unwrap_or(config.clock_offset_s);
-        residuals(located, &on_clock(receptions, clock_offset_s), &config, self.uses())
-    }
-
-    /// Compares the clocks of levels and places where the offset is to be looked for, and levels
-    /// alone are received.
-    fn clocks(&self, receptions: &[Reception], config: &LocateConfig) -> Option<Clocks> {
-        let is_plain = |r: &Reception| !r.has_bearing() && r.measured.is_empty();
-        let is_wanted = config.finds_clock_offset
-            && config.is_timed
-            && config.clock_offset_s.abs() <= 0.0
-            && self.uses().levels
-            && receptions.iter().all(is_plain);
-        is_wanted.then(|| ClockSearch::of(config).compare_within(receptions))
+        residuals(located, &on_clock(receptions, &config), &config, self.uses())
     }
 
     /// Locates a transmitter without a look at how well the receptions fit.
@@ -252,9 +229,9 @@ impl Registry {
 }
 
 /// Returns the receptions with the receivers where they were by the measurements' clock.
-fn on_clock(receptions: &[Reception], clock_offset_s: f64) -> Cow<'_, [Reception]> {
-    if clock_offset_s.abs() > 0.0 {
-        Cow::Owned(Paths::new(receptions).shifted(clock_offset_s, 1))
+fn on_clock<'a>(receptions: &'a [Reception], config: &LocateConfig) -> Cow<'a, [Reception]> {
+    if config.clock_offset_s.abs() > 0.0 {
+        Cow::Owned(Paths::new(receptions).shifted(config.clock_offset_s, 1))
     } else {
         Cow::Borrowed(receptions)
     }

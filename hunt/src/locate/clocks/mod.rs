@@ -7,12 +7,10 @@
 
 mod shadowed;
 
-use foxhunt_core::{Reception, Remark};
 use nalgebra::{Vector2, Vector3};
 use serde::Serialize;
 
 use self::shadowed::{Neighbours, Search, Shadowing};
-use super::{LocateConfig, Paths};
 
 /// Least number of levels by which clocks are compared.
 const LEAST: usize = 40;
@@ -48,8 +46,6 @@ const TEMPER: f64 = 2.5;
 const MOST_WAY_M: f64 = 60.0;
 /// Levels that spread by less than this, in dB, show no place.
 const LEAST_SPREAD_DB: f64 = 1.5;
-/// Largest share of the receivers' time that an offset may be, of a path that ends with the levels.
-const MOST_SHARE: f64 = 0.25;
 
 /// Level at a time by its own clock.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,8 +54,6 @@ pub struct HeardLevel {
     pub time_s: f64,
     /// dB or dBm.
     pub level_db: f64,
-    /// Number of the receiver's path.
-    pub path: usize,
 }
 
 /// Time by which the clock of the places is ahead of that of the levels.
@@ -153,93 +147,27 @@ impl Default for ClockSearch {
 }
 
 impl ClockSearch {
-    /// Search with the settings of locating.
-    pub(crate) fn of(config: &LocateConfig) -> Self {
-        let LocateConfig { margin_m, target_up_m, .. } = *config;
-        Self { margin_m, target_up_m, ..Self::default() }
-    }
-
-    /// Compares the clock of one transmitter's levels with that of the paths; `place` is a path's
-    /// place at a time, `None` before its begin and behind its end.
+    /// Compares the clock of one transmitter's levels, in the order of time, with that of the
+    /// receiver's path. `place` is the place at a time of the path's clock, `None` off the path.
     pub fn compare(
         &self,
         heard: &[HeardLevel],
-        place: &dyn Fn(usize, f64) -> Option<Vector3<f64>>,
+        place: &dyn Fn(f64) -> Option<Vector3<f64>>,
     ) -> Clocks {
         let search = Comparison::new(self, heard, place);
         search.and_then(|search| search.run()).unwrap_or_else(Clocks::Unknown)
-    }
-
-    /// Compares the clock of one transmitter's levels with that of the places in the same
-    /// receptions; the interval of clocks that agree is a rough one.
-    pub(crate) fn compare_within(&self, receptions: &[Reception]) -> Clocks {
-        let paths = Paths::new(receptions);
-        let each: Vec<&[Reception]> = paths.each().collect();
-        let mut heard = Vec::new();
-        let mut longest_s = 0.0_f64;
-        for (path, own) in each.iter().enumerate() {
-            let level = |r: &Reception| {
-                let level_db = r.level?.rss_dbm;
-                Some(HeardLevel { time_s: r.time, level_db, path })
-            };
-            heard.extend(own.iter().filter_map(level));
-            if let Some((first, last)) = own.first().zip(own.last()) {
-                longest_s = longest_s.max(last.time - first.time);
-            }
-        }
-        let place = |path: usize, time_s: f64| Paths::place(each.get(path)?, time_s);
-        let within_s = self.within_s.min(MOST_SHARE * longest_s);
-        let comparison = Comparison::new(&Self { within_s, ..*self }, &heard, &place);
-        let comparison = comparison.map(|own| Comparison { only_differ: true, ..own });
-        comparison.and_then(|own| own.run()).unwrap_or_else(Clocks::Unknown)
-    }
-}
-
-/// Returns the remark on clocks that differ; `is_taken_off` where the answer was made with the
-/// offset.
-pub(crate) fn remark(clocks: &Clocks, is_taken_off: bool) -> Option<Remark> {
-    match clocks {
-        Clocks::Differ(FoundOffset { offset_s, interval_s: [from_s, to_s] }) => {
-            let text = if is_taken_off {
-                format!(
-                    "the clock of the levels is {offset_s:.1} s behind that of the places \
-                     ({from_s:.1} to {to_s:.1} s): the levels fit the receiver's path far better \
-                     so, and were joined with it; --clock-offset-s states another offset, 0 for \
-                     none"
-                )
-            } else {
-                format!(
-                    "the clock of the levels seems to be another {offset_s:.1} s behind that of \
-                     the places ({from_s:.1} to {to_s:.1} s): the levels fit the receiver's path \
-                     far better so; add {offset_s:.1} to --clock-offset-s"
-                )
-            };
-            let code = if is_taken_off { "clock-taken-off" } else { "clocks-differ" };
-            Some(Remark::new(code, text))
-        }
-        Clocks::Unknown(ClocksUnknown::NotZero { between: [one_s, other_s] }) => Some(Remark::new(
-            "clocks-differ",
-            format!(
-                "the clocks of levels and places seem to differ: the levels fit the receiver's \
-                 path far better with offsets of {one_s:.1} and {other_s:.1} s alike, and do not \
-                 show which; nothing was taken off. State the right one with --clock-offset-s"
-            ),
-        )),
-        Clocks::Agree { .. } | Clocks::Unknown(_) => None,
     }
 }
 
 /// Levels and path, ready to be compared.
 struct Comparison<'a> {
     heard: Vec<HeardLevel>,
-    place: &'a dyn Fn(usize, f64) -> Option<Vector3<f64>>,
+    place: &'a dyn Fn(f64) -> Option<Vector3<f64>>,
     search: Search,
     within_s: f64,
     step_s: f64,
     speed_mps: f64,
     scale: f64,
-    /// True if clocks that agree need no interval.
-    only_differ: bool,
 }
 
 /// Log-likelihood of an offset, with the best place.
@@ -254,7 +182,7 @@ impl<'a> Comparison<'a> {
     fn new(
         config: &ClockSearch,
         heard: &[HeardLevel],
-        place: &'a dyn Fn(usize, f64) -> Option<Vector3<f64>>,
+        place: &'a dyn Fn(f64) -> Option<Vector3<f64>>,
     ) -> Result<Self, ClocksUnknown> {
         let heard = without_outliers(&averaged(heard, MOST_HEARD));
         if heard.len() < LEAST {
@@ -266,7 +194,7 @@ impl<'a> Comparison<'a> {
         if rank(0.9) - rank(0.1) < 2.0 * LEAST_SPREAD_DB {
             return Err(ClocksUnknown::Flat);
         }
-        let places: Vec<_> = heard.iter().map(|own| place(own.path, own.time_s)).collect();
+        let places: Vec<_> = heard.iter().map(|own| place(own.time_s)).collect();
         let found = || places.iter().flatten().map(Vector3::xy);
         let low = found().fold(Vector2::repeat(f64::INFINITY), |low, at| low.inf(&at));
         let high = found().fold(Vector2::repeat(f64::NEG_INFINITY), |high, at| high.sup(&at));
@@ -281,7 +209,7 @@ impl<'a> Comparison<'a> {
             let [from, to] = places else { return None };
             let seconds = b.time_s - a.time_s;
             let way = (*to)? - (*from)?;
-            (a.path == b.path && seconds > 0.0).then(|| way.norm() / seconds)
+            (seconds > 0.0).then(|| way.norm() / seconds)
         };
         let mut speeds: Vec<f64> = steps.filter_map(speed).collect();
         speeds.sort_by(f64::total_cmp);
@@ -299,7 +227,7 @@ impl<'a> Comparison<'a> {
             finest_m: 1.0_f64.min(0.01 * extent_m),
         };
         let within_s = config.within_s;
-        Ok(Self { heard, place, search, within_s, step_s, speed_mps, scale, only_differ: false })
+        Ok(Self { heard, place, search, within_s, step_s, speed_mps, scale })
     }
 
     /// Largest of some ranges of offsets at all of which most levels lie on the path.
@@ -332,9 +260,6 @@ impl<'a> Comparison<'a> {
             return Err(ClocksUnknown::Few { levels: 0 });
         };
         let now = scan.iter().copied().find(|tried| tried.offset_s.abs() <= 0.0).unwrap_or(best);
-        if self.only_differ && best.offset_s.abs() <= self.step_s.max(AGREE_S) {
-            return Ok(Clocks::Agree { interval_s: [-self.step_s, self.step_s] });
-        }
         // Local maxima, the most likely first, and no offset.
         let mut modes: Vec<Tried> = local_maxima(&scan)
             .into_iter()
@@ -465,7 +390,7 @@ impl<'a> Comparison<'a> {
             (0..=count).map(|n| from_s + (to_s - from_s) * f64::from(n) / steps).collect();
         let has_place = |own: &&HeardLevel| {
             let mut offsets = offsets.iter();
-            offsets.all(|offset_s| (self.place)(own.path, own.time_s + offset_s).is_some())
+            offsets.all(|offset_s| (self.place)(own.time_s + offset_s).is_some())
         };
         self.heard.iter().filter(has_place).copied().collect()
     }
@@ -487,7 +412,7 @@ impl<'a> Comparison<'a> {
         let mut levels = Vec::with_capacity(heard.len());
         for own in heard {
             // Fewer levels would make any offset more likely.
-            let Some(place) = (self.place)(own.path, own.time_s + offset_s) else { return none };
+            let Some(place) = (self.place)(own.time_s + offset_s) else { return none };
             places.push(place);
             levels.push(own.level_db);
         }
@@ -632,8 +557,7 @@ fn without_outliers(heard: &[HeardLevel]) -> Vec<HeardLevel> {
     let off = |index: usize| {
         let own = heard.get(index)?;
         let near = heard.get(index.saturating_sub(3)..(index + 4).min(heard.len()))?;
-        let mut near: Vec<f64> =
-            near.iter().filter(|other| other.path == own.path).map(|o| o.level_db).collect();
+        let mut near: Vec<f64> = near.iter().map(|other| other.level_db).collect();
         near.sort_by(f64::total_cmp);
         Some((own.level_db - quantile(&near, 0.5)).abs())
     };
@@ -653,14 +577,13 @@ fn averaged(heard: &[HeardLevel], most: usize) -> Vec<HeardLevel> {
         return heard.to_vec();
     }
     let mut means = Vec::with_capacity(most);
-    for path in heard.chunk_by(|a, b| a.path == b.path) {
-        for part in path.chunks(size) {
-            let count = f64::from(u32::try_from(part.len()).unwrap_or(u32::MAX));
-            let mean = |of: fn(&HeardLevel) -> f64| part.iter().map(of).sum::<f64>() / count;
-            let time_s = mean(|own| own.time_s);
-            let level_db = mean(|own| own.level_db);
-            means.extend(part.first().map(|own| HeardLevel { time_s, level_db, ..*own }));
-        }
+    for part in heard.chunks(size) {
+        let count = f64::from(u32::try_from(part.len()).unwrap_or(u32::MAX));
+        let mean = |of: fn(&HeardLevel) -> f64| part.iter().map(of).sum::<f64>() / count;
+        means.push(HeardLevel {
+            time_s: mean(|own| own.time_s),
+            level_db: mean(|own| own.level_db),
+        });
     }
     means
 }

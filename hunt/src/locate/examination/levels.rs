@@ -5,7 +5,8 @@ use nalgebra::Vector2;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::{
-    super::{Area, ClockSearch, LocateConfig, Located, Power, clocks_remark, config::Centroid},
+    super::{Area, LocateConfig, Located, Power, config::Centroid},
+    clocks,
     law::{LEAST_TO_COMPARE, Law, Levels, MOST_TO_COMPARE, Row, best_place, gain, residuals},
     motion,
     paths::Hypotheses,
@@ -65,13 +66,8 @@ pub(super) fn examine(
     } else {
         receptions.iter().filter(|r| r.level.is_some()).copied().collect()
     };
-    // Where the offset was looked for, the answer has its remark already.
-    let is_told = located.remarks.iter().any(|remark| remark.code.starts_with("clock"));
-    let of_path = Hypotheses::new(located, &levels, config).filter(|_| !is_told).and_then(|own| {
-        let search = ClockSearch::of(config);
-        let clocks = (!config.finds_clock_offset).then(|| search.compare_within(&levels));
-        let differ = clocks.and_then(|clocks| clocks_remark(&clocks, false));
-        differ.or_else(|| motion::moves(&own))
+    let of_path = Hypotheses::new(located, &levels, config).and_then(|hypotheses| {
+        clocks::differ(located, &hypotheses).or_else(|| motion::moves(&hypotheses))
     });
     of_path.into_iter().chain(of_row).chain(open).collect()
 }

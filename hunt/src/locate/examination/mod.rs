@@ -4,6 +4,7 @@
 //! meet, does one of them contradict the others, does the place fit them, and do they fix a
 //! distance at all? The tests know nothing of the estimator.
 
+mod clocks;
 mod fit;
 mod law;
 mod levels;

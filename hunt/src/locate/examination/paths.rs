@@ -12,12 +12,16 @@ pub(super) const MOST_PER_HYPOTHESIS: usize = 120;
 /// Largest number of levels by which the best hypothesis is refined.
 pub(super) const MOST_OF_BEST: usize = 1000;
 
+/// χ² with one degree of freedom that a true value exceeds with 5 %.
+pub(super) const LIKELY_1D: f64 = 3.84;
+
 /// Cells of the coarse search for a place, on either side of its middle.
 const REACH: i32 = 5;
 
 /// Levels along paths of receivers, for hypotheses on where the receivers or the transmitter were.
 pub(super) struct Hypotheses<'a> {
     levels: &'a [Reception],
+    paths: Paths<'a>,
     config: &'a LocateConfig,
     start: Vector2<f64>,
     area: Area,
@@ -28,6 +32,7 @@ pub(super) struct Hypotheses<'a> {
 /// Best place under one hypothesis.
 pub(super) struct Fit<T> {
     pub(super) hypothesis: T,
+    pub(super) place: Vector2<f64>,
     pub(super) residuals: Vec<f64>,
     pub(super) sigma_db: f64,
     cost: f64,
@@ -49,18 +54,26 @@ impl<'a> Hypotheses<'a> {
         if levels.len() < LEAST_TO_COMPARE || !config.is_timed {
             return None;
         }
-        let length_m = Paths::new(levels).length_m();
+        let paths = Paths::new(levels);
+        let length_m = paths.length_m();
         let times = levels.iter().map(|reception| reception.time);
         let first = times.clone().fold(f64::INFINITY, f64::min);
         let duration_s = times.fold(f64::NEG_INFINITY, f64::max) - first;
         (length_m > 0.0 && duration_s > 0.0).then(|| Self {
             levels,
+            paths,
             config,
             start: located.estimate.mean,
             area: Area::about(levels, config.margin_m),
             area_without_margin: Area::about(levels, 0.0),
             duration_s,
         })
+    }
+
+    /// Returns the fit with the receivers where they were `offset_s` later.
+    pub(super) fn delayed(&self, offset_s: f64, most: usize) -> Option<Fit<f64>> {
+        let stride = self.levels.len().div_ceil(most);
+        self.fit(offset_s, &self.paths.shifted(offset_s, stride))
     }
 
     /// Returns the fit of a transmitter with a velocity in m/s: in its frame the receivers drift
@@ -90,7 +103,7 @@ impl<'a> Hypotheses<'a> {
         let rows = rows_at(&place);
         let residuals = residuals(&rows, config)?;
         let sigma_db = Law::of(&rows, config)?.sigma_db;
-        cost.is_finite().then_some(Fit { hypothesis, residuals, sigma_db, cost })
+        cost.is_finite().then_some(Fit { hypothesis, place, residuals, sigma_db, cost })
     }
 }
 
