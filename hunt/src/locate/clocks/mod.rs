@@ -44,6 +44,17 @@ const LIKELY: f64 = 30.0;
 const TEMPER: f64 = 2.5;
 /// Largest way of the receiver within the interval of an offset that is taken off, in metres.
 const MOST_WAY_M: f64 = 60.0;
+/// Slowest motion, in m/s, and least share of the usual speed of a receiver on its way: slower ones
+/// are the receiver's own errors at a hover.
+const LEAST_SPEED_MPS: f64 = 0.05;
+const LEAST_SHARE_OF_SPEED: f64 = 0.2;
+/// Levels farther apart than so many usual steps of time are not averaged: the receiver may have
+/// been elsewhere in between.
+const MOST_STEPS: f64 = 3.0;
+/// Least number of points of a profile.
+const LEAST_PROFILE: usize = 5;
+/// Least half width of an interval, in seconds: receivers stamp their levels no better.
+const LEAST_HALF_S: f64 = 0.1;
 /// Levels that spread by less than this, in dB, show no place.
 const LEAST_SPREAD_DB: f64 = 1.5;
 
@@ -111,6 +122,9 @@ pub enum ClocksUnknown {
         /// The offsets, in seconds.
         between: [f64; 2],
     },
+    /// The path has gaps where levels would lie at other offsets.
+    #[error("the path has gaps, so that offsets cannot be compared")]
+    Gaps,
     /// The clocks differ, and two offsets far from each other fit about as well.
     #[error(
         "the clocks differ, and offsets of {:.1} and {:.1} s fit about as well", between[0],
@@ -121,7 +135,10 @@ pub enum ClocksUnknown {
         between: [f64; 2],
     },
     /// The clocks differ, but not by an offset in the range.
-    #[error("the levels fit best at the end of the range of offsets, {offset_s:.0} s")]
+    #[error(
+        "the clocks differ, and the levels fit best at the end of the range of offsets, \
+         {offset_s:.0} s"
+    )]
     AtTheEnd {
         /// The offset, in seconds.
         offset_s: f64,
@@ -166,7 +183,6 @@ struct Comparison<'a> {
     search: Search,
     within_s: f64,
     step_s: f64,
-    speed_mps: f64,
     scale: f64,
 }
 
@@ -202,19 +218,16 @@ impl<'a> Comparison<'a> {
         if !extent_m.is_finite() {
             return Err(ClocksUnknown::Few { levels: 0 });
         }
-        // The speed on the way: of the faster half of the steps.
         let steps = heard.windows(2).zip(places.windows(2));
-        let speed = |(levels, places): (&[HeardLevel], &[Option<Vector3<f64>>])| {
+        let step = |(levels, places): (&[HeardLevel], &[Option<Vector3<f64>>])| {
             let [a, b] = levels else { return None };
             let [from, to] = places else { return None };
             let seconds = b.time_s - a.time_s;
             let way = (*to)? - (*from)?;
-            (seconds > 0.0).then(|| way.norm() / seconds)
+            (seconds > 0.0).then(|| [way.norm(), seconds])
         };
-        let mut speeds: Vec<f64> = steps.filter_map(speed).collect();
-        speeds.sort_by(f64::total_cmp);
-        let speed_mps = quantile(&speeds, 0.75);
-        if !(speed_mps > 0.05 && extent_m > 10.0) {
+        let speed_mps = speed_mps(&steps.filter_map(step).collect::<Vec<_>>());
+        if !(speed_mps > 0.0 && extent_m > 10.0) {
             return Err(ClocksUnknown::Still);
         }
         let scale = (extent_m / 200.0).min(1.0);
@@ -227,7 +240,7 @@ impl<'a> Comparison<'a> {
             finest_m: 1.0_f64.min(0.01 * extent_m),
         };
         let within_s = config.within_s;
-        Ok(Self { heard, place, search, within_s, step_s, speed_mps, scale })
+        Ok(Self { heard, place, search, within_s, step_s, scale })
     }
 
     /// Largest of some ranges of offsets at all of which most levels lie on the path.
@@ -249,7 +262,7 @@ impl<'a> Comparison<'a> {
         if all.len() < LEAST {
             return Err(ClocksUnknown::Few { levels: all.len() });
         }
-        let scanned = averaged(&all, MOST_IN_SCAN);
+        let scanned = self.averaged_on_path([-end_s, end_s], &all, MOST_IN_SCAN);
         let usual = [
             Shadowing { length_m: 40.0 * self.scale, own_share: 0.3 },
             Shadowing { length_m: 1.0, own_share: 1.0 },
@@ -259,6 +272,9 @@ impl<'a> Comparison<'a> {
         let Some(best) = scan.iter().copied().max_by(|a, b| a.value.total_cmp(&b.value)) else {
             return Err(ClocksUnknown::Few { levels: 0 });
         };
+        if scan.iter().any(|tried| !tried.value.is_finite()) {
+            return Err(ClocksUnknown::Gaps);
+        }
         let now = scan.iter().copied().find(|tried| tried.offset_s.abs() <= 0.0).unwrap_or(best);
         // Local maxima, the most likely first, and no offset.
         let mut modes: Vec<Tried> = local_maxima(&scan)
@@ -270,62 +286,84 @@ impl<'a> Comparison<'a> {
         if modes.iter().all(|own| own.offset_s.abs() > self.step_s) {
             modes.push(now);
         }
-        let levels = averaged(&all, MOST_AT_BEST);
+        let levels = self.averaged_on_path([-end_s, end_s], &all, MOST_AT_BEST);
         let shadowings = self.shadowings(&levels, &best);
         let refined: Vec<Tried> =
             modes.iter().map(|mode| self.refined(&levels, mode, &shadowings)).collect();
         let Some(best) = refined.iter().copied().max_by(|a, b| a.value.total_cmp(&b.value)) else {
             return Err(ClocksUnknown::Few { levels: 0 });
         };
-        let others = self.rivals(&refined, best);
-        let Some((best, gains)) = others else {
+        let Some((best, gains)) = self.rivals(&refined, best) else {
             let between = [best.offset_s, now.offset_s];
             return Err(ClocksUnknown::Several { between });
         };
         // By all levels that lie on the path about the best offset.
         let shadowings = self.shadowings(&self.near(best.offset_s, MOST_AT_BEST), &best);
+        let excludes_none = best.offset_s.abs() > AGREE_S
+            && self.gain_over_none(&best, now.place, &shadowings).is_some_and(|own| own >= DIFFER);
+        if best.offset_s.abs() >= end_s - self.step_s {
+            let offset_s = best.offset_s;
+            return Err(if excludes_none {
+                ClocksUnknown::AtTheEnd { offset_s }
+            } else {
+                ClocksUnknown::Several { between: [offset_s, 0.0] }
+            });
+        }
         let about = self.near(best.offset_s, MOST_IN_PROFILE);
-        let profile = self.profile(&about, &best, &shadowings);
+        let profile = self.profile(&about, &best, &shadowings)?;
         let [from_s, offset_s, to_s] = posterior(&profile);
-        let interval_s = [from_s, to_s];
-        let most_way_m = MOST_WAY_M * self.scale.max(0.3);
-        if (interval_s[1] - interval_s[0]) * self.speed_mps > most_way_m {
-            let excluded = interval_s[0] > AGREE_S || interval_s[1] < -AGREE_S;
-            let gain = || self.gain_over_none(&best, now.place, &shadowings);
-            return Err(if excluded && gain() >= DIFFER {
+        let interval_s = [from_s.min(offset_s - LEAST_HALF_S), to_s.max(offset_s + LEAST_HALF_S)];
+        let agrees = interval_s[0] <= AGREE_S && interval_s[1] >= -AGREE_S;
+        if self.way_m(&about, interval_s) > MOST_WAY_M * self.scale.max(0.3) {
+            return Err(if excludes_none && !agrees {
                 ClocksUnknown::NotZero { between: interval_s }
             } else {
                 ClocksUnknown::Open { interval_s }
             });
         }
-        let agrees = interval_s[0] <= AGREE_S && interval_s[1] >= -AGREE_S;
         let is_zero = |other_s: f64| other_s.abs() <= self.step_s;
-        let holds =
-            |(other_s, gain): &(f64, f64)| *gain >= if is_zero(*other_s) { DIFFER } else { RIVAL };
+        let holds = |(other_s, gain): &(f64, Option<f64>)| {
+            gain.is_some_and(|gain| gain >= if is_zero(*other_s) { DIFFER } else { RIVAL })
+        };
         if let Some((other_s, _)) = gains.iter().find(|own| !holds(own)) {
             let between = [best.offset_s, *other_s];
             let zero = gains.iter().find(|(other_s, _)| is_zero(*other_s));
-            let excluded = zero.is_some_and(|own| holds(own)) && !agrees;
-            return Err(match excluded {
-                true => ClocksUnknown::NotZero { between },
-                false => ClocksUnknown::Several { between },
+            let excluded = zero.is_none_or(holds) && excludes_none && !agrees;
+            return Err(if excluded {
+                ClocksUnknown::NotZero { between }
+            } else {
+                ClocksUnknown::Several { between }
             });
         }
         if agrees {
             return Ok(Clocks::Agree { interval_s });
         }
-        if self.gain_over_none(&best, now.place, &shadowings) < DIFFER {
+        if !excludes_none {
             return Err(ClocksUnknown::Several { between: [best.offset_s, 0.0] });
-        }
-        if offset_s.abs() >= end_s - self.step_s {
-            return Err(ClocksUnknown::AtTheEnd { offset_s });
         }
         Ok(Clocks::Differ(FoundOffset { offset_s, interval_s }))
     }
 
+    /// Mean way in metres of the receiver along the path over an interval of offsets, by the levels
+    /// at which it moves.
+    fn way_m(&self, heard: &[HeardLevel], [from_s, to_s]: [f64; 2]) -> f64 {
+        let offsets: Vec<f64> =
+            (0..=8).map(|part| from_s + (to_s - from_s) * f64::from(part) / 8.0).collect();
+        let way = |own: &HeardLevel| -> f64 {
+            let places: Vec<_> =
+                offsets.iter().filter_map(|offset_s| (self.place)(own.time_s + offset_s)).collect();
+            places.iter().zip(places.iter().skip(1)).map(|(a, b)| (b - a).norm()).sum()
+        };
+        let width_s = to_s - from_s;
+        let ways: Vec<[f64; 2]> = heard.iter().map(|own| [way(own), width_s]).collect();
+        width_s * speed_mps(&ways)
+    }
+
     /// Returns the offset that no other one beats by the levels that lie on the path at both, and
-    /// its gain over each; `None` where each is beaten by another one.
-    fn rivals(&self, modes: &[Tried], first: Tried) -> Option<(Tried, Vec<(f64, f64)>)> {
+    /// its gain over each, without one that cannot be compared; `None` where each is beaten by
+    /// another one.
+    #[expect(clippy::type_complexity, reason = "used once")]
+    fn rivals(&self, modes: &[Tried], first: Tried) -> Option<(Tried, Vec<(f64, Option<f64>)>)> {
         let mut best = first;
         for _ in 0..MOST_MODES {
             let shadowings = self.shadowings(&self.near(best.offset_s, MOST_AT_BEST), &best);
@@ -336,7 +374,7 @@ impl<'a> Comparison<'a> {
                     continue;
                 }
                 let (gain, other) = self.gain(&best, other, &shadowings);
-                if gain < 0.0 {
+                if gain.is_some_and(|gain| gain < 0.0) {
                     better = Some(other);
                     break;
                 }
@@ -350,39 +388,62 @@ impl<'a> Comparison<'a> {
         None
     }
 
-    /// Twice the log-likelihood ratio of an offset and of clocks that agree.
-    fn gain_over_none(&self, best: &Tried, place: Vector2<f64>, shadowings: &[Shadowing]) -> f64 {
+    /// Twice the log-likelihood ratio of an offset and of clocks that agree; `None` where they
+    /// cannot be compared.
+    fn gain_over_none(
+        &self,
+        best: &Tried,
+        place: Vector2<f64>,
+        shadowings: &[Shadowing],
+    ) -> Option<f64> {
         let range_s = [best.offset_s.min(-AGREE_S), best.offset_s.max(AGREE_S)];
-        let both = averaged(&self.on_path(range_s), MOST_AT_BEST);
+        let both = self.averaged_on_path(range_s, &self.on_path(range_s), MOST_AT_BEST);
         let here = self.tried(&both, best.offset_s, shadowings, Some(best.place));
         let none = Tried { offset_s: 0.0, value: 0.0, place };
         let own = self.shadowings(&both, &none);
         let offsets = [-1.0, -0.5, 0.0, 0.5, 1.0].map(|share| share * AGREE_S);
         let there = offsets.map(|offset_s| self.tried(&both, offset_s, &own, Some(place)).value);
-        2.0 * (here.value - there.into_iter().fold(f64::NEG_INFINITY, f64::max))
+        ratio(here.value, there.into_iter().fold(f64::NEG_INFINITY, f64::max))
     }
 
     /// Returns the levels that lie on the path about an offset.
     fn near(&self, offset_s: f64, most: usize) -> Vec<HeardLevel> {
         let reach_s = PROFILE_STEPS * self.step_s;
-        averaged(&self.on_path([offset_s - reach_s, offset_s + reach_s]), most)
+        let range_s = [offset_s - reach_s, offset_s + reach_s];
+        self.averaged_on_path(range_s, &self.on_path(range_s), most)
     }
 
-    /// Twice the log-likelihood ratio of two offsets, by the levels that lie on the path at both.
-    fn gain(&self, best: &Tried, other: &Tried, shadowings: &[Shadowing]) -> (f64, Tried) {
+    /// Twice the log-likelihood ratio of two offsets, by the levels that lie on the path at both,
+    /// and the other one refined; `None` where they cannot be compared.
+    fn gain(&self, best: &Tried, other: &Tried, shadowings: &[Shadowing]) -> (Option<f64>, Tried) {
         let reach_s = self.step_s;
         let from_s = best.offset_s.min(other.offset_s) - reach_s;
-        let both = self.on_path([from_s, best.offset_s.max(other.offset_s) + reach_s]);
-        let both = averaged(&both, MOST_AT_BEST);
+        let range_s = [from_s, best.offset_s.max(other.offset_s) + reach_s];
+        let both = self.averaged_on_path(range_s, &self.on_path(range_s), MOST_AT_BEST);
         let here = self.tried(&both, best.offset_s, shadowings, Some(best.place));
         // The other has its own shadowing: it is not to lose by that of the best.
         let own = self.shadowings(&both, other);
         let there = self.refined(&both, other, &own);
-        (2.0 * (here.value - there.value), there)
+        (ratio(here.value, there.value), there)
     }
 
     /// Returns the levels that have a place at both ends of a range of offsets and between.
-    fn on_path(&self, [from_s, to_s]: [f64; 2]) -> Vec<HeardLevel> {
+    fn on_path(&self, range_s: [f64; 2]) -> Vec<HeardLevel> {
+        self.kept_on_path(range_s, &self.heard)
+    }
+
+    /// Returns means of levels that lie on the path over a range of offsets, without the means that
+    /// do not: a gap of the path may lie between two levels.
+    fn averaged_on_path(
+        &self,
+        range_s: [f64; 2],
+        heard: &[HeardLevel],
+        most: usize,
+    ) -> Vec<HeardLevel> {
+        self.kept_on_path(range_s, &averaged(heard, most))
+    }
+
+    fn kept_on_path(&self, [from_s, to_s]: [f64; 2], heard: &[HeardLevel]) -> Vec<HeardLevel> {
         let steps = ((to_s - from_s) / self.step_s).ceil().max(1.0);
         #[expect(clippy::cast_possible_truncation, reason = "at most some MOST_OFFSETS")]
         let count = steps.min(4.0 * MOST_OFFSETS) as i32;
@@ -392,7 +453,7 @@ impl<'a> Comparison<'a> {
             let mut offsets = offsets.iter();
             offsets.all(|offset_s| (self.place)(own.time_s + offset_s).is_some())
         };
-        self.heard.iter().filter(has_place).copied().collect()
+        heard.iter().filter(has_place).copied().collect()
     }
 
     /// Returns an offset with its log-likelihood over some shadowings that are equally likely
@@ -472,7 +533,12 @@ impl<'a> Comparison<'a> {
     }
 
     /// Returns the profile of the likelihood about an offset, as far as it is likely.
-    fn profile(&self, heard: &[HeardLevel], about: &Tried, shadowings: &[Shadowing]) -> Vec<Tried> {
+    fn profile(
+        &self,
+        heard: &[HeardLevel],
+        about: &Tried,
+        shadowings: &[Shadowing],
+    ) -> Result<Vec<Tried>, ClocksUnknown> {
         let mut profile = vec![self.tried(heard, about.offset_s, shadowings, Some(about.place))];
         let mut top = profile.first().map_or(f64::NEG_INFINITY, |own| own.value);
         for side in [-1.0, 1.0] {
@@ -486,6 +552,10 @@ impl<'a> Comparison<'a> {
                 steps += 1;
                 let offset_s = last.offset_s + side * step_s;
                 last = self.tried(heard, offset_s, shadowings, Some(last.place));
+                if !last.value.is_finite() {
+                    // The profile would end where the path does, not the likelihood.
+                    return Err(ClocksUnknown::Gaps);
+                }
                 top = top.max(last.value);
                 profile.push(last);
                 // Wider steps where the likelihood changes little.
@@ -494,9 +564,41 @@ impl<'a> Comparison<'a> {
                 }
             }
         }
+        if profile.len() < LEAST_PROFILE || !top.is_finite() {
+            return Err(ClocksUnknown::Gaps);
+        }
         profile.sort_by(|a, b| a.offset_s.total_cmp(&b.offset_s));
-        profile
+        Ok(profile)
     }
+}
+
+/// Twice the logarithm of the ratio of two likelihoods; `None` unless both are known.
+fn ratio(one: f64, other: f64) -> Option<f64> {
+    (one.is_finite() && other.is_finite()).then(|| 2.0 * (one - other))
+}
+
+/// Returns the speed on the way, length over time, of steps of metres and seconds; 0 where the
+/// receiver stays.
+fn speed_mps(steps: &[[f64; 2]]) -> f64 {
+    let speed = |[metres, seconds]: &[f64; 2]| metres / seconds;
+    let mut sorted = steps.to_vec();
+    sorted.sort_by(|a, b| speed(a).total_cmp(&speed(b)));
+    // The speed below which half of the way was made.
+    let half_m = 0.5 * sorted.iter().map(|step| step[0]).sum::<f64>();
+    let mut passed_m = 0.0;
+    let usual = sorted.iter().find(|step| {
+        passed_m += step[0];
+        passed_m >= half_m
+    });
+    let usual = usual.map_or(0.0, speed);
+    let least = (LEAST_SHARE_OF_SPEED * usual).max(LEAST_SPEED_MPS);
+    let mut metres = 0.0;
+    let mut seconds = 0.0;
+    for step in sorted.iter().filter(|step| speed(step) > least) {
+        metres += step[0];
+        seconds += step[1];
+    }
+    if seconds > 0.0 { metres / seconds } else { 0.0 }
 }
 
 /// Returns the offsets whose neighbours are less likely.
@@ -570,20 +672,91 @@ fn without_outliers(heard: &[HeardLevel]) -> Vec<HeardLevel> {
     kept.map(|(own, _)| *own).collect()
 }
 
-/// Returns at most so many levels, each the mean of as many that follow each other.
+/// Returns at most so many levels, each the mean of as many that follow each other without a hole.
 fn averaged(heard: &[HeardLevel], most: usize) -> Vec<HeardLevel> {
-    let size = heard.len().div_ceil(most).max(1);
-    if size == 1 {
+    let size = heard.len().div_ceil(most.max(1));
+    if size <= 1 {
         return heard.to_vec();
     }
+    let step = |pair: &[HeardLevel]| match pair {
+        [a, b] => b.time_s - a.time_s,
+        _ => 0.0,
+    };
+    let mut steps: Vec<f64> = heard.windows(2).map(step).filter(|step| *step > 0.0).collect();
+    steps.sort_by(f64::total_cmp);
+    let most_s = MOST_STEPS * quantile(&steps, 0.5);
     let mut means = Vec::with_capacity(most);
-    for part in heard.chunks(size) {
-        let count = f64::from(u32::try_from(part.len()).unwrap_or(u32::MAX));
-        let mean = |of: fn(&HeardLevel) -> f64| part.iter().map(of).sum::<f64>() / count;
-        means.push(HeardLevel {
-            time_s: mean(|own| own.time_s),
-            level_db: mean(|own| own.level_db),
-        });
+    for run in heard.chunk_by(|a, b| b.time_s - a.time_s <= most_s) {
+        for part in run.chunks(size) {
+            let count = f64::from(u32::try_from(part.len()).unwrap_or(u32::MAX));
+            let mean = |of: fn(&HeardLevel) -> f64| part.iter().map(of).sum::<f64>() / count;
+            means.push(HeardLevel {
+                time_s: mean(|own| own.time_s),
+                level_db: mean(|own| own.level_db),
+            });
+        }
     }
-    means
+    // Many holes leave more means than wanted.
+    let count = means.len();
+    if count <= most {
+        return means;
+    }
+    (0..most).filter_map(|index| means.get(index * count / most).copied()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn levels(times: impl Iterator<Item = f64>) -> Vec<HeardLevel> {
+        times.map(|time_s| HeardLevel { time_s, level_db: -70.0 - time_s % 7.0 }).collect()
+    }
+
+    #[test]
+    fn means_do_not_span_holes_and_are_few() {
+        let second = |count: u32| (0..count).map(f64::from);
+        // 100 levels, 300 s without, 101 levels.
+        let heard = levels(second(100).chain(second(101).map(|own| own + 400.0)));
+        let means = averaged(&heard, 10);
+        assert!(means.len() <= 10, "{means:?}");
+        assert!(means.iter().all(|own| own.time_s <= 99.0 || own.time_s >= 400.0), "{means:?}");
+        // Pairs with a hole after each.
+        let pairs = levels(second(2000).map(|own| (own / 2.0).floor() * 60.0 + own % 2.0));
+        assert_eq!(averaged(&pairs, 150).len(), 150);
+    }
+
+    #[test]
+    fn the_speed_is_that_of_steps_that_move() {
+        // Nine tenths of the time at a hover, with the errors of its places.
+        let hover = std::iter::repeat_n([0.2, 1.0], 900);
+        let way = std::iter::repeat_n([8.0, 1.0], 100);
+        let speed = speed_mps(&hover.chain(way).collect::<Vec<_>>());
+        assert!((speed - 8.0).abs() < 1e-9, "{speed}");
+        assert!(speed_mps(&[[0.0, 1.0]; 9]).abs() < 1e-9);
+    }
+
+    /// A path whose gaps leave no offset but the own one is no evidence.
+    #[test]
+    fn a_path_with_gaps_is_refused() {
+        let heard: Vec<HeardLevel> = (0..200_u32)
+            .map(f64::from)
+            .map(|own| HeardLevel { time_s: 40.0 * own, level_db: -60.0 - (own % 30.0) })
+            .collect();
+        let place = |time_s: f64| {
+            let off = (time_s - 40.0 * (time_s / 40.0).round()).abs();
+            (off < 3.0 && (0.0..8000.0).contains(&time_s))
+                .then(|| Vector3::new(0.5 * time_s, 100.0 * (time_s / 500.0).sin(), 30.0))
+        };
+        let clocks = ClockSearch::default().compare(&heard, &place);
+        assert!(matches!(clocks, Clocks::Unknown(_)), "{clocks:?}");
+    }
+
+    #[test]
+    fn an_interval_has_a_width() {
+        let tried = |offset_s: f64, value: f64| Tried { offset_s, value, place: Vector2::zeros() };
+        let profile: Vec<Tried> =
+            (-10..=10).map(f64::from).map(|own| tried(own, -0.5 * own * own)).collect();
+        let [from_s, mean_s, to_s] = posterior(&profile);
+        assert!(from_s < -2.0 && mean_s.abs() < 1e-9 && to_s > 2.0, "{from_s} {mean_s} {to_s}");
+    }
 }
