@@ -204,7 +204,7 @@ fn compared(true_s: f64) -> Vec<Clocks> {
         let options = ReadOptions::default().with_rover(rover.clone(), 0.0).expect("finite");
         let recording =
             Recording::from_reader(csv.as_bytes(), "levels.csv", &options).expect("levels");
-        recording.compare_clocks(&rover, &ClockSearch::default()).expect("levels alone")
+        recording.compare_clocks(&rover, None, &ClockSearch::default()).expect("levels alone")
     };
     (1..=10).map(flight).collect()
 }

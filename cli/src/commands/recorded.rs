@@ -40,7 +40,8 @@ pub(crate) struct Reading {
     #[arg(long, value_name = "NAME")]
     sheet: Option<String>,
     /// The levels to read of an autopilot's log that is located alone, such as RADIO_STATUS.rssi,
-    /// RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name; needed where it has several
+    /// RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the element with the level in a GPX
+    /// track; needed where it has several. No file is then taken for a path, but that of --rover
     #[arg(long, value_name = "NAME")]
     level: Option<String>,
     /// The beacon, where the recording holds several
@@ -123,13 +124,14 @@ impl FromStr for Day {
     }
 }
 
-/// Offset of the measurements' clock, as far as it is still to be applied.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct StatedClock {
-    /// Seconds by which the clock of the measurements is behind that of the places.
+/// Recordings, with the clock of their measurements.
+pub(super) struct Clocked {
+    pub(super) recordings: Vec<Recording>,
+    /// Seconds that are still to be added to the times of the measurements: the whole offset of
+    /// the command line where the places are the recordings' own.
     pub(super) offset_s: f64,
-    /// False if the offset is still to be found.
-    pub(super) is_known: bool,
+    /// Offset from the clock of a path in another file that was found and taken off.
+    pub(super) found: Option<FoundOffset>,
 }
 
 /// A place in degrees, as the command line has it.
@@ -220,8 +222,9 @@ impl Reading {
     /// Reads recordings into one frame, and prints on standard error what was left out. Refuses a
     /// clock's offset without a path beside the recordings.
     pub(super) fn read(&self, files: &[PathBuf]) -> Result<Vec<Recording>, CliError> {
-        let (recordings, clock) = self.read_with_clock(files)?;
-        if clock.offset_s.abs() > 0.0 {
+        let unsought = Err("this command does not look for one");
+        let Clocked { recordings, offset_s, .. } = self.read_with_clock(files, unsought)?;
+        if offset_s.abs() > 0.0 {
             return Err(CliError::input(
                 "--clock-offset-s is of use for a recording beside its receiver's path (--rover \
                  FILE), and for locate and judge",
@@ -230,30 +233,21 @@ impl Reading {
         Ok(recordings)
     }
 
-    /// Reads recordings as [`read`](Self::read) does. Returns with them the offset of the
-    /// measurements' clock that is still to be applied: the whole one where the places are the
-    /// recordings' own.
+    /// Reads recordings as [`read`](Self::read) does. Looks for the offset between the clocks of a
+    /// recording of levels and of its path in another file with `search`, or says why not.
     pub(super) fn read_with_clock(
         &self,
         files: &[PathBuf],
-    ) -> Result<(Vec<Recording>, StatedClock), CliError> {
+        search: Result<ClockSearch, &str>,
+    ) -> Result<Clocked, CliError> {
         let (tracks, recordings) = self.tracks(files)?;
         let track = self.rover.as_deref().or(tracks.first().copied());
         let rover = track.map(Rover::read).transpose().map_err(CliError::input)?;
-        let mut options = self.options(rover.as_ref())?;
+        let options = self.options(rover.as_ref())?;
         let mut read = Recording::read_all(&recordings, &options).map_err(CliError::input)?;
-        if let (Some(rover), None, [own]) = (&rover, self.clock_offset_s, read.as_slice())
-            && let Some(clocks) = own.compare_clocks(rover, &ClockSearch::default())
-        {
-            if let Clocks::Differ(found) = clocks {
-                options =
-                    options.with_rover(rover.clone(), found.offset_s).map_err(CliError::input)?;
-                read = Recording::read_all(&recordings, &options).map_err(CliError::input)?;
-            }
-            match clocks_remark(&clocks, rover.file()) {
-                Ok(remark) => read.iter_mut().for_each(|own| own.add_remark(remark.clone())),
-                Err(line) => warn(&line),
-            }
+        let mut found = None;
+        if let (Some(rover), None) = (&rover, self.clock_offset_s) {
+            (read, found) = self.joined(read, &recordings, rover, options, search)?;
         }
         for recording in &read {
             narrate(recording);
@@ -263,7 +257,6 @@ impl Reading {
                 "--date is of use for magnetic North alone (--north magnetic)",
             ));
         }
-        let is_known = rover.is_some() || self.clock_offset_s.is_some();
         let offset_s = if rover.is_some() { 0.0 } else { self.clock_offset_s.unwrap_or(0.0) };
         let span_s = read.iter().map(span_s).fold(0.0, f64::max);
         if offset_s.abs() > span_s {
@@ -272,21 +265,71 @@ impl Reading {
                  {span_s:.0} s"
             )));
         }
-        Ok((read, StatedClock { offset_s, is_known }))
+        Ok(Clocked { recordings: read, offset_s, found })
+    }
+
+    /// Looks for the offset of the levels' clock from that of a path in another file. Returns the
+    /// recordings, joined with the offset if it was found.
+    fn joined(
+        &self,
+        mut read: Vec<Recording>,
+        files: &[&Path],
+        rover: &Rover,
+        options: ReadOptions,
+        search: Result<ClockSearch, &str>,
+    ) -> Result<(Vec<Recording>, Option<FoundOffset>), CliError> {
+        let path = rover.file();
+        let unsought = |why: &str| {
+            warn(&format!(
+                "  clocks of levels and {path}: their offset is not looked for ({why}); \
+                 --clock-offset-s states one"
+            ));
+        };
+        let search = match search {
+            Ok(search) => search,
+            Err(why) => {
+                unsought(why);
+                return Ok((read, None));
+            }
+        };
+        let [own] = read.as_slice() else {
+            unsought("several recordings stand beside one path");
+            return Ok((read, None));
+        };
+        let Some(clocks) = own.compare_clocks(rover, self.wanted(), &search) else {
+            unsought("the recording has bearings or an antenna that turns, or no levels");
+            return Ok((read, None));
+        };
+        let mut found = None;
+        if let Clocks::Differ(offset) = clocks {
+            // Files may have millions of rows: one reading at a time.
+            drop(read);
+            let options =
+                options.with_rover(rover.clone(), offset.offset_s).map_err(CliError::input)?;
+            read = Recording::read_all(files, &options).map_err(CliError::input)?;
+            found = Some(offset);
+        }
+        match clocks_remark(&clocks, path) {
+            Ok(remark) => read.iter_mut().for_each(|own| own.add_remark(remark.clone())),
+            Err(line) => warn(&line),
+        }
+        Ok((read, found))
     }
 
     /// The files that are paths of a receiver, at most one, and the recordings.
     fn tracks<'f>(&self, files: &'f [PathBuf]) -> Result<(Vec<&'f Path>, Vec<&'f Path>), CliError> {
         let files = files.iter().map(PathBuf::as_path);
         // One file alone is a recording, or is refused as one.
-        if files.len() < 2 || self.rover.is_some() {
+        // Logs whose levels are named are recordings.
+        if files.len() < 2 || self.rover.is_some() || self.level.is_some() {
             return Ok((Vec::new(), files.collect()));
         }
         let (tracks, recordings): (Vec<_>, Vec<_>) = files.partition(|file| is_track(file));
         if let [first, second, ..] = tracks.as_slice() {
             return Err(CliError::input(format!(
                 "{} and {} are both paths of a receiver; give each recording with its own path: \
-                 foxhunt convert LEVELS PATH OUT.csv, then foxhunt locate OUT.csv ...",
+                 foxhunt convert LEVELS PATH OUT.csv, then foxhunt locate OUT.csv ...; or name the \
+                 levels in them with --level",
                 first.display(),
                 second.display()
             )));
@@ -329,13 +372,15 @@ fn clocks_remark(clocks: &Clocks, path: &str) -> Result<Remark, String> {
                  --clock-offset-s states another offset, 0 for none"
             ),
         )),
-        Clocks::Unknown(why @ ClocksUnknown::NotZero { .. }) => Ok(Remark::new(
-            "clocks-differ",
-            format!(
-                "{why}; the times are taken as they are. State the right offset with \
+        Clocks::Unknown(why @ (ClocksUnknown::NotZero { .. } | ClocksUnknown::AtTheEnd { .. })) => {
+            Ok(Remark::new(
+                "clocks-differ",
+                format!(
+                    "{why}; the times are taken as they are. State the right offset with \
                  --clock-offset-s"
-            ),
-        )),
+                ),
+            ))
+        }
         Clocks::Agree { interval_s: [from_s, to_s] } => Err(format!(
             "  clocks of levels and {path}: they agree, the levels' one is {from_s:.1} to \
              {to_s:.1} s behind"
