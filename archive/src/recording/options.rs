@@ -17,7 +17,8 @@ pub struct ReadOptions {
     pub columns: Vec<String>,
     /// The sheet of a spreadsheet; the first with more than one row unless given.
     pub sheet: Option<String>,
-    /// The name of the levels that are read of an autopilot's log, such as `RADIO_STATUS.rssi`.
+    /// The name of the levels that are read of an autopilot's log, such as `RADIO_STATUS.rssi`, or
+    /// of the element with the level in a GPX track. Other files are then refused.
     pub level: Option<String>,
     /// The local frame. A file in local metres is taken to be in it.
     pub frame: Option<LocalFrame>,

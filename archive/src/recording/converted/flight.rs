@@ -6,15 +6,23 @@ use crate::recording::{
 };
 
 /// Levels in an autopilot's log, each at the vehicle's place; `None` for a log without levels,
-/// which is a path alone, and for any other file. `level` is the name of the levels to read.
+/// which is a path alone, and for any other file. `level` is the name of the levels to read: a log
+/// without them is refused.
 pub(super) fn convert(
     bytes: &[u8],
     file: &str,
     level: Option<&str>,
 ) -> Result<Option<Converted>, RecordingError> {
     let Some(kind) = Kind::of(bytes) else { return Ok(None) };
-    let Ok(log) = kind.log(bytes) else { return Ok(None) };
-    if log.levels.is_empty() {
+    let log = match kind.log(bytes) {
+        Ok(log) => log,
+        Err(_) if level.is_none() => return Ok(None),
+        Err(problem) => {
+            let file = file.to_owned();
+            return Err(RecordingError::NoPath { file, what: kind.name(), problem });
+        }
+    };
+    if level.is_none() && log.levels.is_empty() {
         return Ok(None);
     }
     let Some((name, levels)) = log.levels.chosen(level) else {

@@ -17,7 +17,8 @@ pub(super) use self::rows::{Converted, Made, Rows};
 use super::RecordingError;
 
 /// Makes a table of a file, by its contents; `None` for any other. `sheet` is the name of the sheet
-/// to read of a spreadsheet, `level` that of the levels to read of an autopilot's log.
+/// to read of a spreadsheet, `level` that of the levels to read of an autopilot's log or a GPX
+/// track.
 pub(super) fn convert(
     bytes: &[u8],
     file: &str,
@@ -35,8 +36,12 @@ pub(super) fn convert(
     if let Some(converted) = flight::convert(bytes, file, level)? {
         return Ok(Some(converted));
     }
-    if let Some(converted) = gpx::convert(bytes, file)? {
+    if let Some(converted) = gpx::convert(bytes, file, level)? {
         return Ok(Some(converted));
+    }
+    if let Some(level) = level {
+        let level = level.to_owned();
+        return Err(RecordingError::NotALog { file: file.to_owned(), level });
     }
     #[cfg(feature = "sqlite")]
     if let Some(converted) = kismet::convert(bytes, file)? {

@@ -12,8 +12,12 @@ use super::{
     levels::Levels,
 };
 
-/// Bytes in which the first sentence is looked for.
-const LOOKED_AT: usize = 1024;
+/// Bytes in which sentences are looked for, and lines.
+const LOOKED_AT: usize = 4096;
+const LINES: usize = 20;
+
+/// Longest timestamp of a logger before a sentence, in bytes.
+const MOST_STAMP: usize = 40;
 
 /// Sentences of receivers' logs.
 const KINDS: [&str; 9] = ["RMC", "GGA", "GNS", "GSA", "GSV", "GLL", "VTG", "ZDA", "GST"];
@@ -21,13 +25,22 @@ const KINDS: [&str; 9] = ["RMC", "GGA", "GNS", "GSA", "GSV", "GLL", "VTG", "ZDA"
 /// Seconds of a day.
 const DAY_S: f64 = 86_400.0;
 
-/// Returns true for a file with a sentence in its beginning.
+/// Returns true for a file that has a sentence in most of its first lines.
 pub(super) fn is_nmea(bytes: &[u8]) -> bool {
-    let begin = String::from_utf8_lossy(bytes.get(..LOOKED_AT).unwrap_or(bytes)).into_owned();
-    begin.lines().take(20).any(|line| {
+    let begin = match bytes.get(..LOOKED_AT) {
+        // Without the line that is cut.
+        Some(begin) => begin.rsplitn(2, |byte| *byte == b'\n').last().unwrap_or(begin),
+        None => bytes,
+    };
+    let begin = String::from_utf8_lossy(begin);
+    let mut lines = 0;
+    let mut sentences = 0;
+    for line in begin.lines().filter(|line| !line.trim().is_empty()).take(LINES) {
+        lines += 1;
         let sentence = sentence(line).and_then(|text| Sentence::parse(text).ok());
-        sentence.is_some_and(|sentence| KINDS.contains(&sentence.kind()))
-    })
+        sentences += usize::from(sentence.is_some_and(|own| KINDS.contains(&own.kind())));
+    }
+    2 * sentences > lines
 }
 
 /// Reads the places of RMC and GGA, with the date of RMC. Damaged sentences are left out, and GGA
@@ -47,10 +60,16 @@ pub(super) fn read(bytes: &[u8]) -> Result<Log, String> {
     }
 }
 
-/// The sentence in a line, but for one in a packet of APRS.
+/// The sentence that a line begins with, or has behind a timestamp, and that ends the line.
 fn sentence(line: &str) -> Option<&str> {
-    let at = line.find('$').filter(|at| !line.get(..*at).is_some_and(|own| own.ends_with(':')))?;
-    Some(line.get(at..)?.trim_end())
+    let (stamp, _) = line.split_once('$')?;
+    let is_of_stamp = |byte: u8| byte.is_ascii_digit() || b" \t:.,;-/+TZ[]()".contains(&byte);
+    if stamp.len() > MOST_STAMP || !stamp.bytes().all(is_of_stamp) {
+        return None;
+    }
+    let sentence = line.get(stamp.len()..)?.trim_end();
+    let (_, digits) = sentence.rsplit_once('*')?;
+    (digits.len() == 2).then_some(sentence)
 }
 
 /// Places that were read.
@@ -77,7 +96,12 @@ impl Track {
             }
             "GGA" if sentence.count(5)?.is_none_or(|quality| quality > 0) => {
                 let spot = sentence.spot(1)?;
-                self.height_m = sentence.number(8)?.or(self.height_m);
+                let height_m = sentence.number(8)?;
+                if let (None, Some(first_m)) = (self.height_m, height_m) {
+                    // Places before the first height have that one.
+                    self.fixes.iter_mut().for_each(|fix| fix.place.alt_m = first_m);
+                }
+                self.height_m = height_m.or(self.height_m);
                 self.add(time_s, spot);
             }
             _ => {}
@@ -125,6 +149,13 @@ mod tests {
                    $GPRMC,000002.00,A,4812.9912,N,01622.2000,E,4.0,90.0,220626,,*00\r\n";
         assert!(is_nmea(log.as_bytes()));
         assert!(!is_nmea(b"time,lat,lon,rssi\n1,2,3,$4\n"));
+        let stamped: String = log.lines().map(|l| format!("12:00:01.250 {l}\n")).collect();
+        assert!(is_nmea(stamped.as_bytes()));
+        // A log of something else, with sentences in it or with more behind them.
+        let other: String = log.lines().map(|l| format!("NMEA,{l},17\n")).collect();
+        assert!(!is_nmea(other.as_bytes()));
+        let rare = format!("level -71\nlevel -72\n{}", log.lines().next().expect("a line"));
+        assert!(!is_nmea(rare.as_bytes()));
         let fixes = read(log.as_bytes()).expect("a path").fixes;
         assert_eq!(fixes.len(), 3, "{fixes:?}");
         let begin = fixes[0].time;
@@ -133,6 +164,10 @@ mod tests {
         let each: Vec<[f64; 2]> = fixes.iter().map(|f| [f.time - begin, f.place.alt_m]).collect();
         assert_eq!(each, [[0.0, 230.0], [1.0, 231.0], [2.0, 231.0]]);
         assert!((fixes[2].place.lat_deg - 48.200_02).abs() < 1e-9, "{fixes:?}");
+        // The first place stands before the first height.
+        let late: Vec<&str> = log.lines().take(1).chain(log.lines().skip(2)).collect();
+        let late = read(late.join("\n").as_bytes()).expect("a path").fixes;
+        assert!(late.iter().all(|fix| (fix.place.alt_m - 231.0).abs() < 1e-9), "{late:?}");
         let undated = "$GPGGA,235959.00,4812.0000,N,01622.2000,E,1,10,0.8,230.0,M,43.0,M,,*68\n";
         assert!(read(undated.as_bytes()).expect_err("no date").contains("date"));
     }
