@@ -19,6 +19,7 @@ pub mod geodesy;
 pub mod geoid;
 #[cfg(feature = "mavlink")]
 pub mod mavlink;
+pub mod nmea;
 #[cfg(feature = "receivers")]
 pub mod receivers;
 #[cfg(feature = "stream")]

@@ -364,6 +364,39 @@ pub enum RecordingError {
         /// The missing part.
         problem: String,
     },
+    /// Levels are named for a file that is no log.
+    #[error(
+        "{file}: --level {level} is of use for an autopilot's log or a GPX track with levels; this \
+         is another file"
+    )]
+    NotALog {
+        /// The file.
+        file: String,
+        /// The name of the levels.
+        level: String,
+    },
+    /// An autopilot's log holds several levels, or not the one that was asked for.
+    #[error(
+        "{file}: this is {what} {}; {}",
+        match named {
+            Some(named) => format!("without levels {named:?}"),
+            None => "with levels".to_owned(),
+        },
+        match levels.as_str() {
+            "" => "it holds no levels at all, and is a path alone".to_owned(),
+            levels => format!("choose them with --level NAME: {levels}"),
+        }
+    )]
+    ChooseLevel {
+        /// The file.
+        file: String,
+        /// Kind of the log.
+        what: &'static str,
+        /// The name that was asked for.
+        named: Option<String>,
+        /// The names that there are, each with its number of levels; empty without levels.
+        levels: String,
+    },
     /// A recording and the track of its receiver have no time in common.
     #[error(
         "{file}: its times, from {} to {} UTC, are not those of the track {track}, from {} to {} \

@@ -7,6 +7,7 @@
 mod beside;
 mod ceiling;
 mod clock_offset;
+mod clocks;
 mod column;
 mod content;
 mod convert;

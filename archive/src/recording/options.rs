@@ -17,6 +17,9 @@ pub struct ReadOptions {
     pub columns: Vec<String>,
     /// The sheet of a spreadsheet; the first with more than one row unless given.
     pub sheet: Option<String>,
+    /// The name of the levels that are read of an autopilot's log, such as `RADIO_STATUS.rssi`, or
+    /// of the element with the level in a GPX track. Other files are then refused.
+    pub level: Option<String>,
     /// The local frame. A file in local metres is taken to be in it.
     pub frame: Option<LocalFrame>,
     /// North from which angles are counted, instead of the format's.
@@ -82,6 +85,13 @@ impl ReadOptions {
     #[must_use]
     pub fn with_sheet(mut self, sheet: impl Into<String>) -> Self {
         self.sheet = Some(sheet.into());
+        self
+    }
+
+    /// Sets the levels that are read of an autopilot's log.
+    #[must_use]
+    pub fn with_level(mut self, level: impl Into<String>) -> Self {
+        self.level = Some(level.into());
         self
     }
 

@@ -124,7 +124,8 @@ impl Recording {
         let sheet = options.sheet.as_deref();
         let mut taken_for = String::new();
         let mut rows = None;
-        if let Some(Converted { table, what }) = converted::convert(&bytes, name, sheet)? {
+        let level = options.level.as_deref();
+        if let Some(Converted { table, what }) = converted::convert(&bytes, name, sheet, level)? {
             taken_for = what;
             match table {
                 Made::Text(text) => bytes = Cow::Owned(text),

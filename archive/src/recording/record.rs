@@ -212,6 +212,11 @@ impl Recording {
         self.backwards
     }
 
+    /// Adds a remark on how the recording was joined.
+    pub fn add_remark(&mut self, remark: Remark) {
+        self.remarks.push(remark);
+    }
+
     /// Doubts about the recording, each with the file and the lines that it is about: rows that
     /// were left out since they cannot be believed, places or times that do not fit together.
     #[must_use]

@@ -3,6 +3,7 @@ use std::{fs, path::PathBuf};
 use foxhunt::{
     calibration::{ConformalFactors, ConformalFile, Deviation, LEAST_CONFORMAL_FIXES},
     core::{Reception, Remark},
+    locate::FoundOffset,
     recording::Recording,
     registry::{EstimatorEntry, Registry},
 };
@@ -63,6 +64,9 @@ struct Report {
 #[derive(Debug, Serialize)]
 struct Read {
     file: String,
+    /// Offset between the clocks of levels and path, where it was found and taken off.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    clock_offset: Option<FoundOffset>,
     /// Doubts about its rows.
     remarks: Vec<Remark>,
 }
@@ -83,7 +87,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let beside = beside.collect::<Result<Vec<_>, _>>()?;
     let conformal = args.locating.conformal()?;
     args.calibrate.iter().try_for_each(|path| writable::file(path))?;
-    let prepared = args.locating.prepare(&args.files, None, registry)?;
+    let prepared = args.locating.prepare(&args.files, None, false, registry)?;
     let of_each = |recording: &Recording| {
         let is_wanted = |beacon: &Option<&str>| wanted(args, *beacon);
         recording.beacons().into_iter().filter(is_wanted).count()
@@ -115,7 +119,8 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let read = |recording: &Recording| {
         let shared = shared_truth(args.truth, of_each(recording));
         let remarks = recording.remarks().iter().cloned().chain(shared).collect();
-        Read { file: recording.file().to_owned(), remarks }
+        let clock_offset = prepared.found_clock();
+        Read { file: recording.file().to_owned(), clock_offset, remarks }
     };
     let files = prepared.recordings().iter().map(read).collect();
     let report = Report { files, fixes, estimators };

@@ -8,7 +8,7 @@ use foxhunt::{
     calibration::{ConformalFile, ConformalRegions},
     core::{Ellipse, Remark, nalgebra::Vector2},
     geodesy::Geodetic,
-    locate::{CommonErrors, Explanation, Located, Measurand, Region, Residual, Rival},
+    locate::{CommonErrors, Explanation, FoundOffset, Located, Measurand, Region, Residual, Rival},
     movebank::{MovebankFix, write_movebank},
     overview::{Overview, SearchOverview},
     recorded::RowResidual,
@@ -118,6 +118,9 @@ struct Report {
     regions_95: Vec<Region>,
     /// Other places that are nearly as probable, for estimators that look for them.
     rivals: Vec<RivalPlace>,
+    /// Offset between the clocks of levels and path, where it was found and taken off.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    clock_offset: Option<FoundOffset>,
     /// Doubts about the recordings and the place, each with what to do about it.
     remarks: Vec<Remark>,
     /// Residual of each measurement that took part, by file and line.
@@ -155,7 +158,12 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     if args.track && conformal.is_some() {
         return Err(CliError::input("--conformal: a track has no region of its own recordings"));
     }
-    let prepared = args.locating.prepare(&args.files, args.ignore.as_deref(), registry)?;
+    #[cfg(feature = "batch")]
+    let is_track = args.track;
+    #[cfg(not(feature = "batch"))]
+    let is_track = false;
+    let ignore = args.ignore.as_deref();
+    let prepared = args.locating.prepare(&args.files, ignore, is_track, registry)?;
     let recordings = prepared.recordings();
     let on_earth = recordings.iter().any(|recording| recording.frame().is_some());
     let in_utc = recordings.iter().all(Recording::is_in_utc);
@@ -295,6 +303,7 @@ fn one(
     };
     let found = Found { beacon: beacon.clone(), method: name.clone(), search, tracks: None };
     let mut report = Report::new(name, beacon, prepared.recordings(), up, truth, &located);
+    report.clock_offset = prepared.found_clock();
     report.ignored = prepared.ignored(report.beacon.as_deref());
     report.rows = rows;
     report.measured = measured;
@@ -381,6 +390,7 @@ impl Report {
             ellipse_is_poor: located.ellipse_is_poor(),
             regions_95: located.regions_95.clone(),
             rivals,
+            clock_offset: None,
             rows: Vec::new(),
             measured: 0,
             listed: None,

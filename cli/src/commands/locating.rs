@@ -10,7 +10,9 @@ use foxhunt::{
     calibration::{CalibrationFile, ConformalFile, PathLossSection},
     config::{BoxedExtractor, ExtractorConfig, PulseLevelConfig},
     core::{EstimatorError, Reception, Remark, nalgebra::Vector2},
-    locate::{Height, LocateConfig, LocateError, Located, Power, Residual},
+    locate::{
+        ClockSearch, FoundOffset, Height, LocateConfig, LocateError, Located, Power, Residual,
+    },
     overview::{Overview, SearchOverview},
     page::{NotStrikable, PageLog},
     recorded::{
@@ -35,7 +37,7 @@ use super::{
     extraction::Extraction,
     over_terrain::{OverTerrain, Relief},
     parameter::{EastNorthUp, Parameter},
-    recorded::{LatLon, Reading, no_degrees},
+    recorded::{Clocked, LatLon, Reading, no_degrees},
     views::Antennas,
 };
 use crate::{error::CliError, output::warn_once};
@@ -121,6 +123,8 @@ pub(super) struct Prepared {
     struck: StruckRows,
     /// True if σ of bearings was learned from how well the bearings of all beacons meet.
     learned_sigma: bool,
+    /// Offset between the clocks of the recording and its path that was found and taken off.
+    found_clock: Option<FoundOffset>,
 }
 
 /// Receptions of a beacon as an estimator takes them.
@@ -138,18 +142,21 @@ struct Extracted {
 }
 
 impl Locating {
-    /// Reads recordings and what the flags name, and leaves out what a list of receptions has.
+    /// Reads recordings and what the flags name, and leaves out what a list of receptions has;
+    /// `is_track` for a transmitter that moves.
     pub(super) fn prepare(
         &self,
         files: &[PathBuf],
         ignore: Option<&Path>,
+        is_track: bool,
         registry: &Registry,
     ) -> Result<Prepared, CliError> {
         self.check()?;
         let own = self.calibration.read()?;
         // Mistakes of the command line are reported before those of files.
         self.power(&own)?;
-        let (mut recordings, clock_offset_s) = self.reading.read_with_clock(files)?;
+        let Clocked { mut recordings, offset_s: clock_offset_s, found: found_clock } =
+            self.reading.read_with_clock(files, self.clock_search(is_track))?;
         let is_timed = recordings.iter().all(Recording::is_timed);
         if clock_offset_s.abs() > 0.0 && !is_timed {
             return Err(CliError::input("--clock-offset-s needs the time of each row"));
@@ -224,6 +231,7 @@ impl Locating {
             names,
             struck,
             learned_sigma: false,
+            found_clock,
         };
         if let Some(list) = ignore {
             let rows = prepared.every_row()?;
@@ -233,6 +241,25 @@ impl Locating {
         #[cfg(feature = "batch")]
         let prepared = prepared.with_learned_sigma()?;
         Ok(prepared)
+    }
+
+    /// Returns the search for the offset between the clocks of levels and path, or the reason why
+    /// there is none: the law of the levels would be another one.
+    fn clock_search(&self, is_track: bool) -> Result<ClockSearch, &'static str> {
+        if is_track {
+            return Err("a transmitter with --track moves");
+        }
+        if self.terrain.is_given() {
+            return Err("--terrain changes the law of the levels");
+        }
+        if self.receiver_antenna.is_some() || self.transmitter_antenna.is_some() {
+            return Err("a stated antenna changes the law of the levels");
+        }
+        let target_up_m = match self.target_up_m {
+            Some(Parameter::Value(up_m)) => up_m,
+            Some(Parameter::Free) | None => 0.0,
+        };
+        Ok(ClockSearch { margin_m: self.margin_m, target_up_m, ..ClockSearch::default() })
     }
 
     /// The parts of a recording, each with the extractor of the command line, calibrated. A station
@@ -627,7 +654,19 @@ impl Prepared {
             let (number, line, _) = received.rows.get(index)?;
             Some(row_name(&self.id(*number, *line, None)))
         };
-        estimator.locate_named(&received.receptions, &self.config, &name)
+        let mut located = estimator.locate_named(&received.receptions, &self.config, &name)?;
+        if self.found_clock.is_some() {
+            // The remark would ask for an offset besides the one that was found, and the search of
+            // both files has more levels and a better law.
+            located.remarks.retain(|remark| remark.code != "clocks-differ");
+        }
+        Ok(located)
+    }
+
+    /// Returns the offset between the clocks of the recording and its path that was found and taken
+    /// off.
+    pub(super) fn found_clock(&self) -> Option<FoundOffset> {
+        self.found_clock
     }
 
     /// Returns the residuals of rows from the place that an estimator found: those to keep, and the

@@ -9,7 +9,9 @@ use std::{
 
 use clap::value_parser;
 use foxhunt::{
+    core::Remark,
     geodesy::{Geodetic, LocalFrame},
+    locate::{ClockSearch, Clocks, ClocksUnknown, FoundOffset},
     recorded::{RecordedError, Selection, only_beacon},
     recording::{
         Band, Column, Mapping, North, ReadOptions, Recording, Rover, TimeFormat, TimeZone, UtmZone,
@@ -37,6 +39,11 @@ pub(crate) struct Reading {
     /// The sheet of a spreadsheet; the first with more than one row unless given
     #[arg(long, value_name = "NAME")]
     sheet: Option<String>,
+    /// The levels to read of an autopilot's log that is located alone, such as RADIO_STATUS.rssi,
+    /// RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the element with the level in a GPX
+    /// track; needed where it has several. No file is then taken for a path, but that of --rover
+    #[arg(long, value_name = "NAME")]
+    level: Option<String>,
     /// The beacon, where the recording holds several
     #[arg(long, value_name = "NAME")]
     beacon: Option<String>,
@@ -78,22 +85,18 @@ pub(crate) struct Reading {
     #[arg(long, value_name = "DBM", allow_hyphen_values = true)]
     ceiling_dbm: Option<f64>,
     /// The receiver's path, instead of the recording's own places: a GPX file or an
-    /// autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), which may be among the
-    /// recordings instead, or a table with dates and places
+    /// autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log, which may
+    /// be among the recordings instead, or a table with dates and places
     #[arg(long, value_name = "FILE")]
     rover: Option<PathBuf>,
     /// Seconds added to the times of the measurements for the receiver's path: `rtl_power` and
     /// `hackrf_sweep` write the computer's local time. Or the time in UTC at which the recording's
     /// clock showed 0. In a table with places of its own, seconds by which the clock of the
-    /// measurements is behind that of the places
-    #[arg(
-        long,
-        value_name = "S|UTC",
-        default_value = "0",
-        allow_hyphen_values = true,
-        value_parser = offset
-    )]
-    clock_offset_s: f64,
+    /// measurements is behind that of the places. Unless given, an offset of up to two minutes is
+    /// found where one recording of levels alone stands beside a path in another file and the
+    /// levels show it; 0 leaves the times as they are
+    #[arg(long, value_name = "S|UTC", allow_hyphen_values = true, value_parser = offset)]
+    clock_offset_s: Option<f64>,
     /// The beacon's frequency in hertz, for recordings of power over frequency
     #[arg(long, value_name = "HZ")]
     frequency_hz: Option<f64>,
@@ -119,6 +122,16 @@ impl FromStr for Day {
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         utc_seconds(&format!("{text} 00:00:00")).map(Self).ok_or("it must be YYYY-MM-DD")
     }
+}
+
+/// Recordings, with the clock of their measurements.
+pub(super) struct Clocked {
+    pub(super) recordings: Vec<Recording>,
+    /// Seconds that are still to be added to the times of the measurements: the whole offset of
+    /// the command line where the places are the recordings' own.
+    pub(super) offset_s: f64,
+    /// Offset from the clock of a path in another file that was found and taken off.
+    pub(super) found: Option<FoundOffset>,
 }
 
 /// A place in degrees, as the command line has it.
@@ -165,7 +178,7 @@ impl LatLon {
 
 impl Reading {
     /// Options of the reading; `rover` is the path of the receiver.
-    fn options(&self, rover: Option<&Path>) -> Result<ReadOptions, CliError> {
+    fn options(&self, rover: Option<&Rover>) -> Result<ReadOptions, CliError> {
         let date_s = self.date.map(|Day(first_s)| first_s);
         let mut options = ReadOptions { north: self.north, date_s, ..ReadOptions::default() }
             .with_columns(self.columns.iter().map(|name| name.trim()))
@@ -173,6 +186,9 @@ impl Reading {
             .with_negated_levels(self.negate_levels);
         if let Some(sheet) = &self.sheet {
             options = options.with_sheet(sheet);
+        }
+        if let Some(level) = &self.level {
+            options = options.with_level(level);
         }
         if let Some(format) = self.time_format {
             options = options.with_time_format(format);
@@ -186,9 +202,9 @@ impl Reading {
         if let Some(format) = &self.format {
             options = options.with_format(Mapping::find(format).map_err(CliError::input)?);
         }
-        if let Some(path) = rover {
-            let rover = Rover::read(path).map_err(CliError::input)?;
-            options = options.with_rover(rover, self.clock_offset_s).map_err(CliError::input)?;
+        if let Some(rover) = rover {
+            let offset_s = self.clock_offset_s.unwrap_or(0.0);
+            options = options.with_rover(rover.clone(), offset_s).map_err(CliError::input)?;
         }
         if let Some(frequency_hz) = self.frequency_hz {
             let band = Band::new(frequency_hz, self.bandwidth_hz).map_err(CliError::input)?;
@@ -206,8 +222,9 @@ impl Reading {
     /// Reads recordings into one frame, and prints on standard error what was left out. Refuses a
     /// clock's offset without a path beside the recordings.
     pub(super) fn read(&self, files: &[PathBuf]) -> Result<Vec<Recording>, CliError> {
-        let (recordings, clock_offset_s) = self.read_with_clock(files)?;
-        if clock_offset_s.abs() > 0.0 {
+        let unsought = Err("this command does not look for one");
+        let Clocked { recordings, offset_s, .. } = self.read_with_clock(files, unsought)?;
+        if offset_s.abs() > 0.0 {
             return Err(CliError::input(
                 "--clock-offset-s is of use for a recording beside its receiver's path (--rover \
                  FILE), and for locate and judge",
@@ -216,48 +233,103 @@ impl Reading {
         Ok(recordings)
     }
 
-    /// Reads recordings as [`read`](Self::read) does. Returns with them the offset of the
-    /// measurements' clock that is still to be applied: the whole one where the places are the
-    /// recordings' own.
+    /// Reads recordings as [`read`](Self::read) does. Looks for the offset between the clocks of a
+    /// recording of levels and of its path in another file with `search`, or says why not.
     pub(super) fn read_with_clock(
         &self,
         files: &[PathBuf],
-    ) -> Result<(Vec<Recording>, f64), CliError> {
+        search: Result<ClockSearch, &str>,
+    ) -> Result<Clocked, CliError> {
         let (tracks, recordings) = self.tracks(files)?;
-        let has_path = self.rover.is_some() || !tracks.is_empty();
-        let options = self.options(self.rover.as_deref().or(tracks.first().copied()))?;
-        let recordings = Recording::read_all(recordings, &options).map_err(CliError::input)?;
-        for recording in &recordings {
+        let track = self.rover.as_deref().or(tracks.first().copied());
+        let rover = track.map(Rover::read).transpose().map_err(CliError::input)?;
+        let options = self.options(rover.as_ref())?;
+        let mut read = Recording::read_all(&recordings, &options).map_err(CliError::input)?;
+        let mut found = None;
+        if let (Some(rover), None) = (&rover, self.clock_offset_s) {
+            (read, found) = self.joined(read, &recordings, rover, options, search)?;
+        }
+        for recording in &read {
             narrate(recording);
         }
-        if self.date.is_some() && recordings.iter().all(|r| r.north() != North::Magnetic) {
+        if self.date.is_some() && read.iter().all(|r| r.north() != North::Magnetic) {
             return Err(CliError::input(
                 "--date is of use for magnetic North alone (--north magnetic)",
             ));
         }
-        let clock_offset_s = if has_path { 0.0 } else { self.clock_offset_s };
-        let span_s = recordings.iter().map(span_s).fold(0.0, f64::max);
-        if clock_offset_s.abs() > span_s {
+        let offset_s = if rover.is_some() { 0.0 } else { self.clock_offset_s.unwrap_or(0.0) };
+        let span_s = read.iter().map(span_s).fold(0.0, f64::max);
+        if offset_s.abs() > span_s {
             return Err(CliError::input(format!(
-                "--clock-offset-s is {clock_offset_s} s, and the recording with places of its own \
-                 lasts {span_s:.0} s"
+                "--clock-offset-s is {offset_s} s, and the recording with places of its own lasts \
+                 {span_s:.0} s"
             )));
         }
-        Ok((recordings, clock_offset_s))
+        Ok(Clocked { recordings: read, offset_s, found })
+    }
+
+    /// Looks for the offset of the levels' clock from that of a path in another file. Returns the
+    /// recordings, joined with the offset if it was found.
+    fn joined(
+        &self,
+        mut read: Vec<Recording>,
+        files: &[&Path],
+        rover: &Rover,
+        options: ReadOptions,
+        search: Result<ClockSearch, &str>,
+    ) -> Result<(Vec<Recording>, Option<FoundOffset>), CliError> {
+        let path = rover.file();
+        let unsought = |why: &str| {
+            warn(&format!(
+                "  clocks of levels and {path}: their offset is not looked for ({why}); \
+                 --clock-offset-s states one"
+            ));
+        };
+        let search = match search {
+            Ok(search) => search,
+            Err(why) => {
+                unsought(why);
+                return Ok((read, None));
+            }
+        };
+        let [own] = read.as_slice() else {
+            unsought("several recordings stand beside one path");
+            return Ok((read, None));
+        };
+        let Some(clocks) = own.compare_clocks(rover, self.wanted(), &search) else {
+            unsought("the recording has bearings or an antenna that turns, or no levels");
+            return Ok((read, None));
+        };
+        let mut found = None;
+        if let Clocks::Differ(offset) = clocks {
+            // Files may have millions of rows: one reading at a time.
+            drop(read);
+            let options =
+                options.with_rover(rover.clone(), offset.offset_s).map_err(CliError::input)?;
+            read = Recording::read_all(files, &options).map_err(CliError::input)?;
+            found = Some(offset);
+        }
+        match clocks_remark(&clocks, path) {
+            Ok(remark) => read.iter_mut().for_each(|own| own.add_remark(remark.clone())),
+            Err(line) => warn(&line),
+        }
+        Ok((read, found))
     }
 
     /// The files that are paths of a receiver, at most one, and the recordings.
     fn tracks<'f>(&self, files: &'f [PathBuf]) -> Result<(Vec<&'f Path>, Vec<&'f Path>), CliError> {
         let files = files.iter().map(PathBuf::as_path);
         // One file alone is a recording, or is refused as one.
-        if files.len() < 2 || self.rover.is_some() {
+        // Logs whose levels are named are recordings.
+        if files.len() < 2 || self.rover.is_some() || self.level.is_some() {
             return Ok((Vec::new(), files.collect()));
         }
         let (tracks, recordings): (Vec<_>, Vec<_>) = files.partition(|file| is_track(file));
         if let [first, second, ..] = tracks.as_slice() {
             return Err(CliError::input(format!(
                 "{} and {} are both paths of a receiver; give each recording with its own path: \
-                 foxhunt convert LEVELS PATH OUT.csv, then foxhunt locate OUT.csv ...",
+                 foxhunt convert LEVELS PATH OUT.csv, then foxhunt locate OUT.csv ...; or name the \
+                 levels in them with --level",
                 first.display(),
                 second.display()
             )));
@@ -286,6 +358,39 @@ fn is_track(file: &Path) -> bool {
     let mut begin = Vec::new();
     let read = File::open(file).and_then(|file| file.take(4096).read_to_end(&mut begin));
     read.is_ok() && Rover::is_track(&begin)
+}
+
+/// Remark on the clocks of levels and of the receiver's path in another file, or the line that says
+/// that they are taken to agree.
+fn clocks_remark(clocks: &Clocks, path: &str) -> Result<Remark, String> {
+    match clocks {
+        Clocks::Differ(FoundOffset { offset_s, interval_s: [from_s, to_s] }) => Ok(Remark::new(
+            "clock-taken-off",
+            format!(
+                "the levels' clock is {offset_s:.1} s behind that of {path} ({from_s:.1} to \
+                 {to_s:.1} s, by how the levels fit the path); they are joined with it. \
+                 --clock-offset-s states another offset, 0 for none"
+            ),
+        )),
+        Clocks::Unknown(why @ (ClocksUnknown::NotZero { .. } | ClocksUnknown::AtTheEnd { .. })) => {
+            Ok(Remark::new(
+                "clocks-differ",
+                format!(
+                    "{why}; the times are taken as they are. State the right offset with \
+                 --clock-offset-s"
+                ),
+            ))
+        }
+        Clocks::Agree { interval_s: [from_s, to_s] } => Err(format!(
+            "  clocks of levels and {path}: they agree, the levels' one is {from_s:.1} to \
+             {to_s:.1} s behind"
+        )),
+        Clocks::Unknown(why) => Err(format!(
+            "  clocks of levels and {path}: taken to agree, as the levels do not show an offset \
+             ({why}); --clock-offset-s states one"
+        )),
+        _ => Err(String::new()),
+    }
 }
 
 /// Prints how a recording was read.

@@ -7,7 +7,6 @@ mod gpsd;
 mod nmea;
 mod placed;
 mod receiver;
-mod sentence;
 #[cfg(test)]
 mod tests;
 mod ublox;

@@ -1,10 +1,14 @@
 use chrono::{NaiveDate, NaiveTime};
-use foxhunt_wire::{FixQuality, declination::declination_deg, geodesy::compass_deg_to_radians};
+use foxhunt_wire::{
+    FixQuality,
+    declination::declination_deg,
+    geodesy::compass_deg_to_radians,
+    nmea::{Malformed, Sentence},
+};
 use nalgebra::Vector3;
 
 use super::{
     DAY_S, GnssDecoder, GnssFix, Heights, Leader, Line, over_ground, sane, sane_sigma, seconds,
-    sentence::{Malformed, Sentence},
 };
 
 /// The longest sentence that is read, in bytes. The standard has 82; some receivers send more.

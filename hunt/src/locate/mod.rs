@@ -5,6 +5,7 @@ mod area;
 mod batch;
 #[cfg(feature = "batch")]
 mod bearings;
+mod clocks;
 mod config;
 mod error;
 mod examination;
@@ -30,6 +31,7 @@ pub(crate) use batch::MultiStart;
 pub(crate) use bearings::{ClosedForm, Lenth, Posterior, RepeatedMedian};
 #[cfg(feature = "batch")]
 pub use bearings::{LearnedSigma, learn_bearing_sigma};
+pub use clocks::{ClockSearch, Clocks, ClocksUnknown, FoundOffset, HeardLevel};
 pub use config::{CalibratedPower, Height, Listener, LocateConfig, Power};
 pub use error::LocateError;
 pub use examination::{Measurand, Residual};

@@ -2,6 +2,8 @@
 //! spreadsheets.
 
 mod aprs;
+mod flight;
+mod gpx;
 mod json;
 #[cfg(feature = "sqlite")]
 mod kismet;
@@ -15,11 +17,13 @@ pub(super) use self::rows::{Converted, Made, Rows};
 use super::RecordingError;
 
 /// Makes a table of a file, by its contents; `None` for any other. `sheet` is the name of the sheet
-/// to read of a spreadsheet.
+/// to read of a spreadsheet, `level` that of the levels to read of an autopilot's log or a GPX
+/// track.
 pub(super) fn convert(
     bytes: &[u8],
     file: &str,
     sheet: Option<&str>,
+    level: Option<&str>,
 ) -> Result<Option<Converted>, RecordingError> {
     #[cfg(feature = "spreadsheets")]
     if let Some(converted) = spreadsheet::convert(bytes, file, sheet)? {
@@ -28,6 +32,16 @@ pub(super) fn convert(
     if let Some(sheet) = sheet {
         let sheet = sheet.to_owned();
         return Err(RecordingError::NoSheet { file: file.to_owned(), sheet, sheets: Vec::new() });
+    }
+    if let Some(converted) = flight::convert(bytes, file, level)? {
+        return Ok(Some(converted));
+    }
+    if let Some(converted) = gpx::convert(bytes, file, level)? {
+        return Ok(Some(converted));
+    }
+    if let Some(level) = level {
+        let level = level.to_owned();
+        return Err(RecordingError::NotALog { file: file.to_owned(), level });
     }
     #[cfg(feature = "sqlite")]
     if let Some(converted) = kismet::convert(bytes, file)? {

@@ -6,7 +6,8 @@ use std::collections::BTreeMap;
 use foxhunt_wire::geodesy::Geodetic;
 
 use super::{
-    fix::{Fix, OwnFix, in_utc},
+    fix::{Log, OwnFix, in_utc},
+    levels::Levels,
     little_endian,
 };
 
@@ -26,8 +27,12 @@ const WEEK_S: f64 = 604_800.0;
 /// First GPS weeks, each with the seconds by which GPS time is then ahead of UTC (IERS Bulletin C).
 const LEAP_SECONDS: [(f64, f64); 4] = [(1930.0, 18.0), (1851.0, 17.0), (1695.0, 16.0), (0.0, 15.0)];
 
-/// Messages that are read: the estimated place, and the GNSS receiver's.
-const READ: [&str; 2] = ["POS", "GPS"];
+/// Messages that are read: the estimated place, the GNSS receiver's, and levels of the remote
+/// control's and the telemetry's radio.
+const READ: [&str; 4] = ["POS", "GPS", "RSSI", "RAD"];
+
+/// Fields with levels.
+const LEVELS: [(&str, &str); 3] = [("RSSI", "RXRSSI"), ("RAD", "RSSI"), ("RAD", "RemRSSI")];
 
 /// The least status of a fix in three dimensions.
 const FIX_3D: f64 = 3.0;
@@ -51,10 +56,11 @@ struct Read {
     received: Vec<OwnFix>,
     /// Times of the own clock and UTC.
     clock: Vec<[f64; 2]>,
+    levels: Levels,
 }
 
 /// Reads a binary log; damaged bytes are skipped up to the next message.
-pub(super) fn binary(bytes: &[u8]) -> Result<Vec<Fix>, String> {
+pub(super) fn binary(bytes: &[u8]) -> Result<Log, String> {
     let mut formats: BTreeMap<u8, Format> = BTreeMap::new();
     let mut read = Read::default();
     let mut at = 0;
@@ -81,11 +87,11 @@ pub(super) fn binary(bytes: &[u8]) -> Result<Vec<Fix>, String> {
         }
         at += message.len() + 3;
     }
-    read.fixes()
+    read.log()
 }
 
 /// Reads a log as text: `GPS, 1234, 3, …`, after `FMT, 130, 50, GPS, QBI…, TimeUS,Status,…`.
-pub(super) fn text(bytes: &[u8]) -> Result<Vec<Fix>, String> {
+pub(super) fn text(bytes: &[u8]) -> Result<Log, String> {
     let mut labels: BTreeMap<String, Vec<String>> = BTreeMap::new();
     let mut read = Read::default();
     for line in bytes.split(|byte| *byte == b'\n') {
@@ -107,7 +113,7 @@ pub(super) fn text(bytes: &[u8]) -> Result<Vec<Fix>, String> {
             cells.get(index)?.parse().ok()
         });
     }
-    read.fixes()
+    read.log()
 }
 
 impl Read {
@@ -132,11 +138,16 @@ impl Read {
             }
             _ => {}
         }
+        for (_, field) in LEVELS.iter().filter(|(message, _)| *message == name) {
+            if let Some(number) = value(field) {
+                self.levels.take(&format!("{name}.{field}"), own_s, number);
+            }
+        }
     }
 
-    fn fixes(self) -> Result<Vec<Fix>, String> {
+    fn log(self) -> Result<Log, String> {
         let fixes = if self.estimated.is_empty() { &self.received } else { &self.estimated };
-        in_utc(fixes, &self.clock)
+        in_utc(fixes, self.levels, &self.clock)
     }
 }
 

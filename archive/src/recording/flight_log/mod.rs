@@ -1,14 +1,19 @@
-//! Logs of autopilots, as far as they hold the vehicle's places over time.
+//! Logs of autopilots and GNSS receivers, as far as they hold places and levels over time.
 
 mod dataflash;
 mod fix;
+mod levels;
 mod little_endian;
+mod nmea;
 mod tlog;
 mod ulog;
 
 use foxhunt_wire::geodesy::Geodetic;
 
-pub(super) use self::fix::Fix;
+pub(super) use self::{
+    fix::{Fix, Log},
+    levels::Levels,
+};
 
 /// Kind of a log, by its first bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,6 +26,8 @@ pub(super) enum Kind {
     Ulog,
     /// MAVLink messages as a ground station received them.
     Tlog,
+    /// Sentences of NMEA 0183 as a GNSS receiver sends them.
+    Nmea,
 }
 
 impl Kind {
@@ -30,7 +37,8 @@ impl Kind {
             [0xa3, 0x95, ..] => Some(Self::Dataflash),
             [b'F', b'M', b'T', b',', ..] => Some(Self::DataflashText),
             [b'U', b'L', b'o', b'g', 0x01, 0x12, 0x35, ..] => Some(Self::Ulog),
-            _ => tlog::is_tlog(bytes).then_some(Self::Tlog),
+            _ if tlog::is_tlog(bytes) => Some(Self::Tlog),
+            _ => nmea::is_nmea(bytes).then_some(Self::Nmea),
         }
     }
 
@@ -40,6 +48,7 @@ impl Kind {
             Self::Dataflash | Self::DataflashText => "an ArduPilot log",
             Self::Ulog => "a PX4 log",
             Self::Tlog => "a MAVLink log",
+            Self::Nmea => "an NMEA log",
         }
     }
 
@@ -49,11 +58,21 @@ impl Kind {
     ///
     /// The reason why there are no places, as the end of a sentence that begins with the file.
     pub(super) fn fixes(self, bytes: &[u8]) -> Result<Vec<Fix>, String> {
-        let mut fixes = match self {
+        Ok(self.log(bytes)?.fixes)
+    }
+
+    /// Reads places and levels in the order of time.
+    ///
+    /// # Errors
+    ///
+    /// As [`fixes`](Self::fixes).
+    pub(super) fn log(self, bytes: &[u8]) -> Result<Log, String> {
+        let Log { mut fixes, levels } = match self {
             Self::Dataflash => dataflash::binary(bytes)?,
             Self::DataflashText => dataflash::text(bytes)?,
-            Self::Ulog => ulog::fixes(bytes)?,
-            Self::Tlog => tlog::fixes(bytes)?,
+            Self::Ulog => ulog::read(bytes)?,
+            Self::Tlog => tlog::read(bytes)?,
+            Self::Nmea => nmea::read(bytes)?,
         };
         fixes.retain(|fix| fix.time.is_finite() && is_place(&fix.place));
         fixes.sort_by(|a, b| a.time.total_cmp(&b.time));
@@ -61,7 +80,7 @@ impl Kind {
         if fixes.is_empty() {
             return Err("it holds no place; had the vehicle a fix of its GNSS?".to_owned());
         }
-        Ok(fixes)
+        Ok(Log { fixes, levels })
     }
 }
 

@@ -5,7 +5,11 @@ use std::collections::BTreeSet;
 
 use foxhunt_wire::geodesy::Geodetic;
 
-use super::{fix::Fix, little_endian};
+use super::{
+    fix::{Fix, Log},
+    levels::Levels,
+    little_endian,
+};
 
 /// Times of the years 2001 to 2100 in microseconds.
 const TIMES_US: std::ops::Range<u64> = 978_307_200_000_000..4_102_444_800_000_000;
@@ -14,6 +18,14 @@ const TIMES_US: std::ops::Range<u64> = 978_307_200_000_000..4_102_444_800_000_00
 const POSITION: u32 = 33;
 const POSITION_LENGTH: usize = 28;
 const POSITION_SEED: u8 = 104;
+
+/// `RC_CHANNELS`, `RADIO_STATUS` and `NAMED_VALUE_FLOAT`, each with the seed of its checksum.
+const CHANNELS: (u32, u8) = (65, 118);
+const RADIO: (u32, u8) = (109, 185);
+const NAMED: (u32, u8) = (251, 170);
+
+/// The longest payload of these.
+const LONGEST: usize = 42;
 
 /// First bytes of messages of MAVLink 1 and 2.
 const MAVLINK_1: u8 = 0xfe;
@@ -37,9 +49,11 @@ pub(super) fn is_tlog(bytes: &[u8]) -> bool {
     message(bytes).is_some()
 }
 
-/// Reads the places of the only vehicle; damaged bytes are skipped up to the next message.
-pub(super) fn fixes(bytes: &[u8]) -> Result<Vec<Fix>, String> {
+/// Reads the places of the only vehicle, and the levels. Damaged bytes are skipped up to the next
+/// message.
+pub(super) fn read(bytes: &[u8]) -> Result<Log, String> {
     let mut fixes = Vec::new();
+    let mut levels = Levels::default();
     let mut systems = BTreeSet::new();
     let mut at = 0;
     while let Some(rest) = bytes.get(at..).filter(|rest| !rest.is_empty()) {
@@ -52,6 +66,7 @@ pub(super) fn fixes(bytes: &[u8]) -> Result<Vec<Fix>, String> {
             systems.insert(message.system);
             fixes.extend(fix(&message));
         }
+        take_levels(&message, &mut levels);
     }
     if systems.len() > 1 {
         let systems: Vec<String> = systems.iter().map(u8::to_string).collect();
@@ -61,7 +76,44 @@ pub(super) fn fixes(bytes: &[u8]) -> Result<Vec<Fix>, String> {
             systems.join(", ")
         ));
     }
-    Ok(fixes)
+    Ok(Log { fixes, levels })
+}
+
+/// Takes the levels of a message.
+fn take_levels(message: &Message<'_>, levels: &mut Levels) {
+    let known = [CHANNELS, RADIO, NAMED].into_iter().find(|(id, _)| *id == message.id);
+    let Some((_, seed)) = known else { return };
+    if checksum(message.checked, seed) != message.checksum {
+        return;
+    }
+    // MAVLink 2 cuts off zeros at the end.
+    let mut payload = [0; LONGEST];
+    for (to, from) in payload.iter_mut().zip(message.payload) {
+        *to = *from;
+    }
+    let time = seconds(message);
+    let mut take = |name: &str, at: usize, kind: &str| {
+        if let Some(number) = little_endian::number(&payload, at, kind) {
+            levels.take(name, time, number);
+        }
+    };
+    if message.id == CHANNELS.0 {
+        take("RC_CHANNELS.rssi", 41, "uint8_t");
+    } else if message.id == RADIO.0 {
+        take("RADIO_STATUS.rssi", 4, "uint8_t");
+        take("RADIO_STATUS.remrssi", 5, "uint8_t");
+    } else {
+        let name = payload.get(8..18).unwrap_or_default().split(|byte| *byte == 0).next();
+        let name = String::from_utf8_lossy(name.unwrap_or_default());
+        take(&format!("NAMED_VALUE_FLOAT.{name}"), 4, "float");
+    }
+}
+
+/// The time of a message's arrival in seconds since 1970.
+fn seconds(message: &Message<'_>) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "below 2^53")]
+    let micros = message.time_us as f64;
+    micros * 1e-6
 }
 
 fn fix(message: &Message<'_>) -> Option<Fix> {
@@ -76,9 +128,7 @@ fn fix(message: &Message<'_>) -> Option<Fix> {
         lon_deg: number(8)? * 1e-7,
         alt_m: number(12)? * 1e-3,
     };
-    #[expect(clippy::cast_precision_loss, reason = "below 2^53")]
-    let time = message.time_us as f64 * 1e-6;
-    Some(Fix { time, place })
+    Some(Fix { time: seconds(message), place })
 }
 
 /// The message with which bytes begin, behind its time.

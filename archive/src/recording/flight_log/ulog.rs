@@ -6,7 +6,8 @@ use std::collections::BTreeMap;
 use foxhunt_wire::geodesy::Geodetic;
 
 use super::{
-    fix::{Fix, OwnFix, in_utc},
+    fix::{Log, OwnFix, in_utc},
+    levels::Levels,
     little_endian,
 };
 
@@ -22,19 +23,28 @@ const ESTIMATED: &str = "vehicle_global_position";
 /// Topics of the GNSS receiver, the newer name first.
 const RECEIVED: [&str; 2] = ["vehicle_gps_position", "sensor_gps"];
 
+/// Fields with levels, by topic.
+const LEVELS: [(&str, &str); 4] = [
+    ("radio_status", "rssi"),
+    ("radio_status", "remote_rssi"),
+    ("input_rc", "rssi"),
+    ("input_rc", "rssi_dbm"),
+];
+
 /// The least type of a fix in three dimensions.
 const FIX_3D: f64 = 3.0;
 
 /// Offset and type of each field of a topic.
 type Fields = BTreeMap<String, (usize, String)>;
 
-/// Reads the places of the first instance of each topic.
-pub(super) fn fixes(bytes: &[u8]) -> Result<Vec<Fix>, String> {
+/// Reads the places and levels of the first instance of each topic.
+pub(super) fn read(bytes: &[u8]) -> Result<Log, String> {
     let mut formats: BTreeMap<String, String> = BTreeMap::new();
     let mut topics: BTreeMap<u16, (String, Fields)> = BTreeMap::new();
     let mut estimated = Vec::new();
     let mut received = Vec::new();
     let mut clock = Vec::new();
+    let mut levels = Levels::default();
     let mut at = HEADER;
     while let Some([low, high, kind]) = little_endian::array::<3>(bytes, at) {
         let size = usize::from(u16::from_le_bytes([low, high]));
@@ -53,7 +63,9 @@ pub(super) fn fixes(bytes: &[u8]) -> Result<Vec<Fix>, String> {
                     continue;
                 };
                 let name = String::from_utf8_lossy(message.get(3..).unwrap_or_default());
-                let is_read = name == ESTIMATED || RECEIVED.contains(&name.as_ref());
+                let is_read = name == ESTIMATED
+                    || RECEIVED.contains(&name.as_ref())
+                    || LEVELS.iter().any(|(topic, _)| name == *topic);
                 if instance == 0 && is_read {
                     let fields = fields(&formats, &name);
                     topics.insert(u16::from_le_bytes([low, high]), (name.into_owned(), fields));
@@ -70,6 +82,11 @@ pub(super) fn fixes(bytes: &[u8]) -> Result<Vec<Fix>, String> {
                     little_endian::number(data, *offset, kind)
                 };
                 let Some(own_s) = value("timestamp").map(|micros| micros * 1e-6) else { continue };
+                for (topic, field) in LEVELS.iter().filter(|(topic, _)| name == topic) {
+                    if let Some(number) = value(field) {
+                        levels.take(&format!("{topic}.{field}"), own_s, number);
+                    }
+                }
                 let Some(place) = place(value) else { continue };
                 let fix = OwnFix { own_s, place };
                 if name == ESTIMATED {
@@ -86,7 +103,7 @@ pub(super) fn fixes(bytes: &[u8]) -> Result<Vec<Fix>, String> {
             _ => {}
         }
     }
-    in_utc(if estimated.is_empty() { &received } else { &estimated }, &clock)
+    in_utc(if estimated.is_empty() { &received } else { &estimated }, levels, &clock)
 }
 
 /// The place in a message: degrees, or degrees × 10⁷ and millimetres as before version 1.15.

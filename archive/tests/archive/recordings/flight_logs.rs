@@ -176,3 +176,49 @@ fn damaged_logs_are_read_or_refused() {
         }
     }
 }
+
+/// The files are those of `tests/data/flight-logs/make_levels.py`: one transmitter at 60 m East and
+/// 45 m North, whose levels are in each log.
+#[test]
+fn levels_in_a_log_are_read_at_its_places() {
+    let read = |name: &str, level: Option<&str>| {
+        let options = ReadOptions::default();
+        let options = level.map_or(options.clone(), |level| options.with_level(level));
+        Recording::read(path(name), &options)
+    };
+    let chosen = [
+        ("levels.tlog", Some("RADIO_STATUS.rssi")),
+        ("levels.tlog", Some("NAMED_VALUE_FLOAT.vhf_dbm")),
+        ("levels.bin", Some("RAD.RSSI")),
+        ("levels.ulg", None),
+    ];
+    for (name, level) in chosen {
+        let recording = read(name, level).expect(name);
+        let records = recording.records();
+        // The log's clock in UTC is good to a message, and the last second may have no place.
+        assert!(records.len() >= 149, "{name}: {}", records.len());
+        // −40 − 25 log₁₀ of the distance, at 30 m of height over the first place.
+        let first = records[0].receiver.expect("a place").position;
+        let off = |(east, north): (f64, f64)| (first.x - east).hypot(first.y - north);
+        assert!(off((0.0, 0.0)) < 1.0, "{name}: {first}");
+        let strongest =
+            records.iter().max_by(|a, b| a.rss_dbm.partial_cmp(&b.rss_dbm).expect("numbers"));
+        let place = strongest.and_then(|record| record.receiver).expect("a place").position;
+        assert!((place.x - 60.0).hypot(place.y - 45.0) < 40.0, "{name} {level:?}: {place}");
+        let level = records[0].rss_dbm.expect("a level");
+        let law = -40.0 - 25.0 * 80.8_f64.log10();
+        assert!((level - law).abs() < 5.0, "{name}: {level} {law}");
+        assert!(recording.remarks().iter().any(|remark| remark.text.contains("levels")), "{name}");
+    }
+    for (name, level, part) in [
+        ("levels.tlog", None, "RADIO_STATUS.rssi (150)"),
+        ("levels.bin", None, "RSSI.RXRSSI (150)"),
+        ("levels.bin", Some("RADIO_STATUS.rssi"), "without levels \"RADIO_STATUS.rssi\""),
+        ("levels.ulg", Some("rssi"), "--level NAME"),
+    ] {
+        let error = read(name, level).expect_err(name).to_string();
+        assert!(error.contains(part), "{error}");
+    }
+    // A log without levels is a path.
+    assert!(matches!(read("flight.bin", None), Err(RecordingError::NotATable { .. })));
+}

@@ -230,7 +230,7 @@ fn fixes(
     registry: &Registry,
 ) -> Result<Vec<Vec<Timed>>, CliError> {
     let began = spent_s();
-    let prepared = flags.locating.prepare(files, None, registry)?;
+    let prepared = flags.locating.prepare(files, None, flags.track, registry)?;
     let reading_s = spent_s() - began;
     let Some(recording) = prepared.recordings().first() else { return Ok(Vec::new()) };
     let mut all = Vec::new();

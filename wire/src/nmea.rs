@@ -1,10 +1,10 @@
 //! Sentences of NMEA 0183 as fields.
 
-use foxhunt_wire::geodesy::Geodetic;
+use crate::geodesy::Geodetic;
 
 /// Reason for refusing a sentence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Malformed {
+pub enum Malformed {
     /// It has no checksum.
     Unchecked,
     /// It has another checksum, or is no sentence.
@@ -15,13 +15,18 @@ pub(super) enum Malformed {
 
 /// A sentence whose checksum is right. An empty field is a missing value.
 #[derive(Clone, Debug)]
-pub(super) struct Sentence<'a> {
+pub struct Sentence<'a> {
     kind: &'a str,
     fields: Vec<&'a str>,
 }
 
 impl<'a> Sentence<'a> {
-    pub(super) fn parse(text: &'a str) -> Result<Self, Malformed> {
+    /// Reads a sentence from its `$` to its checksum.
+    ///
+    /// # Errors
+    ///
+    /// [`Malformed::Unchecked`] without a checksum, [`Malformed::Damaged`] with another one.
+    pub fn parse(text: &'a str) -> Result<Self, Malformed> {
         let rest = text.strip_prefix('$').filter(|_| text.is_ascii()).ok_or(Malformed::Damaged)?;
         let (body, digits) = rest.split_once('*').ok_or(Malformed::Unchecked)?;
         let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
@@ -42,27 +47,43 @@ impl<'a> Sentence<'a> {
     }
 
     /// Its three letters; empty for a maker's own sentence.
-    pub(super) fn kind(&self) -> &'a str {
+    #[must_use]
+    pub fn kind(&self) -> &'a str {
         self.kind
     }
 
     /// The text of a field, unless it is empty.
-    pub(super) fn text(&self, at: usize) -> Option<&'a str> {
+    #[must_use]
+    pub fn text(&self, at: usize) -> Option<&'a str> {
         self.fields.get(at).copied().filter(|text| !text.is_empty())
     }
 
-    pub(super) fn number(&self, at: usize) -> Result<Option<f64>, Malformed> {
+    /// The finite number of a field; `None` where it is empty.
+    ///
+    /// # Errors
+    ///
+    /// [`Malformed::Field`] for any other text.
+    pub fn number(&self, at: usize) -> Result<Option<f64>, Malformed> {
         let Some(text) = self.text(at) else { return Ok(None) };
         let number = text.parse().ok().filter(|number: &f64| number.is_finite());
         number.map(Some).ok_or(Malformed::Field)
     }
 
-    pub(super) fn count(&self, at: usize) -> Result<Option<u32>, Malformed> {
+    /// The whole number of a field; `None` where it is empty.
+    ///
+    /// # Errors
+    ///
+    /// [`Malformed::Field`] for any other text.
+    pub fn count(&self, at: usize) -> Result<Option<u32>, Malformed> {
         self.text(at).map(|text| text.parse().map_err(|_| Malformed::Field)).transpose()
     }
 
     /// A number and the letter of its sign in the field after it; `None` without either.
-    pub(super) fn signed(
+    ///
+    /// # Errors
+    ///
+    /// [`Malformed::Field`] for another letter, or no number.
+    pub fn signed(
         &self,
         at: usize,
         positive: &str,
@@ -79,7 +100,11 @@ impl<'a> Sentence<'a> {
     }
 
     /// Seconds since midnight of a field `hhmmss.s`.
-    pub(super) fn time(&self, at: usize) -> Result<Option<f64>, Malformed> {
+    ///
+    /// # Errors
+    ///
+    /// [`Malformed::Field`] for a time that is out of range.
+    pub fn time(&self, at: usize) -> Result<Option<f64>, Malformed> {
         let Some(number) = self.number(at)? else { return Ok(None) };
         let hours = (number / 1e4).trunc();
         let minutes = (number / 1e2).trunc() - hours * 1e2;
@@ -94,7 +119,11 @@ impl<'a> Sentence<'a> {
 
     /// Latitude and longitude in degrees of the four fields from `at` on; `None` where one of them
     /// is empty.
-    pub(super) fn spot(&self, at: usize) -> Result<Option<(f64, f64)>, Malformed> {
+    ///
+    /// # Errors
+    ///
+    /// [`Malformed::Field`] for a place that is out of range.
+    pub fn spot(&self, at: usize) -> Result<Option<(f64, f64)>, Malformed> {
         let lat = self.angle(at, "N", "S")?;
         let lon = self.angle(at + 2, "E", "W")?;
         let (Some(lat_deg), Some(lon_deg)) = (lat, lon) else { return Ok(None) };

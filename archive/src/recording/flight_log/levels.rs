@@ -1,0 +1,91 @@
+//! Levels in autopilots' logs.
+
+use std::collections::BTreeMap;
+
+/// Levels by the names of their message and field, each with its times.
+#[derive(Debug, Default)]
+pub(in crate::recording) struct Levels(BTreeMap<String, Vec<[f64; 2]>>);
+
+/// Scale of the numbers in a field.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Scale {
+    /// `SiK` radios and what speaks like them: 1.9 steps to the decibel from −127 dBm on
+    /// (ArduPilot/SiK, "RSSI").
+    Sik,
+    /// A share from 0 to 1, a byte up to 254 or per cent: per cent count as decibels.
+    Share(f64),
+    /// As it is.
+    Decibels,
+}
+
+impl Scale {
+    /// Returns the scale of a field of a message.
+    fn of(name: &str) -> Self {
+        match name {
+            "RSSI.RXRSSI" => Self::Share(100.0),
+            "RC_CHANNELS.rssi" => Self::Share(100.0 / 254.0),
+            "input_rc.rssi" => Self::Share(1.0),
+            "input_rc.rssi_dbm" => Self::Decibels,
+            name if name.starts_with("NAMED_VALUE_FLOAT.") => Self::Decibels,
+            _ => Self::Sik,
+        }
+    }
+
+    /// Returns the level of a number; `None` for one that stands for no level.
+    fn level(self, number: f64) -> Option<f64> {
+        match self {
+            Self::Sik => (number > 0.0 && number < 255.0).then(|| number / 1.9 - 127.0),
+            Self::Share(percent) => {
+                (number > 0.0 && number * percent <= 100.0).then(|| number * percent)
+            }
+            Self::Decibels => number.is_finite().then_some(number),
+        }
+    }
+}
+
+impl Levels {
+    /// Takes a number of a field, if it stands for a level.
+    pub(super) fn take(&mut self, name: &str, time: f64, number: f64) {
+        if let Some(level) = Scale::of(name).level(number) {
+            self.0.entry(name.to_owned()).or_default().push([time, level]);
+        }
+    }
+
+    /// Adds seconds to all times.
+    pub(super) fn later(mut self, seconds: f64) -> Self {
+        for pair in self.0.values_mut().flatten() {
+            pair[0] += seconds;
+        }
+        self
+    }
+
+    /// Returns the levels of a name, or the only ones without a name, if a decibel of theirs is
+    /// known to be one.
+    pub(in crate::recording) fn chosen(&self, name: Option<&str>) -> Option<(&str, &[[f64; 2]])> {
+        let found = match (name, self.0.len()) {
+            (Some(name), _) => self.0.get_key_value(name)?,
+            (None, 1) => self.0.iter().find(|(name, _)| Scale::of(name) == Scale::Sik)?,
+            (None, _) => return None,
+        };
+        Some((found.0, found.1))
+    }
+
+    pub(in crate::recording) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Returns each name with its number of levels, as the end of a sentence.
+    pub(in crate::recording) fn listed(&self) -> String {
+        let each = self.0.iter().map(|(name, levels)| format!("{name} ({})", levels.len()));
+        each.collect::<Vec<_>>().join(", ")
+    }
+
+    /// Returns the words for the scale of a name.
+    pub(in crate::recording) fn scale(name: &str) -> &'static str {
+        match Scale::of(name) {
+            Scale::Sik => "in dBm by the scale of SiK radios",
+            Scale::Share(_) => "in per cent, each counted as a decibel",
+            Scale::Decibels => "taken as decibels",
+        }
+    }
+}
