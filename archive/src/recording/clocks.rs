@@ -7,10 +7,10 @@ use foxhunt_hunt::locate::{ClockSearch, Clocks, HeardLevel};
 use super::{Recording, Rover};
 
 impl Recording {
-    /// Compares the clock of a recording that was read with a rover's path with that of the path,
-    /// by the levels of a beacon: of the one that is named, or else of the one that has most.
-    /// `None` for a recording without places on Earth or without such levels, or with bearings or
-    /// boresights, whose levels are those of an antenna that turns.
+    /// Compares the clocks of a recording and of the rover's path that it was read with, by the
+    /// levels of the named beacon, or else of the beacon with most levels. `None` for a recording
+    /// without places on Earth or without such levels, and for one with bearings or boresights,
+    /// whose antenna turns.
     #[must_use]
     pub fn compare_clocks(
         &self,

@@ -243,8 +243,8 @@ impl Locating {
         Ok(prepared)
     }
 
-    /// Returns the search for the offset between the clocks of levels and path, or the reason why
-    /// there is none: the law of the levels would be another one.
+    /// Returns the search for the offset of the clocks of levels and path, or the reason why the
+    /// offset is not looked for.
     fn clock_search(&self, is_track: bool) -> Result<ClockSearch, &'static str> {
         if is_track {
             return Err("a transmitter with --track moves");

@@ -57,7 +57,7 @@ pub(super) struct Law {
 }
 
 impl Censored {
-    /// Weighs each segment; `values` are those of the segments at `received`, and a correlation
+    /// Weighs each segment; the segments at `received` have `values`, and a correlation
     /// that is not positive definite leaves a segment without neighbours.
     pub(super) fn new(
         segments: &[(ShadowedReading, f64)],
@@ -139,8 +139,8 @@ impl Censored {
     }
 
     /// The weighted log-probability that all lie on their sides of their limits under a law and
-    /// a correlation, or −∞ if it is less than `least`; `beyond` are their regressors beyond those
-    /// of their neighbours, of which one column is read.
+    /// a correlation, or −∞ if it is less than `least`; `beyond` are their regressors beyond what
+    /// their neighbours tell, of which one column is read.
     pub(super) fn log_probability(
         &self,
         correlation: usize,

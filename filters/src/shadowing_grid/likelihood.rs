@@ -522,7 +522,7 @@ struct Under<'a> {
     number: usize,
     regression: &'a Regression,
     products: &'a Products,
-    /// Regressors of the censored segments beyond those of their neighbours, and the cell's column
+    /// Regressors of the censored segments beyond what their neighbours tell, and the cell's column
     /// in them.
     beyond: &'a [[Row; 2]],
     column: usize,

@@ -48,7 +48,7 @@ const MOST_WAY_M: f64 = 60.0;
 /// are the receiver's own errors at a hover.
 const LEAST_SPEED_MPS: f64 = 0.05;
 const LEAST_SHARE_OF_SPEED: f64 = 0.2;
-/// Levels farther apart than so many usual steps of time are not averaged: the receiver may have
+/// Usual steps of time between two levels beyond which they are not averaged: the receiver may have
 /// been elsewhere in between.
 const MOST_STEPS: f64 = 3.0;
 /// Least number of points of a profile.
@@ -672,7 +672,8 @@ fn without_outliers(heard: &[HeardLevel]) -> Vec<HeardLevel> {
     kept.map(|(own, _)| *own).collect()
 }
 
-/// Returns at most so many levels, each the mean of as many that follow each other without a hole.
+/// Returns `most` levels or fewer, each the mean of an equal number that follow each other without a
+/// hole.
 fn averaged(heard: &[HeardLevel], most: usize) -> Vec<HeardLevel> {
     let size = heard.len().div_ceil(most.max(1));
     if size <= 1 {
