@@ -24,6 +24,8 @@ const MOST_IN_PROFILE: usize = 900;
 const SCAN_STEP_M: f64 = 8.0;
 /// Largest number of offsets of the scan.
 const MOST_OFFSETS: f64 = 241.0;
+/// Least number of offsets on either side of none: a receiver that is slower stays.
+const LEAST_COUNT: i32 = 3;
 /// Steps of the scan about an offset whose levels are all on the path.
 const PROFILE_STEPS: f64 = 6.0;
 /// Largest number of local maxima of the scan that are looked at.
@@ -257,6 +259,9 @@ impl<'a> Comparison<'a> {
         #[expect(clippy::cast_possible_truncation, reason = "at most MOST_OFFSETS")]
         let count = count.min(MOST_OFFSETS) as i32;
         let offsets: Vec<f64> = (-count..=count).map(|n| f64::from(n) * self.step_s).collect();
+        if count < LEAST_COUNT {
+            return Err(ClocksUnknown::Still);
+        }
         let end_s = f64::from(count) * self.step_s;
         let all = self.on_path([-end_s - self.step_s, end_s + self.step_s]);
         if all.len() < LEAST {
