@@ -81,8 +81,8 @@ impl CotFeed {
         Self { platforms, is_simulated, ..Self::default() }
     }
 
-    /// Returns the feed of recordings: their receivers and times are past, so that receivers are left
-    /// out, and the answer is as of the first call.
+    /// Returns the feed of recordings: their receivers and times are past, so that receivers are
+    /// left out, and the answer is as of the first call.
     #[must_use]
     pub fn of_recordings() -> Self {
         Self { is_past: true, ..Self::default() }

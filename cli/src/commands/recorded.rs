@@ -40,8 +40,9 @@ pub(crate) struct Reading {
     #[arg(long, value_name = "NAME")]
     sheet: Option<String>,
     /// The levels to read of an autopilot's log that is located alone, such as RADIO_STATUS.rssi,
-    /// RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the element with the level in a GPX
-    /// track; needed where it has several. No file is then taken for a path, but that of --rover
+    /// RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the element with the level in a
+    /// GPX track; needed where it has several. No file is then taken for a path, but that of
+    /// --rover
     #[arg(long, value_name = "NAME")]
     level: Option<String>,
     /// The beacon, where the recording holds several
@@ -80,8 +81,8 @@ pub(crate) struct Reading {
     /// estimators of all receptions at once take but that the true one was not above it
     #[arg(long, value_name = "DBM", allow_hyphen_values = true)]
     floor_dbm: Option<f64>,
-    /// The receiver's ceiling, as its levels are: at it the receiver is saturated and the true level
-    /// is higher; found by itself where the highest level repeats
+    /// The receiver's ceiling, as its levels are: at it the receiver is saturated and the true
+    /// level is higher; found by itself where the highest level repeats
     #[arg(long, value_name = "DBM", allow_hyphen_values = true)]
     ceiling_dbm: Option<f64>,
     /// The receiver's path, instead of the recording's own places: a GPX file or an

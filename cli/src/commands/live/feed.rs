@@ -136,8 +136,8 @@ impl LiveView {
         false
     }
 
-    /// Sends the last state of a hunt that is over. Serves its page until `interrupted`; ends at once
-    /// if that was requested, or without a page.
+    /// Sends the last state of a hunt that is over. Serves its page until `interrupted`; ends at
+    /// once if that was requested, or without a page.
     #[cfg_attr(not(feature = "live"), expect(unused_variables, reason = "no page is served"))]
     pub(in crate::commands) fn stay(self, interrupted: impl Fn() -> bool) {
         self.send(Happening::Over);
