@@ -201,6 +201,12 @@ def hunt(
     live_token: Path | float | None = None,
     live_until_done: bool = False,
     tiles: Path | None = None,
+    cot: Path | float | Sequence[Path | float] | None = None,
+    cot_ca: Path | None = None,
+    cot_cert: Path | None = None,
+    cot_key: Path | None = None,
+    cot_server_name: Path | float | None = None,
+    cot_from: Path | float | None = None,
     pace: float | None = None,
     out: Path | None = None,
     export: Path | Sequence[Path] | None = None,
@@ -252,14 +258,25 @@ def hunt(
         live_until_done: End with the hunt; the page is served until Ctrl-C otherwise
         tiles: A map below the hunt, from tiles on this computer: a folder with z/x/y.png, or an
             .mbtiles or .pmtiles file of images; the hunt needs an origin in degrees
-        pace: With --live: the simulated seconds that pass in one second [default: 20]
+        cot: Send receivers, fixes, 95 % ellipses and bearings to a TAK server or team, as Cursor
+            on Target: tcp://HOST:8087, tls://HOST:8089 or udp://239.2.3.1:6969; may be given
+            several times
+        cot_ca: For --cot tls://: the authorities that the server's certificate is checked by,
+            PEM or PKCS#12, such as truststore-root.p12; FOXHUNT_COT_PASSWORD in the environment
+            opens what is encrypted
+        cot_cert: For --cot tls://: one's own certificate, PEM, or PKCS#12 with its key
+        cot_key: For --cot tls://: the key of --cot-cert, PEM
+        cot_server_name: For --cot tls://: the name in the server's certificate, if it is not the
+            host of the address
+        cot_from: For --cot udp://: the address of the network card that datagrams leave by
+        pace: With --live or --cot: the simulated seconds that pass in one second [default: 20]
         out: The folder for hunt.jsonl (the log), hunt.svg (the picture) and report.html (the
             page) [default: out]
         export: Write places, bearings, ellipses, regions and paths to a file, in the format of
-            its ending: .geojson, .kml, .gpx, .csv, .cot (Cursor on Target) or .mcap; may be
-            given several times
-        origin: The place of the local origin on Earth (WGS84), for --export and the map of
-            --tiles, if it is not known
+            its ending: .geojson, .kml, .czml, .gpx, .csv, .cot (Cursor on Target) or .mcap; may
+            be given several times
+        origin: The place of the local origin on Earth (WGS84), for --export, --tiles, --cot and
+            programs that fetch a hunt from --live, if it is not known
         start_utc: The UTC of the time 0, for --export, if it is not known
     """
     flags: dict[str, Any] = {
@@ -279,6 +296,12 @@ def hunt(
         "live-token": live_token,
         "live-until-done": live_until_done,
         "tiles": tiles,
+        "cot": cot,
+        "cot-ca": cot_ca,
+        "cot-cert": cot_cert,
+        "cot-key": cot_key,
+        "cot-server-name": cot_server_name,
+        "cot-from": cot_from,
         "pace": pace,
         "out": out,
         "export": export,
@@ -515,6 +538,8 @@ def locate(
     antenna: Path | float | None = None,
     format: Path | float | None = None,
     columns: Path | float | Sequence[Path | float] | None = None,
+    sheet: Path | float | None = None,
+    level: Path | float | None = None,
     beacon: Path | float | None = None,
     time_format: Path | float | None = None,
     tz: Path | float | None = None,
@@ -534,6 +559,12 @@ def locate(
     export: Path | Sequence[Path] | None = None,
     origin: Path | float | None = None,
     start_utc: float | None = None,
+    cot: Path | float | Sequence[Path | float] | None = None,
+    cot_ca: Path | None = None,
+    cot_cert: Path | None = None,
+    cot_key: Path | None = None,
+    cot_server_name: Path | float | None = None,
+    cot_from: Path | float | None = None,
 ) -> Result:
     """Locate a transmitter from recorded flights: ``foxhunt locate``.
 
@@ -614,6 +645,11 @@ def locate(
         columns: The names of the columns of a table without a header, from the first on,
             separated by commas; `-` for a column that is not to be read. Common names will do,
             such as lat,lon,bearing
+        sheet: The sheet of a spreadsheet; the first with more than one row unless given
+        level: The levels to read of an autopilot's log that is located alone, such as
+            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the
+            element with the level in a GPX track; needed where it has several. No file is then
+            taken for a path, but that of --rover
         beacon: The beacon, where the recording holds several
         time_format: Format of times whose cells leave it open: 3/4/2026 is in April (`dmy`) or
             in March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
@@ -636,22 +672,35 @@ def locate(
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
         rover: The receiver's path, instead of the recording's own places: a GPX file or an
-            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), which may be
-            among the recordings instead, or a table with dates and places
+            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log,
+            which may be among the recordings instead, or a table with dates and places
         clock_offset_s: Seconds added to the times of the measurements for the receiver's path:
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
-            which the clock of the measurements is behind that of the places [default: 0]
+            which the clock of the measurements is behind that of the places. Unless given, an
+            offset of up to two minutes is found where one recording of levels alone stands
+            beside a path in another file and the levels show it; 0 leaves the times as they are
         frequency_hz: The beacon's frequency in hertz, for recordings of power over frequency
         bandwidth_hz: Width of the band that is read about --frequency-hz, in hertz; the
             strongest bin in it counts. One bin unless given [default: 0]
         report: Write a page for any browser: one file, without a network
         export: Write places, bearings, ellipses, regions and paths to a file, in the format of
-            its ending: .geojson, .kml, .gpx, .csv, .cot (Cursor on Target) or .mcap; may be
-            given several times
-        origin: The place of the local origin on Earth (WGS84), for --export and the map of
-            --tiles, if it is not known
+            its ending: .geojson, .kml, .czml, .gpx, .csv, .cot (Cursor on Target) or .mcap; may
+            be given several times
+        origin: The place of the local origin on Earth (WGS84), for --export, --tiles, --cot and
+            programs that fetch a hunt from --live, if it is not known
         start_utc: The UTC of the time 0, for --export, if it is not known
+        cot: Send receivers, fixes, 95 % ellipses and bearings to a TAK server or team, as Cursor
+            on Target: tcp://HOST:8087, tls://HOST:8089 or udp://239.2.3.1:6969; may be given
+            several times
+        cot_ca: For --cot tls://: the authorities that the server's certificate is checked by,
+            PEM or PKCS#12, such as truststore-root.p12; FOXHUNT_COT_PASSWORD in the environment
+            opens what is encrypted
+        cot_cert: For --cot tls://: one's own certificate, PEM, or PKCS#12 with its key
+        cot_key: For --cot tls://: the key of --cot-cert, PEM
+        cot_server_name: For --cot tls://: the name in the server's certificate, if it is not the
+            host of the address
+        cot_from: For --cot udp://: the address of the network card that datagrams leave by
     """
     flags: dict[str, Any] = {
         "truth": truth,
@@ -683,6 +732,8 @@ def locate(
         "antenna": antenna,
         "format": format,
         "columns": columns,
+        "sheet": sheet,
+        "level": level,
         "beacon": beacon,
         "time-format": time_format,
         "tz": tz,
@@ -702,6 +753,12 @@ def locate(
         "export": export,
         "origin": origin,
         "start-utc": start_utc,
+        "cot": cot,
+        "cot-ca": cot_ca,
+        "cot-cert": cot_cert,
+        "cot-key": cot_key,
+        "cot-server-name": cot_server_name,
+        "cot-from": cot_from,
     }
     result: Result = _program.command(["locate", *files], flags)
     return result
@@ -717,6 +774,8 @@ def bearing(
     site: Path | float | None = None,
     format: Path | float | None = None,
     columns: Path | float | Sequence[Path | float] | None = None,
+    sheet: Path | float | None = None,
+    level: Path | float | None = None,
     beacon: Path | float | None = None,
     time_format: Path | float | None = None,
     tz: Path | float | None = None,
@@ -760,6 +819,11 @@ def bearing(
         columns: The names of the columns of a table without a header, from the first on,
             separated by commas; `-` for a column that is not to be read. Common names will do,
             such as lat,lon,bearing
+        sheet: The sheet of a spreadsheet; the first with more than one row unless given
+        level: The levels to read of an autopilot's log that is located alone, such as
+            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the
+            element with the level in a GPX track; needed where it has several. No file is then
+            taken for a path, but that of --rover
         beacon: The beacon, where the recording holds several
         time_format: Format of times whose cells leave it open: 3/4/2026 is in April (`dmy`) or
             in March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
@@ -782,21 +846,23 @@ def bearing(
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
         rover: The receiver's path, instead of the recording's own places: a GPX file or an
-            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), which may be
-            among the recordings instead, or a table with dates and places
+            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log,
+            which may be among the recordings instead, or a table with dates and places
         clock_offset_s: Seconds added to the times of the measurements for the receiver's path:
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
-            which the clock of the measurements is behind that of the places [default: 0]
+            which the clock of the measurements is behind that of the places. Unless given, an
+            offset of up to two minutes is found where one recording of levels alone stands
+            beside a path in another file and the levels show it; 0 leaves the times as they are
         frequency_hz: The beacon's frequency in hertz, for recordings of power over frequency
         bandwidth_hz: Width of the band that is read about --frequency-hz, in hertz; the
             strongest bin in it counts. One bin unless given [default: 0]
         report: Write a page for any browser: one file, without a network
         export: Write places, bearings, ellipses, regions and paths to a file, in the format of
-            its ending: .geojson, .kml, .gpx, .csv, .cot (Cursor on Target) or .mcap; may be
-            given several times
-        origin: The place of the local origin on Earth (WGS84), for --export and the map of
-            --tiles, if it is not known
+            its ending: .geojson, .kml, .czml, .gpx, .csv, .cot (Cursor on Target) or .mcap; may
+            be given several times
+        origin: The place of the local origin on Earth (WGS84), for --export, --tiles, --cot and
+            programs that fetch a hunt from --live, if it is not known
         start_utc: The UTC of the time 0, for --export, if it is not known
     """
     flags: dict[str, Any] = {
@@ -807,6 +873,8 @@ def bearing(
         "site": site,
         "format": format,
         "columns": columns,
+        "sheet": sheet,
+        "level": level,
         "beacon": beacon,
         "time-format": time_format,
         "tz": tz,
@@ -842,6 +910,8 @@ def calibrate(
     antenna: Path | float | None = None,
     format: Path | float | None = None,
     columns: Path | float | Sequence[Path | float] | None = None,
+    sheet: Path | float | None = None,
+    level: Path | float | None = None,
     beacon: Path | float | None = None,
     time_format: Path | float | None = None,
     tz: Path | float | None = None,
@@ -892,6 +962,11 @@ def calibrate(
         columns: The names of the columns of a table without a header, from the first on,
             separated by commas; `-` for a column that is not to be read. Common names will do,
             such as lat,lon,bearing
+        sheet: The sheet of a spreadsheet; the first with more than one row unless given
+        level: The levels to read of an autopilot's log that is located alone, such as
+            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the
+            element with the level in a GPX track; needed where it has several. No file is then
+            taken for a path, but that of --rover
         beacon: The beacon, where the recording holds several
         time_format: Format of times whose cells leave it open: 3/4/2026 is in April (`dmy`) or
             in March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
@@ -914,12 +989,14 @@ def calibrate(
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
         rover: The receiver's path, instead of the recording's own places: a GPX file or an
-            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), which may be
-            among the recordings instead, or a table with dates and places
+            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log,
+            which may be among the recordings instead, or a table with dates and places
         clock_offset_s: Seconds added to the times of the measurements for the receiver's path:
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
-            which the clock of the measurements is behind that of the places [default: 0]
+            which the clock of the measurements is behind that of the places. Unless given, an
+            offset of up to two minutes is found where one recording of levels alone stands
+            beside a path in another file and the levels show it; 0 leaves the times as they are
         frequency_hz: The beacon's frequency in hertz, for recordings of power over frequency
         bandwidth_hz: Width of the band that is read about --frequency-hz, in hertz; the
             strongest bin in it counts. One bin unless given [default: 0]
@@ -934,6 +1011,8 @@ def calibrate(
         "antenna": antenna,
         "format": format,
         "columns": columns,
+        "sheet": sheet,
+        "level": level,
         "beacon": beacon,
         "time-format": time_format,
         "tz": tz,
@@ -961,6 +1040,8 @@ def antenna(
     bearing_deg: float | None = None,
     format: Path | float | None = None,
     columns: Path | float | Sequence[Path | float] | None = None,
+    sheet: Path | float | None = None,
+    level: Path | float | None = None,
     beacon: Path | float | None = None,
     time_format: Path | float | None = None,
     tz: Path | float | None = None,
@@ -1001,6 +1082,11 @@ def antenna(
         columns: The names of the columns of a table without a header, from the first on,
             separated by commas; `-` for a column that is not to be read. Common names will do,
             such as lat,lon,bearing
+        sheet: The sheet of a spreadsheet; the first with more than one row unless given
+        level: The levels to read of an autopilot's log that is located alone, such as
+            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the
+            element with the level in a GPX track; needed where it has several. No file is then
+            taken for a path, but that of --rover
         beacon: The beacon, where the recording holds several
         time_format: Format of times whose cells leave it open: 3/4/2026 is in April (`dmy`) or
             in March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
@@ -1023,12 +1109,14 @@ def antenna(
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
         rover: The receiver's path, instead of the recording's own places: a GPX file or an
-            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), which may be
-            among the recordings instead, or a table with dates and places
+            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log,
+            which may be among the recordings instead, or a table with dates and places
         clock_offset_s: Seconds added to the times of the measurements for the receiver's path:
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
-            which the clock of the measurements is behind that of the places [default: 0]
+            which the clock of the measurements is behind that of the places. Unless given, an
+            offset of up to two minutes is found where one recording of levels alone stands
+            beside a path in another file and the levels show it; 0 leaves the times as they are
         frequency_hz: The beacon's frequency in hertz, for recordings of power over frequency
         bandwidth_hz: Width of the band that is read about --frequency-hz, in hertz; the
             strongest bin in it counts. One bin unless given [default: 0]
@@ -1042,6 +1130,8 @@ def antenna(
         "bearing-deg": bearing_deg,
         "format": format,
         "columns": columns,
+        "sheet": sheet,
+        "level": level,
         "beacon": beacon,
         "time-format": time_format,
         "tz": tz,
@@ -1175,6 +1265,8 @@ def convert(
     calibrated: bool = False,
     format: Path | float | None = None,
     columns: Path | float | Sequence[Path | float] | None = None,
+    sheet: Path | float | None = None,
+    level: Path | float | None = None,
     beacon: Path | float | None = None,
     time_format: Path | float | None = None,
     tz: Path | float | None = None,
@@ -1219,6 +1311,11 @@ def convert(
         columns: The names of the columns of a table without a header, from the first on,
             separated by commas; `-` for a column that is not to be read. Common names will do,
             such as lat,lon,bearing
+        sheet: The sheet of a spreadsheet; the first with more than one row unless given
+        level: The levels to read of an autopilot's log that is located alone, such as
+            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the
+            element with the level in a GPX track; needed where it has several. No file is then
+            taken for a path, but that of --rover
         beacon: The beacon, where the recording holds several
         time_format: Format of times whose cells leave it open: 3/4/2026 is in April (`dmy`) or
             in March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
@@ -1241,12 +1338,14 @@ def convert(
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
         rover: The receiver's path, instead of the recording's own places: a GPX file or an
-            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), which may be
-            among the recordings instead, or a table with dates and places
+            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log,
+            which may be among the recordings instead, or a table with dates and places
         clock_offset_s: Seconds added to the times of the measurements for the receiver's path:
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
-            which the clock of the measurements is behind that of the places [default: 0]
+            which the clock of the measurements is behind that of the places. Unless given, an
+            offset of up to two minutes is found where one recording of levels alone stands
+            beside a path in another file and the levels show it; 0 leaves the times as they are
         frequency_hz: The beacon's frequency in hertz, for recordings of power over frequency
         bandwidth_hz: Width of the band that is read about --frequency-hz, in hertz; the
             strongest bin in it counts. One bin unless given [default: 0]
@@ -1261,6 +1360,8 @@ def convert(
         "calibrated": calibrated,
         "format": format,
         "columns": columns,
+        "sheet": sheet,
+        "level": level,
         "beacon": beacon,
         "time-format": time_format,
         "tz": tz,
@@ -1284,6 +1385,7 @@ def replay(
     log: Path,
     *,
     estimator: EstimatorName | None = None,
+    smooth: bool = False,
     ignore: Path | None = None,
     report: Path | None = None,
     export: Path | Sequence[Path] | None = None,
@@ -1300,18 +1402,21 @@ def replay(
         log: A log, such as `foxhunt hunt` writes it
         estimator: Another estimator than the log's own These are the names to choose from;
             `foxhunt list estimators --all` has more.
+        smooth: Smooth each beacon's track: its place at the time of each reception, from all
+            receptions before and after
         ignore: A list of receptions to leave out: saved by a page, or your own JSON lines
             (docs/report.md)
         report: Write a page for any browser: one file, without a network
         export: Write places, bearings, ellipses, regions and paths to a file, in the format of
-            its ending: .geojson, .kml, .gpx, .csv, .cot (Cursor on Target) or .mcap; may be
-            given several times
-        origin: The place of the local origin on Earth (WGS84), for --export and the map of
-            --tiles, if it is not known
+            its ending: .geojson, .kml, .czml, .gpx, .csv, .cot (Cursor on Target) or .mcap; may
+            be given several times
+        origin: The place of the local origin on Earth (WGS84), for --export, --tiles, --cot and
+            programs that fetch a hunt from --live, if it is not known
         start_utc: The UTC of the time 0, for --export, if it is not known
     """
     flags: dict[str, Any] = {
         "estimator": estimator,
+        "smooth": smooth,
         "ignore": ignore,
         "report": report,
         "export": export,
@@ -1414,6 +1519,8 @@ def judge(
     antenna: Path | float | None = None,
     format: Path | float | None = None,
     columns: Path | float | Sequence[Path | float] | None = None,
+    sheet: Path | float | None = None,
+    level: Path | float | None = None,
     beacon: Path | float | None = None,
     time_format: Path | float | None = None,
     tz: Path | float | None = None,
@@ -1486,6 +1593,11 @@ def judge(
         columns: The names of the columns of a table without a header, from the first on,
             separated by commas; `-` for a column that is not to be read. Common names will do,
             such as lat,lon,bearing
+        sheet: The sheet of a spreadsheet; the first with more than one row unless given
+        level: The levels to read of an autopilot's log that is located alone, such as
+            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the
+            element with the level in a GPX track; needed where it has several. No file is then
+            taken for a path, but that of --rover
         beacon: The beacon, where the recording holds several
         time_format: Format of times whose cells leave it open: 3/4/2026 is in April (`dmy`) or
             in March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
@@ -1508,12 +1620,14 @@ def judge(
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
         rover: The receiver's path, instead of the recording's own places: a GPX file or an
-            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), which may be
-            among the recordings instead, or a table with dates and places
+            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log,
+            which may be among the recordings instead, or a table with dates and places
         clock_offset_s: Seconds added to the times of the measurements for the receiver's path:
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
-            which the clock of the measurements is behind that of the places [default: 0]
+            which the clock of the measurements is behind that of the places. Unless given, an
+            offset of up to two minutes is found where one recording of levels alone stands
+            beside a path in another file and the levels show it; 0 leaves the times as they are
         frequency_hz: The beacon's frequency in hertz, for recordings of power over frequency
         bandwidth_hz: Width of the band that is read about --frequency-hz, in hertz; the
             strongest bin in it counts. One bin unless given [default: 0]
@@ -1542,6 +1656,8 @@ def judge(
         "antenna": antenna,
         "format": format,
         "columns": columns,
+        "sheet": sheet,
+        "level": level,
         "beacon": beacon,
         "time-format": time_format,
         "tz": tz,
@@ -2087,6 +2203,8 @@ def plot_pattern(
     antenna: Path | float | None = None,
     format: Path | float | None = None,
     columns: Path | float | Sequence[Path | float] | None = None,
+    sheet: Path | float | None = None,
+    level: Path | float | None = None,
     beacon: Path | float | None = None,
     time_format: Path | float | None = None,
     tz: Path | float | None = None,
@@ -2121,6 +2239,11 @@ def plot_pattern(
         columns: The names of the columns of a table without a header, from the first on,
             separated by commas; `-` for a column that is not to be read. Common names will do,
             such as lat,lon,bearing
+        sheet: The sheet of a spreadsheet; the first with more than one row unless given
+        level: The levels to read of an autopilot's log that is located alone, such as
+            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the
+            element with the level in a GPX track; needed where it has several. No file is then
+            taken for a path, but that of --rover
         beacon: The beacon, where the recording holds several
         time_format: Format of times whose cells leave it open: 3/4/2026 is in April (`dmy`) or
             in March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
@@ -2143,12 +2266,14 @@ def plot_pattern(
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
         rover: The receiver's path, instead of the recording's own places: a GPX file or an
-            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), which may be
-            among the recordings instead, or a table with dates and places
+            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log,
+            which may be among the recordings instead, or a table with dates and places
         clock_offset_s: Seconds added to the times of the measurements for the receiver's path:
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
-            which the clock of the measurements is behind that of the places [default: 0]
+            which the clock of the measurements is behind that of the places. Unless given, an
+            offset of up to two minutes is found where one recording of levels alone stands
+            beside a path in another file and the levels show it; 0 leaves the times as they are
         frequency_hz: The beacon's frequency in hertz, for recordings of power over frequency
         bandwidth_hz: Width of the band that is read about --frequency-hz, in hertz; the
             strongest bin in it counts. One bin unless given [default: 0]
@@ -2162,6 +2287,8 @@ def plot_pattern(
         "antenna": antenna,
         "format": format,
         "columns": columns,
+        "sheet": sheet,
+        "level": level,
         "beacon": beacon,
         "time-format": time_format,
         "tz": tz,
@@ -2189,6 +2316,8 @@ def plot_levels(
     out: Path | float,
     format: Path | float | None = None,
     columns: Path | float | Sequence[Path | float] | None = None,
+    sheet: Path | float | None = None,
+    level: Path | float | None = None,
     beacon: Path | float | None = None,
     time_format: Path | float | None = None,
     tz: Path | float | None = None,
@@ -2215,6 +2344,11 @@ def plot_levels(
         columns: The names of the columns of a table without a header, from the first on,
             separated by commas; `-` for a column that is not to be read. Common names will do,
             such as lat,lon,bearing
+        sheet: The sheet of a spreadsheet; the first with more than one row unless given
+        level: The levels to read of an autopilot's log that is located alone, such as
+            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the
+            element with the level in a GPX track; needed where it has several. No file is then
+            taken for a path, but that of --rover
         beacon: The beacon, where the recording holds several
         time_format: Format of times whose cells leave it open: 3/4/2026 is in April (`dmy`) or
             in March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
@@ -2237,12 +2371,14 @@ def plot_levels(
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
         rover: The receiver's path, instead of the recording's own places: a GPX file or an
-            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), which may be
-            among the recordings instead, or a table with dates and places
+            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log,
+            which may be among the recordings instead, or a table with dates and places
         clock_offset_s: Seconds added to the times of the measurements for the receiver's path:
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
-            which the clock of the measurements is behind that of the places [default: 0]
+            which the clock of the measurements is behind that of the places. Unless given, an
+            offset of up to two minutes is found where one recording of levels alone stands
+            beside a path in another file and the levels show it; 0 leaves the times as they are
         frequency_hz: The beacon's frequency in hertz, for recordings of power over frequency
         bandwidth_hz: Width of the band that is read about --frequency-hz, in hertz; the
             strongest bin in it counts. One bin unless given [default: 0]
@@ -2252,6 +2388,8 @@ def plot_levels(
     flags: dict[str, Any] = {
         "format": format,
         "columns": columns,
+        "sheet": sheet,
+        "level": level,
         "beacon": beacon,
         "time-format": time_format,
         "tz": tz,
@@ -2281,6 +2419,8 @@ def plot_rssi(
     antenna: Path | float | None = None,
     format: Path | float | None = None,
     columns: Path | float | Sequence[Path | float] | None = None,
+    sheet: Path | float | None = None,
+    level: Path | float | None = None,
     beacon: Path | float | None = None,
     time_format: Path | float | None = None,
     tz: Path | float | None = None,
@@ -2314,6 +2454,11 @@ def plot_rssi(
         columns: The names of the columns of a table without a header, from the first on,
             separated by commas; `-` for a column that is not to be read. Common names will do,
             such as lat,lon,bearing
+        sheet: The sheet of a spreadsheet; the first with more than one row unless given
+        level: The levels to read of an autopilot's log that is located alone, such as
+            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the
+            element with the level in a GPX track; needed where it has several. No file is then
+            taken for a path, but that of --rover
         beacon: The beacon, where the recording holds several
         time_format: Format of times whose cells leave it open: 3/4/2026 is in April (`dmy`) or
             in March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
@@ -2336,12 +2481,14 @@ def plot_rssi(
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
         rover: The receiver's path, instead of the recording's own places: a GPX file or an
-            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), which may be
-            among the recordings instead, or a table with dates and places
+            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log,
+            which may be among the recordings instead, or a table with dates and places
         clock_offset_s: Seconds added to the times of the measurements for the receiver's path:
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
-            which the clock of the measurements is behind that of the places [default: 0]
+            which the clock of the measurements is behind that of the places. Unless given, an
+            offset of up to two minutes is found where one recording of levels alone stands
+            beside a path in another file and the levels show it; 0 leaves the times as they are
         frequency_hz: The beacon's frequency in hertz, for recordings of power over frequency
         bandwidth_hz: Width of the band that is read about --frequency-hz, in hertz; the
             strongest bin in it counts. One bin unless given [default: 0]
@@ -2354,6 +2501,8 @@ def plot_rssi(
         "antenna": antenna,
         "format": format,
         "columns": columns,
+        "sheet": sheet,
+        "level": level,
         "beacon": beacon,
         "time-format": time_format,
         "tz": tz,
@@ -2383,6 +2532,8 @@ def plot_bearing_errors(
     antenna: Path | float | None = None,
     format: Path | float | None = None,
     columns: Path | float | Sequence[Path | float] | None = None,
+    sheet: Path | float | None = None,
+    level: Path | float | None = None,
     beacon: Path | float | None = None,
     time_format: Path | float | None = None,
     tz: Path | float | None = None,
@@ -2416,6 +2567,11 @@ def plot_bearing_errors(
         columns: The names of the columns of a table without a header, from the first on,
             separated by commas; `-` for a column that is not to be read. Common names will do,
             such as lat,lon,bearing
+        sheet: The sheet of a spreadsheet; the first with more than one row unless given
+        level: The levels to read of an autopilot's log that is located alone, such as
+            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the
+            element with the level in a GPX track; needed where it has several. No file is then
+            taken for a path, but that of --rover
         beacon: The beacon, where the recording holds several
         time_format: Format of times whose cells leave it open: 3/4/2026 is in April (`dmy`) or
             in March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
@@ -2438,12 +2594,14 @@ def plot_bearing_errors(
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
         rover: The receiver's path, instead of the recording's own places: a GPX file or an
-            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), which may be
-            among the recordings instead, or a table with dates and places
+            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log,
+            which may be among the recordings instead, or a table with dates and places
         clock_offset_s: Seconds added to the times of the measurements for the receiver's path:
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
-            which the clock of the measurements is behind that of the places [default: 0]
+            which the clock of the measurements is behind that of the places. Unless given, an
+            offset of up to two minutes is found where one recording of levels alone stands
+            beside a path in another file and the levels show it; 0 leaves the times as they are
         frequency_hz: The beacon's frequency in hertz, for recordings of power over frequency
         bandwidth_hz: Width of the band that is read about --frequency-hz, in hertz; the
             strongest bin in it counts. One bin unless given [default: 0]
@@ -2456,6 +2614,8 @@ def plot_bearing_errors(
         "antenna": antenna,
         "format": format,
         "columns": columns,
+        "sheet": sheet,
+        "level": level,
         "beacon": beacon,
         "time-format": time_format,
         "tz": tz,
