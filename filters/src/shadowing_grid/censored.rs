@@ -1,4 +1,5 @@
 use alloc::vec::Vec;
+use core::f64::consts::TAU;
 
 use foxhunt_core::{Pose, noise::log_normal_cdf};
 
@@ -26,6 +27,7 @@ pub(super) struct Censored {
     neighbours: Neighbours,
     /// For each correlation, each segment given its neighbours.
     given: Vec<Vec<Given>>,
+    log_normal_cdf: LogNormalCdf,
 }
 
 /// One censored segment under one correlation, given the segments with a value near by.
@@ -39,6 +41,8 @@ struct Given {
     ones: f64,
     /// The variance given the neighbours, in units of σ².
     variance: f64,
+    /// 1 / the standard deviation with the intercept's part, in units of σ.
+    scale: f64,
     /// The exponent of the probability: 1 over the number of segments that fade alike, for all
     /// segments that this one stands for.
     exponent: f64,
@@ -52,18 +56,62 @@ pub(super) struct Law {
     pub(super) coefficients: [f64; 2],
     /// σ² of the values.
     pub(super) variance: f64,
-    /// Variance of the intercept in units of σ².
-    pub(super) of_intercept: f64,
+}
+
+/// ln Φ between nodes by cubics that have its values and slopes there, to 10⁻⁸: the function itself
+/// takes ten times as long.
+#[derive(Clone, Debug)]
+struct LogNormalCdf {
+    /// Value and slope times the distance of the nodes.
+    nodes: Vec<(f64, f64)>,
+}
+
+impl LogNormalCdf {
+    const FIRST: f64 = -10.0;
+    const NODES_PER_ONE: f64 = 16.0;
+    /// The last node is at 8, where Φ is 1 to all digits.
+    const NODES: u16 = 289;
+
+    fn new() -> Self {
+        let node = |i: u16| {
+            let x = Self::FIRST + f64::from(i) / Self::NODES_PER_ONE;
+            let value = log_normal_cdf(x);
+            let slope = libm::exp(-0.5 * x * x - 0.5 * libm::log(TAU) - value);
+            (value, slope / Self::NODES_PER_ONE)
+        };
+        Self { nodes: (0..Self::NODES).map(node).collect() }
+    }
+
+    fn at(&self, x: f64) -> f64 {
+        let way = (x - Self::FIRST) * Self::NODES_PER_ONE;
+        if way.is_nan() || way < 0.0 {
+            return log_normal_cdf(x);
+        }
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "not negative, and beyond all nodes where it is cut off"
+        )]
+        let node = way as usize;
+        let Some([(from, leaves), (to, arrives)]) = self.nodes.get(node..node.saturating_add(2))
+        else {
+            return 0.0;
+        };
+        let t = way - libm::floor(way);
+        let rise = to - from;
+        from + t * (rise + (1.0 - t) * ((1.0 - t) * (leaves - rise) + t * (rise - arrives)))
+    }
 }
 
 impl Censored {
-    /// Weighs each segment; the segments at `received` have `values`, and a correlation
-    /// that is not positive definite leaves a segment without neighbours.
+    /// Weighs each segment; the segments at `received` have `values`, and each correlation is given
+    /// with the variance of the intercept under it, in units of σ². A correlation that is not
+    /// positive definite leaves a segment without neighbours.
     pub(super) fn new(
         segments: &[(ShadowedReading, f64)],
         received: Receivers<'_>,
         values: &[f64],
-        correlations: &[Correlation],
+        correlations: impl Iterator<Item = (Correlation, f64)>,
     ) -> Self {
         let mut ordered: Vec<&(ShadowedReading, f64)> = Vec::with_capacity(segments.len());
         // The number in `ordered` of each that is weighed, and those that it stands for.
@@ -80,23 +128,25 @@ impl Censored {
         let all =
             Neighbours::among(ordered.iter().map(|(reading, _)| &reading.receiver), received.poses);
         let near: Vec<&[u32]> = all.each().collect();
-        let of_correlation = |correlation: &Correlation| {
+        let of_correlation = |(correlation, of_intercept): (Correlation, f64)| {
             let each: Vec<Given> = (ordered.iter().zip(&near))
                 .map(|((reading, count), near)| {
-                    Given::new(reading, *count, near, received, values, *correlation)
+                    Given::new(reading, *count, near, received, values, correlation)
                 })
                 .collect();
             let given = kept.iter().filter_map(|(middle, group)| {
                 let shared =
-                    |j| remaining(&ordered, &near, &each, received, correlation, *middle, j);
+                    |j| remaining(&ordered, &near, &each, received, &correlation, *middle, j);
                 let alike: f64 = (0..ordered.len()).map(shared).sum();
                 #[expect(clippy::cast_precision_loss, reason = "fewer segments than 2⁵³")]
                 let exponent = group.len() as f64 / alike;
-                Some(Given { exponent, ..each.get(*middle)?.clone() })
+                let own = each.get(*middle)?;
+                let variance = own.variance + of_intercept * own.ones * own.ones;
+                Some(Given { exponent, scale: 1.0 / libm::sqrt(variance), ..own.clone() })
             });
             given.collect()
         };
-        let given = correlations.iter().map(of_correlation).collect();
+        let given = correlations.map(of_correlation).collect();
         let kept = || kept.iter().filter_map(|(middle, _)| ordered.get(*middle));
         let sign = |s: &ShadowedReading| if s.censoring == Censoring::Above { -1.0 } else { 1.0 };
         let receivers: Vec<Pose> = kept().map(|(reading, _)| reading.receiver).collect();
@@ -105,6 +155,7 @@ impl Censored {
             neighbours: Neighbours::among(receivers.iter(), received.poses),
             receivers,
             given,
+            log_normal_cdf: LogNormalCdf::new(),
         }
     }
 
@@ -149,7 +200,8 @@ impl Censored {
         column: usize,
         least: f64,
     ) -> f64 {
-        let Law { intercept, coefficients: [b, c], variance, of_intercept } = *law;
+        let Law { intercept, coefficients: [b, c], variance } = *law;
+        let per_sigma = 1.0 / libm::sqrt(variance);
         let given = self.given.get(correlation).into_iter().flatten();
         let mut sum = 0.0;
         if least >= sum {
@@ -158,9 +210,8 @@ impl Censored {
         for (((limit, sign), [x, g]), given) in self.limits.iter().zip(beyond).zip(given) {
             let [x, g] = [x, g].map(|row| row.get(column).copied().unwrap_or(0.0));
             let expected = given.value + intercept * given.ones + b * x + c * g;
-            let own = given.variance + of_intercept * given.ones * given.ones;
-            let deviation = libm::sqrt(variance * own);
-            sum += given.exponent * log_normal_cdf(sign * (limit - expected) / deviation);
+            let beside = sign * (limit - expected) * given.scale * per_sigma;
+            sum += given.exponent * self.log_normal_cdf.at(beside);
             if sum < least {
                 return f64::NEG_INFINITY;
             }
@@ -190,6 +241,7 @@ impl Given {
             value: value.sum(),
             ones: 1.0 - weights.iter().take(near.len()).sum::<f64>(),
             variance,
+            scale: 1.0 / libm::sqrt(variance),
             exponent: 1.0,
         }
     }
@@ -244,7 +296,12 @@ mod tests {
         let values = [3.0, -1.0, 0.5, 2.0, -4.0];
         let counts = [1.0, 4.0, 1.0, 2.0, 1.0];
         let received = Receivers { poses: &poses, counts: &counts };
-        let censored = Censored::new(&[above(10.0, 10.0)], received, &values, &[correlation]);
+        let censored = Censored::new(
+            &[above(10.0, 10.0)],
+            received,
+            &values,
+            [(correlation, 0.0)].into_iter(),
+        );
         // Written out anew, from the model's definition.
         let of = |apart_m: f64| 0.7 * libm::exp(-apart_m / 30.0);
         let apart_m = |a: &Pose, b: &Pose| (a.position - b.position).norm();
@@ -271,15 +328,27 @@ mod tests {
     }
 
     #[test]
+    fn the_table_is_the_function() {
+        let table = LogNormalCdf::new();
+        for i in -1300..1000_i16 {
+            let x = f64::from(i) / 97.0;
+            let [read, exact] = [table.at(x), log_normal_cdf(x)];
+            assert!((read - exact).abs() < 1e-8 * (1.0 - exact), "{x}: {read} {exact}");
+        }
+        assert!(table.at(1e300).abs() < 1e-15 && table.at(f64::NAN).is_nan());
+        assert!(table.at(f64::NEG_INFINITY) < -1e300);
+    }
+
+    #[test]
     fn segments_that_fade_alike_count_as_one() {
         let correlation = Correlation { length_m: 30.0, nugget: 1e-9 };
         let poses = [Pose::at(1e6, 0.0, 0.0)];
         let received = Receivers { poses: &poses, counts: &[1.0] };
         let of = |places: &[(f64, f64)]| {
             let segments: Vec<_> = places.iter().map(|(e, n)| above(*e, *n)).collect();
-            let censored = Censored::new(&segments, received, &[0.0], &[correlation]);
-            let law =
-                Law { intercept: -42.0, coefficients: [0.0; 2], variance: 4.0, of_intercept: 0.0 };
+            let censored =
+                Censored::new(&segments, received, &[0.0], [(correlation, 0.0)].into_iter());
+            let law = Law { intercept: -42.0, coefficients: [0.0; 2], variance: 4.0 };
             let none = vec![[[0.0; 16]; 2]; places.len()];
             let all = censored.log_probability(0, &law, &none, 0, f64::NEG_INFINITY);
             all / log_normal_cdf(-1.0)

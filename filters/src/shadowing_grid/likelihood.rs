@@ -134,8 +134,13 @@ impl Likelihood {
             Regression::new(near, &values, calibration_variance, intercept_is_flat, *correlation)
                 .ok_or(ShadowingGridError::Correlation { length_m })
         };
-        let regressions = correlations.iter().map(regression).collect::<Result<_, _>>()?;
-        let censored = Censored::new(&censored, received, &values, &correlations);
+        let regressions: Vec<Regression> =
+            correlations.iter().map(regression).collect::<Result<_, _>>()?;
+        let of_intercept = |regression: &Regression| {
+            if intercept_is_flat { 1.0 / regression.ones_square() } else { 0.0 }
+        };
+        let correlated = correlations.iter().copied().zip(regressions.iter().map(of_intercept));
+        let censored = Censored::new(&censored, received, &values, correlated);
         let (prior_readings, prior_sigma) = config.sigma_prior;
         let freedom = prior_readings + if intercept_is_flat { n - 1.0 } else { n };
         let ratio = libm::lgamma(0.5 * (freedom - 1.0)) - libm::lgamma(0.5 * freedom);
@@ -415,7 +420,6 @@ impl Likelihood {
         explanations.clear();
         let mut peak = f64::NEG_INFINITY;
         for Under { number, regression, products, beyond, column } in explained.clone() {
-            let per_one = if self.intercept_is_flat { 1.0 / regression.ones_square() } else { 0.0 };
             let square_of = |b, c| self.prior_square + regression.residual_square(products, b, c);
             for &(c, c_weight) in self.gains(gain, regression, products, gains) {
                 let (b_peak, b_variance) = regression.slope_for_gain(products, c);
@@ -433,7 +437,6 @@ impl Likelihood {
                                 - self.offset,
                             coefficients: [b, c],
                             variance: square / (self.freedom - 2.0).max(1.0),
-                            of_intercept: per_one,
                         };
                         // A censored segment makes nothing more probable.
                         let least = needed.max(peak - NEGLIGIBLE) - log_mass;
