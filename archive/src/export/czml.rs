@@ -89,8 +89,8 @@ fn packet(overview: &Overview, feature: &Feature, id: &str) -> Value {
             ),
         },
         Shape::Area(rings) => {
-            let outer = rings.first().map(|ring| flat(ring)).unwrap_or_default();
-            let holes: Vec<Value> = rings.iter().skip(1).map(|ring| flat(ring)).collect();
+            let outer = rings.first().map(flat).unwrap_or_default();
+            let holes: Vec<Value> = rings.iter().skip(1).map(flat).collect();
             let holes = holes.iter().map(|hole| &hole["cartographicDegrees"]).collect::<Vec<_>>();
             put(
                 "polygon",

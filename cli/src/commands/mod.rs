@@ -83,7 +83,7 @@ pub(crate) enum Command {
     List(list::Args),
     Replay(replay::Args),
     Calibrate(calibrate::Args),
-    Locate(locate::Args),
+    Locate(Box<locate::Args>),
     Judge(judge::Args),
     Bearing(bearing::Args),
     Antenna(antenna::Args),

@@ -36,7 +36,7 @@ impl Scale {
         match self {
             Self::Sik => (number > 0.0 && number < 255.0).then(|| number / 1.9 - 127.0),
             Self::Share(percent) => {
-                (number > 0.0 && number * percent <= 100.0).then(|| number * percent)
+                (number > 0.0 && number * percent <= 100.0).then_some(number * percent)
             }
             Self::Decibels => number.is_finite().then_some(number),
         }

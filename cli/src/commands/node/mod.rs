@@ -33,7 +33,7 @@ pub(crate) struct Args {
 #[derive(Debug, clap::Subcommand)]
 enum Node {
     Drone(drone::Args),
-    Fusion(fusion::Args),
+    Fusion(Box<fusion::Args>),
     Key(key::Args),
 }
 

@@ -579,7 +579,7 @@ impl<'a> Comparison<'a> {
 
 /// Twice the logarithm of the ratio of two likelihoods; `None` unless both are known.
 fn ratio(one: f64, other: f64) -> Option<f64> {
-    (one.is_finite() && other.is_finite()).then(|| 2.0 * (one - other))
+    (one.is_finite() && other.is_finite()).then_some(2.0 * (one - other))
 }
 
 /// Returns the speed on the way, length over time, of steps of metres and seconds; 0 where the
