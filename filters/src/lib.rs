@@ -29,6 +29,8 @@
 //! From all readings of one flight at once, [`ShadowingGrid`] locates a transmitter of unknown
 //! power whose level fades alike in neighbouring places.
 //!
+//! [`vecchia`] makes readings independent whose errors are correlated by place.
+//!
 //! From single levels along the boresights of a directional antenna, such as a slow tag's pulses,
 //! [`DirectionalGrid`] locates a transmitter without waiting for whole turns.
 //!
@@ -92,6 +94,8 @@ mod smoothing;
 mod track_grid;
 mod transform;
 mod triangle;
+#[cfg(feature = "alloc")]
+pub mod vecchia;
 #[cfg(feature = "alloc")]
 mod vectorised;
 

@@ -3,10 +3,8 @@ use core::f64::consts::TAU;
 
 use foxhunt_core::{Pose, noise::log_normal_cdf};
 
-use super::{
-    Censoring, ShadowedReading,
-    whitener::{Correlation, NEIGHBOURS, Neighbours, Receivers, Row},
-};
+use super::{Censoring, NEIGHBOURS, Row, ShadowedReading};
+use crate::vecchia::{Correlation, Neighbours, Receivers};
 
 /// Number of segments of one side that are weighed; of more, some stand for all beside them.
 const MOST: usize = 100;
@@ -24,7 +22,7 @@ pub(super) struct Censored {
     /// Each limit, and the sign of limit − value: 1 below, −1 above.
     limits: Vec<(f64, f64)>,
     /// The segments with a value nearest to each.
-    neighbours: Neighbours,
+    neighbours: Neighbours<NEIGHBOURS>,
     /// For each correlation, each segment given its neighbours.
     given: Vec<Vec<Given>>,
     log_normal_cdf: LogNormalCdf,
@@ -35,9 +33,9 @@ pub(super) struct Censored {
 struct Given {
     /// Weight of each neighbour in the mean.
     weights: [f64; NEIGHBOURS],
-    /// What the neighbours' values add to the mean.
+    /// Part of the mean that the neighbours' values make.
     value: f64,
-    /// What a unit of the intercept adds to the mean: 1 less the weights.
+    /// Part of the mean that a unit of the intercept makes: 1 less the weights.
     ones: f64,
     /// The variance given the neighbours, in units of σ².
     variance: f64,
@@ -58,8 +56,8 @@ pub(super) struct Law {
     pub(super) variance: f64,
 }
 
-/// ln Φ between nodes by cubics that have its values and slopes there, to 10⁻⁸: the function itself
-/// takes ten times as long.
+/// ln Φ between nodes by cubics that have its values and slopes there, to 10⁻⁸: it is needed for
+/// each segment under each explanation of each cell.
 #[derive(Clone, Debug)]
 struct LogNormalCdf {
     /// Value and slope times the distance of the nodes.
@@ -125,7 +123,7 @@ impl Censored {
                 kept.push((from + (to - from) / 2, from..to));
             }
         }
-        let all =
+        let all: Neighbours<NEIGHBOURS> =
             Neighbours::among(ordered.iter().map(|(reading, _)| &reading.receiver), received.poses);
         let near: Vec<&[u32]> = all.each().collect();
         let of_correlation = |(correlation, of_intercept): (Correlation, f64)| {
@@ -229,7 +227,7 @@ impl Given {
         values: &[f64],
         correlation: Correlation,
     ) -> Self {
-        let given = correlation.given(near, received, &reading.receiver, count);
+        let given = correlation.given::<NEIGHBOURS>(near, received, &reading.receiver, count);
         let (weights, variance) = given.map_or_else(
             || ([0.0; NEIGHBOURS], correlation.variance(count)),
             |(weights, variance)| (weights.into(), variance),

@@ -4,15 +4,15 @@ use foxhunt_core::Pose;
 use nalgebra::Vector2;
 
 use super::{
-    Intercept, ShadowingGridConfig, ShadowingGridError,
+    Intercept, LANES, Row, ShadowingGridConfig, ShadowingGridError,
     censored::{Censored, Law},
     coefficient::Coefficient,
     grid::{Grid, PosteriorMap},
     marginal::{Marginal, Mixture, Moments},
     path::Segments,
     regression::{Products, Regression},
-    whitener::{Correlation, LANES, Neighbours, Receivers, Row},
 };
+use crate::vecchia::{Correlation, Neighbours, Receivers};
 
 /// Gap in the log-likelihood below the best beyond which an explanation is left out, where censored
 /// segments make it less probable still.

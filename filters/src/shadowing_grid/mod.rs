@@ -19,7 +19,6 @@ mod marginal;
 mod path;
 mod regression;
 mod search;
-mod whitener;
 
 pub use config::{Intercept, PlacePrior, ShadowingGridConfig, Slope};
 pub use error::ShadowingGridError;
@@ -30,6 +29,16 @@ pub use locate::ShadowingGrid;
 pub(crate) use locate::bounds;
 pub use marginal::Marginal;
 pub use path::{Censoring, ShadowedReading};
+
+/// Right-hand sides that are solved side by side: their sums fill the vector registers.
+const LANES: usize = 16;
+
+/// One row of [`LANES`] right-hand sides.
+type Row = [f64; LANES];
+
+/// Earlier readings that each reading is conditioned on, at most: the correlation e^(−d/ℓ) has
+/// little memory beyond the nearest.
+const NEIGHBOURS: usize = 12;
 
 #[cfg(feature = "field-map")]
 pub(crate) use path::{Path, Segments, Summary};

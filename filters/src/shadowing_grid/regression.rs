@@ -1,12 +1,13 @@
 use alloc::{vec, vec::Vec};
 
-use super::whitener::{Correlation, LANES, Neighbours, Receivers, Row, Whitener};
+use super::{LANES, NEIGHBOURS, Row};
+use crate::vecchia::{Correlation, Neighbours, Receivers, Whitener};
 
 /// The readings, whitened under one correlation length and nugget, and cleared of their mean where
 /// the intercept is unknown.
 #[derive(Clone, Debug)]
 pub(super) struct Regression {
-    whitener: Whitener,
+    whitener: Whitener<NEIGHBOURS>,
     /// r = L⁻¹ p, orthogonal to `ones` if the intercept is unknown.
     values: Vec<f64>,
     /// u = L⁻¹ 1; zeros if the intercept is known, so that every term in it vanishes.
@@ -39,7 +40,7 @@ impl Regression {
     /// Factors and whitens; `None` where the correlation is not positive definite. One value more
     /// than there are receivers is a calibration's, with its variance.
     pub(super) fn new(
-        (receivers, neighbours): (Receivers<'_>, &Neighbours),
+        (receivers, neighbours): (Receivers<'_>, &Neighbours<NEIGHBOURS>),
         values: &[f64],
         calibration: Option<f64>,
         intercept_is_flat: bool,

@@ -7,10 +7,12 @@
 
 mod shadowed;
 
+use foxhunt_core::Pose;
+use foxhunt_filters::vecchia::Correlation;
 use nalgebra::{Vector2, Vector3};
 use serde::Serialize;
 
-use self::shadowed::{Neighbours, Search, Shadowing};
+use self::shadowed::{Places, Search};
 
 /// Least number of levels by which clocks are compared.
 const LEAST: usize = 40;
@@ -80,7 +82,6 @@ pub struct FoundOffset {
 
 /// Relation of two clocks, as the levels show it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
 pub enum Clocks {
     /// The clocks differ by this.
     Differ(FoundOffset),
@@ -269,8 +270,8 @@ impl<'a> Comparison<'a> {
         }
         let scanned = self.averaged_on_path([-end_s, end_s], &all, MOST_IN_SCAN);
         let usual = [
-            Shadowing { length_m: 40.0 * self.scale, own_share: 0.3 },
-            Shadowing { length_m: 1.0, own_share: 1.0 },
+            Correlation { length_m: 40.0 * self.scale, nugget: 0.3 },
+            Correlation { length_m: 1.0, nugget: 1.0 },
         ];
         let scan: Vec<Tried> =
             offsets.iter().map(|offset_s| self.tried(&scanned, *offset_s, &usual, None)).collect();
@@ -399,7 +400,7 @@ impl<'a> Comparison<'a> {
         &self,
         best: &Tried,
         place: Vector2<f64>,
-        shadowings: &[Shadowing],
+        shadowings: &[Correlation],
     ) -> Option<f64> {
         let range_s = [best.offset_s.min(-AGREE_S), best.offset_s.max(AGREE_S)];
         let both = self.averaged_on_path(range_s, &self.on_path(range_s), MOST_AT_BEST);
@@ -420,7 +421,12 @@ impl<'a> Comparison<'a> {
 
     /// Twice the log-likelihood ratio of two offsets, by the levels that lie on the path at both,
     /// and the other one refined; `None` where they cannot be compared.
-    fn gain(&self, best: &Tried, other: &Tried, shadowings: &[Shadowing]) -> (Option<f64>, Tried) {
+    fn gain(
+        &self,
+        best: &Tried,
+        other: &Tried,
+        shadowings: &[Correlation],
+    ) -> (Option<f64>, Tried) {
         let reach_s = self.step_s;
         let from_s = best.offset_s.min(other.offset_s) - reach_s;
         let range_s = [from_s, best.offset_s.max(other.offset_s) + reach_s];
@@ -467,7 +473,7 @@ impl<'a> Comparison<'a> {
         &self,
         heard: &[HeardLevel],
         offset_s: f64,
-        shadowings: &[Shadowing],
+        shadowings: &[Correlation],
         near: Option<Vector2<f64>>,
     ) -> Tried {
         let none = Tried { offset_s, value: f64::NEG_INFINITY, place: self.search.middle };
@@ -479,16 +485,15 @@ impl<'a> Comparison<'a> {
         for own in heard {
             // Fewer levels would make any offset more likely.
             let Some(place) = (self.place)(own.time_s + offset_s) else { return none };
-            places.push(place);
+            places.push(Pose::level(place, 0.0));
             levels.push(own.level_db);
         }
         if places.len() < LEAST / 2 {
             return none;
         }
-        let neighbours = Neighbours::new(places);
+        let places = Places::new(places);
         for shadowing in shadowings {
-            let whitener = neighbours.whitener(*shadowing);
-            let mut readings = whitener.readings(&levels);
+            let Some(mut readings) = places.readings(&levels, *shadowing) else { return none };
             let found = match from {
                 Some(place) => readings.refine(place, 0.02 * self.search.half_m, &self.search),
                 None => readings.search(&self.search),
@@ -504,23 +509,23 @@ impl<'a> Comparison<'a> {
     }
 
     /// Returns the three shadowings that fit best at an offset.
-    fn shadowings(&self, heard: &[HeardLevel], at: &Tried) -> Vec<Shadowing> {
-        let mut fits: Vec<(f64, Shadowing)> = Vec::new();
+    fn shadowings(&self, heard: &[HeardLevel], at: &Tried) -> Vec<Correlation> {
+        let mut fits: Vec<(f64, Correlation)> = Vec::new();
         for length_m in [8.0, 20.0, 50.0, 125.0] {
-            for own_share in [0.03, 0.15, 0.4, 0.75] {
-                let shadowing = Shadowing { length_m: length_m * self.scale, own_share };
+            for nugget in [0.03, 0.15, 0.4, 0.75] {
+                let shadowing = Correlation { length_m: length_m * self.scale, nugget };
                 let tried = self.tried(heard, at.offset_s, &[shadowing], Some(at.place));
                 fits.push((tried.value, shadowing));
             }
         }
-        let white = Shadowing { length_m: 1.0, own_share: 1.0 };
+        let white = Correlation { length_m: 1.0, nugget: 1.0 };
         fits.push((self.tried(heard, at.offset_s, &[white], Some(at.place)).value, white));
         fits.sort_by(|a, b| b.0.total_cmp(&a.0));
         fits.into_iter().take(3).map(|(_, shadowing)| shadowing).collect()
     }
 
     /// Returns the best offset about a mode of the scan.
-    fn refined(&self, heard: &[HeardLevel], mode: &Tried, shadowings: &[Shadowing]) -> Tried {
+    fn refined(&self, heard: &[HeardLevel], mode: &Tried, shadowings: &[Correlation]) -> Tried {
         let mut best = self.tried(heard, mode.offset_s, shadowings, Some(mode.place));
         let mut step_s = 0.5 * self.step_s;
         for _ in 0..3 {
@@ -542,7 +547,7 @@ impl<'a> Comparison<'a> {
         &self,
         heard: &[HeardLevel],
         about: &Tried,
-        shadowings: &[Shadowing],
+        shadowings: &[Correlation],
     ) -> Result<Vec<Tried>, ClocksUnknown> {
         let mut profile = vec![self.tried(heard, about.offset_s, shadowings, Some(about.place))];
         let mut top = profile.first().map_or(f64::NEG_INFINITY, |own| own.value);
@@ -677,8 +682,8 @@ fn without_outliers(heard: &[HeardLevel]) -> Vec<HeardLevel> {
     kept.map(|(own, _)| *own).collect()
 }
 
-/// Returns `most` levels or fewer, each the mean of an equal number that follow each other without a
-/// hole.
+/// Returns `most` levels or fewer, each the mean of an equal number that follow each other without
+/// a hole.
 fn averaged(heard: &[HeardLevel], most: usize) -> Vec<HeardLevel> {
     let size = heard.len().div_ceil(most.max(1));
     if size <= 1 {

@@ -1,8 +1,10 @@
 //! Likelihood of levels along a path, about a log-distance law with correlated shadowing.
 
-use nalgebra::{Vector2, Vector3};
+use foxhunt_core::Pose;
+use foxhunt_filters::vecchia::{Correlation, Neighbours, Receivers, Whitener};
+use nalgebra::Vector2;
 
-/// Number of earlier readings on which each is conditioned (Vecchia 1988): the nearest.
+/// Number of earlier readings on which each is conditioned: the nearest.
 const NEIGHBOURS: usize = 8;
 
 /// Mean and σ of the prior of the path-loss exponent: wide, as antennas bend the law too.
@@ -11,119 +13,39 @@ const EXPONENT: [f64; 2] = [2.6, 1.3];
 /// Sum of squares of the prior of σ: half a reading of 4 dB.
 const PRIOR_SQUARES: f64 = 8.0;
 
-/// Shadowing: distance in metres over which its correlation falls to 1/e, and share of the variance
-/// that is each reading's own.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Shadowing {
-    pub(super) length_m: f64,
-    pub(super) own_share: f64,
+/// Places of readings along a path, in the order of time.
+pub(super) struct Places {
+    poses: Vec<Pose>,
+    /// Number of readings behind each level.
+    counts: Vec<f64>,
+    neighbours: Neighbours<NEIGHBOURS>,
 }
 
-/// Places of readings, each with its nearest neighbours among the earlier ones.
-pub(super) struct Neighbours {
-    places: Vec<Vector3<f64>>,
-    nearest: Vec<[usize; NEIGHBOURS]>,
-}
-
-impl Neighbours {
-    pub(super) fn new(places: Vec<Vector3<f64>>) -> Self {
-        let of = |index: usize| {
-            let mut kept = [(f64::INFINITY, 0); NEIGHBOURS];
-            let here = places.get(index).copied().unwrap_or_default();
-            for (other, place) in places.iter().take(index).enumerate() {
-                let square = (place - here).norm_squared();
-                // The earlier of two that are as near stays, so that the order decides.
-                if square >= kept[NEIGHBOURS - 1].0 {
-                    continue;
-                }
-                let mut slot = NEIGHBOURS - 1;
-                while slot > 0 && kept[slot - 1].0 > square {
-                    kept[slot] = kept[slot - 1];
-                    slot -= 1;
-                }
-                kept[slot] = (square, other);
-            }
-            kept.map(|(_, other)| other)
-        };
-        let nearest = (0..places.len()).map(of).collect();
-        Self { places, nearest }
+impl Places {
+    pub(super) fn new(poses: Vec<Pose>) -> Self {
+        Self { counts: vec![1.0; poses.len()], neighbours: Neighbours::new(&poses), poses }
     }
 
-    /// Returns the linear map that makes readings with this shadowing independent.
-    pub(super) fn whitener(&self, shadowing: Shadowing) -> Whitener<'_> {
-        let Shadowing { length_m, own_share } = shadowing;
-        let shared = 1.0 - own_share;
-        let covariance =
-            |a: Vector3<f64>, b: Vector3<f64>| shared * (-(a - b).norm() / length_m).exp();
-        let mut weights = vec![[0.0; NEIGHBOURS]; self.places.len()];
-        let mut inverse_sigmas = vec![1.0; self.places.len()];
-        let mut ln_determinant = 0.0;
-        let rows = self.nearest.iter().zip(&self.places).enumerate();
-        for ((index, (nearest, here)), (weights, inverse_sigma)) in
-            rows.zip(weights.iter_mut().zip(&mut inverse_sigmas))
-        {
-            let count = index.min(NEIGHBOURS);
-            let near = nearest.map(|other| self.places.get(other).copied().unwrap_or_default());
-            let to_here = near.map(|place| covariance(place, *here));
-            let mut factor = [[0.0; NEIGHBOURS]; NEIGHBOURS];
-            for row in 0..count {
-                for column in 0..=row {
-                    let sum: f64 = (0..column).map(|k| factor[row][k] * factor[column][k]).sum();
-                    factor[row][column] = if row == column {
-                        (1.0 + 1e-9 - sum).max(1e-9).sqrt()
-                    } else {
-                        (covariance(near[row], near[column]) - sum) / factor[column][column]
-                    };
-                }
-            }
-            let mut half = [0.0; NEIGHBOURS];
-            for row in 0..count {
-                let sum: f64 = (0..row).map(|k| factor[row][k] * half[k]).sum();
-                half[row] = (to_here[row] - sum) / factor[row][row];
-            }
-            let explained: f64 = half.iter().map(|value| value * value).sum();
-            let variance = (1.0 - explained).max(1e-6);
-            for row in (0..count).rev() {
-                let sum: f64 = (row + 1..count).map(|k| factor[k][row] * weights[k]).sum();
-                weights[row] = (half[row] - sum) / factor[row][row];
-            }
-            *inverse_sigma = 1.0 / variance.sqrt();
-            ln_determinant += variance.ln();
-        }
-        Whitener { neighbours: self, weights, inverse_sigmas, ln_determinant }
-    }
-}
-
-/// Linear map that makes readings with correlated errors independent, with errors of σ.
-pub(super) struct Whitener<'a> {
-    neighbours: &'a Neighbours,
-    weights: Vec<[f64; NEIGHBOURS]>,
-    inverse_sigmas: Vec<f64>,
-    ln_determinant: f64,
-}
-
-impl Whitener<'_> {
-    fn whitened(&self, values: &[f64], out: &mut Vec<f64>) {
-        out.clear();
-        let rows = self.neighbours.nearest.iter().zip(&self.weights).zip(&self.inverse_sigmas);
-        out.extend(values.iter().zip(rows).map(|(value, ((nearest, weights), inverse))| {
-            let known = nearest.iter().zip(weights);
-            let known: f64 = known.map(|(other, w)| w * values.get(*other).unwrap_or(&0.0)).sum();
-            (value - known) * inverse
-        }));
-    }
-
-    /// Returns the readings as their likelihood over a place takes them.
-    pub(super) fn readings(&self, levels_db: &[f64]) -> Readings<'_> {
-        let mut ones = Vec::new();
-        let mut levels = Vec::new();
-        self.whitened(&vec![1.0; levels_db.len()], &mut ones);
-        self.whitened(levels_db, &mut levels);
+    /// Returns the readings with levels at these places, as their likelihood over a transmitter's
+    /// place takes them; `None` where places coincide and nothing of the variance is each
+    /// reading's own.
+    pub(super) fn readings(
+        &self,
+        levels_db: &[f64],
+        shadowing: Correlation,
+    ) -> Option<Readings<'_>> {
+        let receivers = Receivers { poses: &self.poses, counts: &self.counts };
+        let whitener = Whitener::new(receivers, &self.neighbours, shadowing)?;
+        // A column of ones and the levels.
+        let mut rows: Vec<[f64; 2]> = levels_db.iter().map(|level| [1.0, *level]).collect();
+        whitener.whiten(&mut rows);
+        let ones: Vec<f64> = rows.iter().map(|[one, _]| *one).collect();
+        let mut levels: Vec<f64> = rows.iter().map(|[_, level]| *level).collect();
         let count = dot(&ones, &ones);
         let mean = dot(&ones, &levels) / count;
         levels.iter_mut().zip(&ones).for_each(|(level, one)| *level -= mean * one);
         let total = dot(&levels, &levels);
-        Readings { whitener: self, ones, levels, count, total, losses: Vec::new(), own: Vec::new() }
+        Some(Readings { poses: &self.poses, whitener, ones, levels, count, total, own: Vec::new() })
     }
 }
 
@@ -133,13 +55,14 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 /// Readings made independent, less their mean.
 pub(super) struct Readings<'a> {
-    whitener: &'a Whitener<'a>,
+    poses: &'a [Pose],
+    whitener: Whitener<NEIGHBOURS>,
     ones: Vec<f64>,
     levels: Vec<f64>,
     count: f64,
     total: f64,
-    losses: Vec<f64>,
-    own: Vec<f64>,
+    /// Losses over the way to a place, scratch space.
+    own: Vec<[f64; 1]>,
 }
 
 /// Region in which a place is looked for, and the finest step in metres.
@@ -155,20 +78,22 @@ impl Readings<'_> {
     /// Log-likelihood of a transmitter at a place, with the most likely power, exponent and σ.
     pub(super) fn at(&mut self, place: Vector2<f64>, up_m: f64) -> f64 {
         let target = place.push(up_m);
-        self.losses.clear();
-        let loss = |receiver: &Vector3<f64>| {
-            -5.0 / std::f64::consts::LN_10 * (target - receiver).norm_squared().max(1.0).ln()
+        let loss = |receiver: &Pose| {
+            let square = (target - receiver.position).norm_squared();
+            [-5.0 / std::f64::consts::LN_10 * square.max(1.0).ln()]
         };
-        self.losses.extend(self.whitener.neighbours.places.iter().map(loss));
-        self.whitener.whitened(&self.losses, &mut self.own);
-        let mean = dot(&self.ones, &self.own) / self.count;
-        let square = dot(&self.own, &self.own) - mean * mean * self.count;
-        let product = dot(&self.own, &self.levels);
+        self.own.clear();
+        self.own.extend(self.poses.iter().map(loss));
+        self.whitener.whiten(&mut self.own);
+        let own = self.own.as_flattened();
+        let mean = dot(&self.ones, own) / self.count;
+        let square = dot(own, own) - mean * mean * self.count;
+        let product = dot(own, &self.levels);
         let exponent = if square > 1e-9 { (product / square).max(0.0) } else { 0.0 };
         let left = self.total - 2.0 * exponent * product + exponent * exponent * square;
         let freedom = f64::from(u32::try_from(self.levels.len()).unwrap_or(u32::MAX)) - 2.0;
         let off = (exponent - EXPONENT[0]) / EXPONENT[1];
-        -0.5 * (self.whitener.ln_determinant
+        -0.5 * (2.0 * self.whitener.half_log_determinant()
             + freedom * (left.max(0.0) + PRIOR_SQUARES).ln()
             + off * off)
     }

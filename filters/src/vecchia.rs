@@ -1,56 +1,55 @@
+//! Readings along a path whose errors are correlated by place, made independent by Vecchia's
+//! approximation: each given the nearest of the earlier ones (Vecchia 1988, "Estimation and model
+//! identification for continuous spatial processes").
+
 use alloc::vec::Vec;
 
 use foxhunt_core::Pose;
 use nalgebra::{SMatrix, SVector};
 
-/// Right-hand sides that are solved side by side: their sums fill the vector registers.
-pub(super) const LANES: usize = 16;
-
-/// One row of [`LANES`] right-hand sides.
-pub(super) type Row = [f64; LANES];
-
-/// Earlier readings that each reading is conditioned on, at most: the correlation e^(−d/ℓ) has
-/// little memory beyond the nearest.
-pub(super) const NEIGHBOURS: usize = 12;
-
 /// Correlation of two readings, `C_ij = (1 − nugget) exp(−D_ij/ℓ) + nugget δ_ij / n_i`, D the
-/// distance (Gudmundson 1991) and n the number of readings behind each.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Correlation {
-    pub(super) length_m: f64,
-    pub(super) nugget: f64,
+/// distance and n the number of readings behind each (Gudmundson 1991, "Correlation model for
+/// shadow fading in mobile radio systems").
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Correlation {
+    /// ℓ, the distance in metres over which the correlation falls to 1/e.
+    pub length_m: f64,
+    /// The share of the variance that is each reading's own, from 0 to 1.
+    pub nugget: f64,
 }
 
 /// Receivers, each with the number of readings behind its value.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Receivers<'a> {
-    pub(super) poses: &'a [Pose],
-    pub(super) counts: &'a [f64],
+pub struct Receivers<'a> {
+    /// The poses, of which the positions count, in metres.
+    pub poses: &'a [Pose],
+    /// The number of readings behind each value, at least as many as poses.
+    pub counts: &'a [f64],
 }
 
 impl Correlation {
     /// The correlation of the readings of two receivers.
-    pub(super) fn shared(&self, a: &Pose, b: &Pose) -> f64 {
+    pub(crate) fn shared(&self, a: &Pose, b: &Pose) -> f64 {
         (1.0 - self.nugget) * libm::exp(-(a.position - b.position).norm() / self.length_m)
     }
 
     /// The variance of a value, of 1 for a single reading.
-    pub(super) fn variance(&self, count: f64) -> f64 {
+    pub(crate) fn variance(&self, count: f64) -> f64 {
         1.0 - self.nugget + self.nugget / count
     }
 
     /// The weights of the readings `near` in the mean of one at `receiver`, and its variance given
     /// them; `None` where the correlation is not positive definite.
-    pub(super) fn given(
+    pub(crate) fn given<const N: usize>(
         &self,
         near: &[u32],
         of: Receivers<'_>,
         receiver: &Pose,
         count: f64,
-    ) -> Option<(SVector<f64, NEIGHBOURS>, f64)> {
+    ) -> Option<(SVector<f64, N>, f64)> {
         // Rows and columns beyond the neighbours stay those of the unit matrix.
-        let mut among = SMatrix::<f64, NEIGHBOURS, NEIGHBOURS>::identity();
-        let mut with = SVector::<f64, NEIGHBOURS>::zeros();
+        let mut among = SMatrix::<f64, N, N>::identity();
+        let mut with = SVector::<f64, N>::zeros();
         for (row, a) in near.iter().enumerate() {
             let a = *a as usize;
             let at = of.poses.get(a)?;
@@ -67,18 +66,20 @@ impl Correlation {
     }
 }
 
-/// The nearest readings of each one, among those before it or among others.
+/// The `N` nearest readings of each one, or fewer, among the earlier ones or among others.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Neighbours {
+pub struct Neighbours<const N: usize> {
     /// Indices of the neighbours of all readings, one reading behind the other.
     indices: Vec<u32>,
     /// The end of each reading's part of `indices`.
     ends: Vec<usize>,
 }
 
-impl Neighbours {
-    /// Finds the nearest earlier readings of each, by place.
-    pub(super) fn new(receivers: &[Pose]) -> Self {
+impl<const N: usize> Neighbours<N> {
+    /// Finds the nearest earlier readings of each, by place; of two that are as near the earlier
+    /// one.
+    #[must_use]
+    pub fn new(receivers: &[Pose]) -> Self {
         let mut neighbours = Self::default();
         for (i, receiver) in receivers.iter().enumerate() {
             neighbours.add(receiver, receivers.get(..i).unwrap_or_default());
@@ -87,18 +88,17 @@ impl Neighbours {
     }
 
     /// Finds the nearest of the others for each.
-    pub(super) fn among<'a>(receivers: impl Iterator<Item = &'a Pose>, others: &[Pose]) -> Self {
+    pub(crate) fn among<'a>(receivers: impl Iterator<Item = &'a Pose>, others: &[Pose]) -> Self {
         let mut neighbours = Self::default();
         receivers.for_each(|receiver| neighbours.add(receiver, others));
         neighbours
     }
 
     fn add(&mut self, receiver: &Pose, others: &[Pose]) {
-        let mut nearest: [(f64, u32); NEIGHBOURS] = [(f64::INFINITY, 0); NEIGHBOURS];
+        let mut nearest = [(f64::INFINITY, 0); N];
         for (other, number) in others.iter().zip(0_u32..) {
             let square = (other.position - receiver.position).norm_squared();
-            let [.., last] = &nearest;
-            if square < last.0 {
+            if nearest.last().is_some_and(|last| square < last.0) {
                 let at = nearest.partition_point(|(known, _)| *known <= square);
                 nearest[at..].rotate_right(1);
                 nearest[at] = (square, number);
@@ -109,19 +109,18 @@ impl Neighbours {
     }
 
     /// The neighbours of each reading.
-    pub(super) fn each(&self) -> impl Iterator<Item = &[u32]> {
+    pub(crate) fn each(&self) -> impl Iterator<Item = &[u32]> {
         let begins = core::iter::once(0).chain(self.ends.iter().copied());
         let parts = begins.zip(&self.ends);
         parts.map(|(begin, end)| self.indices.get(begin..*end).unwrap_or_default())
     }
 }
 
-/// The inverse factor of the readings' correlation by Vecchia's approximation (Vecchia 1988,
-/// "Estimation and model identification for continuous spatial processes"): each reading given its
-/// nearest earlier ones. Exact up to [`NEIGHBOURS`] + 1 readings.
+/// The inverse factor of the readings' correlation: each reading given its nearest earlier ones.
+/// Exact up to `N` + 1 readings.
 #[derive(Clone, Debug)]
-pub(super) struct Whitener {
-    neighbours: Neighbours,
+pub struct Whitener<const N: usize> {
+    neighbours: Neighbours<N>,
     /// The weight of each of `neighbours`' indices in the mean of its reading.
     weights: Vec<f64>,
     /// 1 / the standard deviation of each reading given its neighbours.
@@ -130,11 +129,12 @@ pub(super) struct Whitener {
     half_log_determinant: f64,
 }
 
-impl Whitener {
+impl<const N: usize> Whitener<N> {
     /// Factors a correlation; `None` where it is not positive definite.
-    pub(super) fn new(
+    #[must_use]
+    pub fn new(
         receivers: Receivers<'_>,
-        neighbours: &Neighbours,
+        neighbours: &Neighbours<N>,
         correlation: Correlation,
     ) -> Option<Self> {
         let mut weights = Vec::with_capacity(neighbours.indices.len());
@@ -142,7 +142,7 @@ impl Whitener {
         let mut half_log_determinant = 0.0;
         let each = receivers.poses.iter().zip(receivers.counts);
         for ((receiver, count), near) in each.zip(neighbours.each()) {
-            let (solved, variance) = correlation.given(near, receivers, receiver, *count)?;
+            let (solved, variance) = correlation.given::<N>(near, receivers, receiver, *count)?;
             weights.extend(solved.iter().take(near.len()));
             scales.push(1.0 / libm::sqrt(variance));
             half_log_determinant += 0.5 * libm::log(variance);
@@ -151,7 +151,7 @@ impl Whitener {
     }
 
     /// Adds a reading that is independent of all others, behind them.
-    pub(super) fn with_independent(mut self, variance: f64) -> Self {
+    pub(crate) fn with_independent(mut self, variance: f64) -> Self {
         self.neighbours.ends.push(self.neighbours.indices.len());
         self.scales.push(1.0 / libm::sqrt(variance));
         self.half_log_determinant += 0.5 * libm::log(variance);
@@ -159,12 +159,14 @@ impl Whitener {
     }
 
     /// ½ ln |C|.
-    pub(super) fn half_log_determinant(&self) -> f64 {
+    #[must_use]
+    pub fn half_log_determinant(&self) -> f64 {
         self.half_log_determinant
     }
 
-    /// Replaces X by L⁻¹ X: what of each row its neighbours do not tell, in its own σ.
-    pub(super) fn whiten(&self, x: &mut [Row]) {
+    /// Replaces X by L⁻¹ X: what of each row its neighbours do not tell, in its own σ. A row is a
+    /// reading's `L` right-hand sides.
+    pub fn whiten<const L: usize>(&self, x: &mut [[f64; L]]) {
         // From the last to the first, as each needs the earlier rows as they were.
         let Neighbours { indices, ends } = &self.neighbours;
         for (i, (end, scale)) in ends.iter().zip(&self.scales).enumerate().rev() {
@@ -195,6 +197,8 @@ mod tests {
 
     use super::*;
 
+    const LANES: usize = 16;
+
     #[test]
     fn the_whitened_product_is_that_of_the_inverse_correlation() {
         let receivers: Vec<_> = [(0.0, 0.0), (10.0, 5.0), (40.0, -3.0), (12.0, 5.0), (0.0, 30.0)]
@@ -202,7 +206,7 @@ mod tests {
             .to_vec();
         let of = Receivers { poses: &receivers, counts: &[1.0; 5] };
         let correlation = Correlation { length_m: 25.0, nugget: 0.2 };
-        let whitener = Whitener::new(of, &Neighbours::new(&receivers), correlation)
+        let whitener = Whitener::new(of, &Neighbours::<12>::new(&receivers), correlation)
             .expect("positive definite");
         let mut x = [[0.0; LANES]; 5];
         for (phase, entry) in (0..80_u8).zip(x.as_flattened_mut()) {
@@ -225,7 +229,7 @@ mod tests {
     #[test]
     fn coinciding_places_need_a_nugget() {
         let receivers = [Pose::at(1.0, 2.0, 3.0); 2];
-        let near = Neighbours::new(&receivers);
+        let near = Neighbours::<12>::new(&receivers);
         let of = Receivers { poses: &receivers, counts: &[1.0; 2] };
         let with = |nugget| Whitener::new(of, &near, Correlation { length_m: 25.0, nugget });
         assert!(with(0.0).is_none());
@@ -236,11 +240,11 @@ mod tests {
     fn the_neighbours_are_the_nearest_of_those_before() {
         let at = |i: u16| Pose::at(f64::from((i * 37) % 101), f64::from((i * 53) % 89), 0.0);
         let receivers: Vec<_> = (0..60).map(at).collect();
-        for (i, near) in Neighbours::new(&receivers).each().enumerate() {
+        for (i, near) in Neighbours::<12>::new(&receivers).each().enumerate() {
             let apart = |j: usize| (receivers[j].position - receivers[i].position).norm();
             let mut all: Vec<f64> = (0..i).map(apart).collect();
             all.sort_by(f64::total_cmp);
-            all.truncate(NEIGHBOURS);
+            all.truncate(12);
             let found: Vec<f64> = near.iter().map(|j| apart(*j as usize)).collect();
             assert_eq!(found, all, "{i}");
         }
@@ -249,7 +253,7 @@ mod tests {
     #[test]
     fn a_mean_of_many_readings_has_less_noise_of_its_own() {
         let receivers = [Pose::at(0.0, 0.0, 0.0), Pose::at(1e4, 0.0, 0.0)];
-        let near = Neighbours::new(&receivers);
+        let near = Neighbours::<12>::new(&receivers);
         let of = Receivers { poses: &receivers, counts: &[1.0, 4.0] };
         let whitener = Whitener::new(of, &near, Correlation { length_m: 20.0, nugget: 0.8 });
         let mut x = [[1.0; LANES]; 2];
