@@ -72,7 +72,9 @@ pub enum NoBearing {
         needed: u16,
     },
     /// The strongest readings cancel: opposite lobes, or a flat pattern.
-    #[error("the strongest readings single out no direction (resultant length {resultant:.3})")]
+    #[error(
+        "the strongest readings do not single out a direction (resultant length {resultant:.3})"
+    )]
     Ambiguous {
         /// Their mean resultant length, from 0 (none) to 1 (sharp).
         resultant: f64,
@@ -86,7 +88,9 @@ pub enum NoBearing {
         flat_db: f64,
     },
     /// The bearing's σ is beyond use.
-    #[error("the bearing's standard deviation {sigma:.3} rad is above {limit:.3} rad")]
+    #[error(
+        "the bearing's standard deviation is {sigma:.3} rad; at most {limit:.3} rad are allowed"
+    )]
     TooWide {
         /// The standard deviation, in radians.
         sigma: f64,
@@ -123,7 +127,9 @@ pub enum NoReading {
         positions: u16,
     },
     /// The sample's boresight belongs to no antenna that the extractor knows.
-    #[error("sample {index} is towards {boresight} rad, where no antenna looks")]
+    #[error(
+        "sample {index} is towards {boresight} rad, a direction in which the antenna never points"
+    )]
     Boresight {
         /// Index of the sample.
         index: usize,

@@ -174,7 +174,7 @@ pub enum EstimatorError {
         particles: usize,
     },
     /// An iteration did not settle.
-    #[error("{iterations} iterations did not settle")]
+    #[error("no convergence after {iterations} iterations")]
     NotConverged {
         /// The number of iterations.
         iterations: u32,

@@ -228,7 +228,7 @@ impl Track {
     ///
     /// # Errors
     ///
-    /// [`TrackError`] when the reception is no observation or the estimator refuses it. Nothing
+    /// [`TrackError`] when the reception is not an observation or the estimator refuses it. Nothing
     /// was updated then; a prediction may have been made.
     pub fn update(
         &mut self,
@@ -354,7 +354,7 @@ pub enum TrackStep {
 #[non_exhaustive]
 pub enum TrackError {
     /// It is no observation.
-    #[error("the reception is no observation: {0}")]
+    #[error("the reception is not an observation: {0}")]
     Observation(#[from] ObservationError),
     /// The estimator refused it.
     #[error("the estimator cannot use it: {0}")]

@@ -31,7 +31,7 @@ pub enum CramerRaoError {
         difference: f64,
     },
     /// The motion's Jacobian depends on the state in a component that has no noise.
-    #[error("the motion turns with the state where it has no noise, by {difference}")]
+    #[error("the noiseless direction of the motion changes with the state, by {difference}")]
     Noiseless {
         /// The largest element of what noise does not cover.
         difference: f64,

@@ -96,7 +96,7 @@ impl Phases {
 
 /// A signal that does not belong to the present phase.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("{signal:?} makes no sense while {phase}")]
+#[error("{signal:?} is not possible while {phase}")]
 pub struct PhaseError {
     /// The phase, which stays.
     pub phase: Phase,

@@ -20,13 +20,15 @@ const JULIAN_DAY_OF_1970: i32 = 2_440_588;
 #[non_exhaustive]
 pub enum DeclinationError {
     /// The model is not of this day.
-    #[error("the World Magnetic Model is of the years 2020 to 2029; a declination may be stated")]
+    #[error(
+        "the World Magnetic Model covers the years 2020 to 2029; state a declination for other dates"
+    )]
     Date,
     /// The model is not of this place.
-    #[error("the World Magnetic Model is not of this place: {0}")]
+    #[error("the World Magnetic Model does not cover this place: {0}")]
     Place(Error),
     /// The field is too flat for compasses (less than 2000 nT along the ground).
-    #[error("compasses are of no use so near to a magnetic pole")]
+    #[error("a compass is unusable this close to a magnetic pole")]
     NearPole,
 }
 

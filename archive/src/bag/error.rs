@@ -17,10 +17,10 @@ pub enum BagError {
         feature: &'static str,
     },
     /// A message is not in CDR.
-    #[error("it is not in CDR, version 1")]
+    #[error("the message encoding is not CDR version 1")]
     Encoding,
     /// A message ends too early for its type.
-    #[error("it ends after {length} bytes, too early for its type")]
+    #[error("the message ends after {length} bytes, too early for its type")]
     Short {
         /// Length of the message in bytes.
         length: usize,

@@ -4,7 +4,7 @@
 pub enum ExportError {
     /// The file's ending belongs to no known format.
     #[error(
-        "the ending {ending:?} is none of .geojson, .json, .kml, .czml, .gpx, .csv, .cot and .mcap"
+        "unknown ending {ending:?}; an export ends in .geojson, .json, .kml, .czml, .gpx, .csv, .cot or .mcap"
     )]
     Ending {
         /// The ending.

@@ -189,7 +189,7 @@ pub enum NotStrikable {
         seconds: f64,
     },
     /// They would make the page too large.
-    #[error("{receptions} receptions are more than a page brings along, {MOST_ROWS}")]
+    #[error("the page holds {MOST_ROWS} receptions at most, and there are {receptions}")]
     TooMany {
         /// Number of receptions.
         receptions: usize,
@@ -198,13 +198,13 @@ pub enum NotStrikable {
     #[error("the tiles of the terrain are not in the page")]
     Terrain,
     /// The σ of bearings was learned from the bearings of all beacons.
-    #[error("σ of the bearings is learned from how those of all beacons meet")]
+    #[error("the σ of bearings is learned from all beacons together")]
     LearnedSigma,
     /// Bearings alone, from which nothing is estimated.
     #[error("nothing is located here")]
     NoEstimate,
     /// The header holds a number that JSON has not.
-    #[error("the header of the log cannot be written")]
+    #[error("the log's header cannot be written")]
     NoText,
 }
 

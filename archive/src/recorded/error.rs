@@ -78,7 +78,7 @@ pub enum RecordedError {
     },
     /// The chosen beacon is not in the recording.
     #[error(
-        "no row is of beacon {wanted:?}{}; the recording holds {}",
+        "no row belongs to beacon {wanted:?}{}; the recording holds {}",
         did_you_mean(wanted, beacons.iter().map(String::as_str)),
         list(beacons)
     )]

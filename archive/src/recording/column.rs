@@ -251,7 +251,7 @@ impl TryFrom<String> for Column {
         Self::ALL.into_iter().find(|column| column.name() == name).ok_or_else(|| {
             let known = Self::ALL.map(Self::name);
             let meant = did_you_mean(&name, known);
-            format!("{name:?} is no column of ours{meant}; those are {}", known.join(", "))
+            format!("{name:?} is not a known column{meant}; choose one of {}", known.join(", "))
         })
     }
 }

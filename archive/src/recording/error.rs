@@ -180,7 +180,7 @@ pub enum RecordingError {
         readings: &'static [[&'static str; 2]],
     },
     /// There is neither a shipped mapping nor a file of this name.
-    #[error("{name:?} is neither a file nor a known format; those are {}", known.join(", "))]
+    #[error("{name:?} is neither a file nor a known format; known formats are {}", known.join(", "))]
     NoSuchFormat {
         /// The name that was given.
         name: String,
@@ -483,7 +483,7 @@ pub enum FieldProblem {
         max: f64,
     },
     /// It would be a longitude.
-    #[error("is no latitude; latitude and longitude look swapped")]
+    #[error("is not a latitude; latitude and longitude look swapped")]
     Swapped,
     /// It must be a latitude or longitude.
     #[error("is neither degrees nor degrees, minutes and seconds")]
@@ -541,7 +541,7 @@ pub enum FieldProblem {
         line: u64,
     },
     /// It cannot be measured with such a standard deviation.
-    #[error("is no measurement")]
+    #[error("is not a measurement")]
     NotAMeasurement,
     /// It is counted from magnetic or grid North, and the place on Earth is not known.
     #[error(

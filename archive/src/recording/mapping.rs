@@ -260,7 +260,7 @@ impl Mapping {
         let separates =
             |c: char| c.is_ascii() && !c.is_ascii_alphanumeric() && !"\"#\r\n".contains(c);
         if let Some(separator) = self.separator.filter(|separator| !separates(*separator)) {
-            let requirement = "an ASCII character that is no letter, digit, quote or #";
+            let requirement = "an ASCII character other than a letter, a digit, a quote or #";
             return refuse("separator".to_owned(), separator.to_string(), requirement);
         }
         Ok(())
@@ -308,7 +308,7 @@ fn wrong_source(column: Column, source: &Source) -> Option<(&'static str, String
     } else if !text && source.columns.len() > 1 && !source.lookup.is_empty() {
         Some((".columns", source.label(), "a single column: a sum has no lookup"))
     } else if source.wrap && !column.is_angle() {
-        Some((".wrap", source.wrap.to_string(), "false: this is no angle of a circle"))
+        Some((".wrap", source.wrap.to_string(), "false: this column is not an angle of a circle"))
     } else {
         None
     }
@@ -337,7 +337,7 @@ mod tests {
     #[test]
     fn mistakes_are_named() {
         for (text, expected) in [
-            ("columns = { rss = 'x' }", "\"rss\" is no column of ours"),
+            ("columns = { rss = 'x' }", "\"rss\" is not a known column"),
             ("columns = { rss_db = { column = 'x', scal = 2 } }", "unknown field `scal`"),
             ("columns = { rss_db = 7 }", "a column's name, names that are added"),
             ("columns = { rss_db = { column = 'x', scale = 0 } }", "columns.rss_db.scale"),

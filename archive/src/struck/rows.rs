@@ -89,7 +89,7 @@ fn what_is_there(row: &RowId, known: &[RowId]) -> String {
     match (nearest, known.first()) {
         (Some(nearest), _) => format!("the nearest is {nearest}"),
         (None, Some(first)) => format!("the first is {first}"),
-        (None, None) => "there is none at all".to_owned(),
+        (None, None) => "the recording has no reception at all".to_owned(),
     }
 }
 

@@ -240,7 +240,7 @@ fn results_are_shown_compared_and_written() {
     }
     foxhunt(["results"]).failed(2, &["FILE"]);
     foxhunt(["results", "/no/such/store"]).failed(1, &["/no/such/store"]);
-    foxhunt(["results".as_ref(), file.as_os_str()]).failed(2, &["small.toml is no store"]);
+    foxhunt(["results".as_ref(), file.as_os_str()]).failed(2, &["small.toml is not a store"]);
     for (args, text) in [
         (&["--shard", "1/3"][..], "--store"),
         (&["--shard", "4/3", "--store", "x"], "4/3"),

@@ -39,13 +39,15 @@ pub enum ObservationError {
         variance: f64,
     },
     /// A standard deviation of the receiver's own place is negative or not finite.
-    #[error("the receiver's place has a standard deviation of {sigma} m, not of zero or more")]
+    #[error(
+        "the standard deviation of the receiver's place is {sigma} m; it must be zero or positive"
+    )]
     ReceiverSigma {
         /// The standard deviation, in metres.
         sigma: f64,
     },
     /// A bearing that directions compete for is missing, or is no component at all.
-    #[error("directions compete for component {component}, which is missing")]
+    #[error("component {component} has competing directions, but no value")]
     NoBearing {
         /// Index of the component.
         component: usize,

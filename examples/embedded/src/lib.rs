@@ -81,7 +81,7 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Self::Estimator => f.write_str("a filter refuses the vectors"),
-            Self::Observation => f.write_str("a vector is no observation"),
+            Self::Observation => f.write_str("a vector is not an observation"),
             Self::Parameter => f.write_str("the calibration is out of range"),
             Self::Mean { sequence, step } => write!(f, "{sequence}, step {step}: another mean"),
             Self::Output => f.write_str("the results cannot be written"),

@@ -340,9 +340,10 @@ pub(super) fn tuned(
     }
     let whole = |hz: f64| {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in range")]
-        (1.0..4.2e9).contains(&hz).then(|| hz.round() as u32).ok_or_else(|| {
-            format!("a frequency of {} MHz is none that rtl_tcp can be tuned to", hz / 1e6)
-        })
+        (1.0..4.2e9)
+            .contains(&hz)
+            .then(|| hz.round() as u32)
+            .ok_or_else(|| format!("rtl_tcp cannot be tuned to a frequency of {} MHz", hz / 1e6))
     };
     let frequencies_hz = frequencies(beacons)?.into_iter().map(whole).collect::<Result<_, _>>()?;
     Ok(RtlTcpConfig { frequencies_hz, ..settings.clone() })

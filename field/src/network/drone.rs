@@ -224,7 +224,8 @@ where
                     {
                         self.deliveries.put(time, delivery, self.config.most_kept);
                     } else {
-                        self.fault = format!("a turn ended at {} s, which is no time", sweep.time);
+                        self.fault =
+                            format!("a turn ended at {} s, which is not a valid time", sweep.time);
                     }
                 }
                 Ok(None) => break,

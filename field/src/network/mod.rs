@@ -150,7 +150,7 @@ pub enum NetworkError {
     #[error("a hunt needs at least one drone")]
     NoDrone,
     /// The reading of a clock cannot be represented as a time.
-    #[error("{time} s after the clock began is no time")]
+    #[error("{time} s since the clock began is not a valid time")]
     Time {
         /// Reading of the clock, in seconds.
         time: f64,

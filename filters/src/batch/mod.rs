@@ -75,7 +75,7 @@ pub enum BatchError {
         limit_m: f64,
     },
     /// The iteration did not settle.
-    #[error("{iterations} iterations did not settle")]
+    #[error("no convergence after {iterations} iterations")]
     NotConverged {
         /// Number of iterations.
         iterations: u32,

@@ -16,7 +16,7 @@ pub enum ShadowingGridError {
         value: f64,
     },
     /// A reading's receiver pose holds NaN or infinity.
-    #[error("reading {index} was taken nowhere: a part of its pose is not finite")]
+    #[error("the pose of reading {index} is not finite")]
     Receiver {
         /// Index of the reading, from 0.
         index: usize,

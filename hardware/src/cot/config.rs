@@ -68,7 +68,7 @@ impl CotTransport {
 #[non_exhaustive]
 pub enum CotError {
     /// An address cannot be one.
-    #[error("{given:?} is no address of a TAK server or team: {reason}")]
+    #[error("{given:?} is not the address of a TAK server or team: {reason}")]
     Address {
         /// The text.
         given: String,

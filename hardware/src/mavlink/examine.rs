@@ -161,7 +161,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             let text = format!("{} messages, but no autopilot's heartbeat", counts.messages);
             Finding::bad(subject, text, "check system_id, and set autopilot if it is another kind")
         } else if counts.garbage_bytes > 0 {
-            let text = format!("{} bytes that are no MAVLink", counts.garbage_bytes);
+            let text = format!("{} bytes that are not MAVLink", counts.garbage_bytes);
             let remedy = "check the baud rate, and that the port's protocol is MAVLink 2";
             Finding::bad(subject, text, remedy)
         } else {

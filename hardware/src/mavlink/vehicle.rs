@@ -258,7 +258,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         if pose.position.iter().chain(&angles).all(|value| value.is_finite()) {
             return Ok(pose);
         }
-        Err(MavlinkError::Position { why: "its place or attitude is no number".into() })
+        Err(MavlinkError::Position { why: "its place or attitude is not a number".into() })
     }
 
     /// Returns its pose, unless there are signs that its place or its heading is false.

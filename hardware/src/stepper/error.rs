@@ -58,7 +58,7 @@ pub enum FirmataStepperError {
     },
     /// An order to no angle.
     #[error(
-        "the antenna was ordered to {angle} rad; it must be finite, and within a million turns"
+        "the ordered antenna angle is {angle} rad; it must be finite and within a million turns"
     )]
     Angle {
         /// The order in radians.

@@ -266,7 +266,7 @@ pub enum PlannerConfigError {
     #[error("planner.name: {0}")]
     Name(#[from] RegistryError),
     /// It is known by name alone, and no registry is at hand.
-    #[error("planner.name is {name:?}, which stands for nothing without a registry")]
+    #[error("planner.name is {name:?}, which only a registry can build")]
     NoRegistry {
         /// The name.
         name: String,

@@ -3,7 +3,7 @@
 #[non_exhaustive]
 pub enum RegistryError {
     /// The name is unknown.
-    #[error("{name:?} is no {what}; those are {}", known.join(", "))]
+    #[error("{name:?} is not a known {what}; choose one of {}", known.join(", "))]
     Unknown {
         /// Kind of the part: an estimator, an extractor, a planner, a source.
         what: &'static str,

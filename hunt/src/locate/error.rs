@@ -94,17 +94,17 @@ pub enum LocateError {
     /// The bearings are too few, or do not meet.
     #[cfg(feature = "batch")]
     #[error(
-        "it finds no place where the bearings meet ({0}); batch-multistart and particle hold to \
-         the searched area and may do"
+        "the bearings do not meet in one place ({0}); batch-multistart and particle stay in \
+         the searched area and may find one"
     )]
     Bearings(#[source] BatchError),
     /// The receptions have no most probable place, or it was not found.
     #[cfg(feature = "batch")]
-    #[error("it finds no place: {0}")]
+    #[error("no place was found: {0}")]
     Batch(#[from] BatchError),
     /// The receptions do not make a track.
     #[cfg(feature = "batch")]
-    #[error("it finds no track: {0}")]
+    #[error("no track was found: {0}")]
     Track(#[source] BatchError),
     /// The grid cannot use the levels.
     #[error(transparent)]

@@ -17,7 +17,7 @@ pub enum StoreError {
         source: rusqlite::Error,
     },
     /// The file is something else.
-    #[error("{file} is no store of campaigns")]
+    #[error("{file} is not a store of campaigns")]
     NotAStore {
         /// The file.
         file: String,
@@ -58,7 +58,7 @@ pub enum StoreError {
         scenario: String,
     },
     /// Seeds are kept as 64 bits with a sign.
-    #[error("seeds in a store are below 2^63; {runs} runs from {seed} on are not")]
+    #[error("a store holds seeds below 2^63; {runs} runs from seed {seed} exceed them")]
     Seeds {
         /// The first one.
         seed: u64,
@@ -66,7 +66,7 @@ pub enum StoreError {
         runs: u32,
     },
     /// Two stores are not of the same campaign.
-    #[error("{second} is of another campaign than {first}: {what}")]
+    #[error("{second} belongs to another campaign than {first}: {what}")]
     Other {
         /// The store that was taken first.
         first: String,

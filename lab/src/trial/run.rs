@@ -109,10 +109,10 @@ fn own(
     let needs = entry.needs();
     match trial.differences {
         None if needs.bearing == Need::Unused => {
-            return unsuited(trial, entry, "what is no bearing");
+            return unsuited(trial, entry, "other measurements than bearings");
         }
         Some(_) if needs.others != [Quantity::RANGE_DIFFERENCE] => {
-            return unsuited(trial, entry, "what is no range difference");
+            return unsuited(trial, entry, "other measurements than range differences");
         }
         _ => {}
     }

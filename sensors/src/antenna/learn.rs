@@ -60,7 +60,7 @@ pub enum LearnPatternError {
     #[error("the turns show no direction: a flat pattern explains them best")]
     Flat,
     /// The levels swing by more than an antenna's can.
-    #[error("the fitted pattern is no antenna's: {0}")]
+    #[error("the fitted pattern is not a valid antenna pattern: {0}")]
     Pattern(#[from] PatternTableError),
 }
 

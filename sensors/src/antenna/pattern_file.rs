@@ -94,7 +94,7 @@ pub enum PatternFileReason {
         name: &'static str,
     },
     /// A field or a section stands there twice.
-    #[error("{name} stands there twice")]
+    #[error("{name} appears twice")]
     Twice {
         /// Its name.
         name: String,

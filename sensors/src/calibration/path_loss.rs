@@ -68,7 +68,9 @@ pub enum CalibrationError {
     #[error("the headings span too little of the circle to fit how the offset depends on them")]
     Headings,
     /// All errors are 0, or rounding beside their σ: there is no scale to find.
-    #[error("the errors are nothing beside their standard deviations, which have no scale then")]
+    #[error(
+        "the errors are negligible beside their standard deviations, so no scale can be fitted"
+    )]
     NoError,
     /// The fitted parameters make no station.
     #[error("the station: {0}")]

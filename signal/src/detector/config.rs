@@ -186,7 +186,7 @@ impl FoldConfig {
 #[non_exhaustive]
 pub enum DetectorError {
     /// A setting out of its range.
-    #[error("{setting} is {value}, and must be {requirement}")]
+    #[error("{setting} is {value}; it must be {requirement}")]
     Setting {
         /// The setting.
         setting: &'static str,

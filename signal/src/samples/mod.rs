@@ -33,7 +33,7 @@ pub enum SampleError {
         source: io::Error,
     },
     /// A value that cannot be used.
-    #[error("{file}: {field} is {value}, and must be {requirement}")]
+    #[error("{file}: {field} is {value}; it must be {requirement}")]
     Field {
         /// The file.
         file: String,

@@ -410,10 +410,7 @@ mod tests {
         assert_eq!(source.read(&mut samples).expect("the one before"), Some(0));
         assert_eq!(samples, [Complex32::new(1.0, 0.0)]);
         let error = source.read(&mut samples);
-        assert_eq!(
-            error.expect_err("NaN").to_string(),
-            "a: sample 1 is 0+NaNi, and must be finite"
-        );
+        assert_eq!(error.expect_err("NaN").to_string(), "a: sample 1 is 0+NaNi; it must be finite");
         for rate in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             let input = Box::new(io::empty());
             let error = SampleSource::raw("a", input, SampleFormat::Cu8, rate, None);

@@ -155,7 +155,7 @@ pub enum ArDroneCommandError {
         length: usize,
     },
     /// A line is no order.
-    #[error("{line:?} is no order")]
+    #[error("{line:?} is not an order")]
     Line {
         /// The line.
         line: String,

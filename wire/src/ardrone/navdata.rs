@@ -99,7 +99,7 @@ pub struct ArDroneDemo {
 #[non_exhaustive]
 pub enum ArDroneNavdataError {
     /// It does not begin as navdata do.
-    #[error("navdata begin with 0x55667788, this with {header:#010x}")]
+    #[error("navdata must begin with 0x55667788, but begin with {header:#010x}")]
     Header {
         /// Its first four bytes.
         header: u32,

@@ -46,7 +46,7 @@ pub enum KrakenError {
         fields: usize,
     },
     /// A field is no number.
-    #[error("field {field} of a line of KrakenSDR is {text:?}, which is no number")]
+    #[error("field {field} of a line of KrakenSDR is {text:?}, which is not a number")]
     Number {
         /// Number of the field, from 1.
         field: usize,
@@ -136,7 +136,7 @@ pub enum HttpError {
     #[error("the server's answer has more than {LONGEST} bytes")]
     TooLong,
     /// It is no HTTP.
-    #[error("the server's answer begins with {line:?}, which is no HTTP")]
+    #[error("the server's answer begins with {line:?}, which is not HTTP")]
     NoHttp {
         /// Its first line.
         line: String,

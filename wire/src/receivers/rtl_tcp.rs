@@ -13,7 +13,7 @@ pub struct RtlTcpHeader {
 
 /// Error of a server whose first bytes are no header of rtl_tcp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the server begins with {found:02X?}, and rtl_tcp with \"RTL0\"")]
+#[error("the server sends {found:02X?} first; rtl_tcp sends \"RTL0\"")]
 pub struct RtlTcpError {
     found: [u8; 4],
 }

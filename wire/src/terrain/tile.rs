@@ -207,11 +207,12 @@ fn grid(tiff: &mut Decoder<BufReader<File>>) -> Result<Grid, String> {
     let (columns, rows) = tiff.dimensions().map_err(failed)?;
     let numbers = |tiff: &mut Decoder<BufReader<File>>, tag: Tag, name: &str| {
         let value = tiff.find_tag(tag).map_err(failed)?;
-        let value = value.ok_or_else(|| format!("there is no {name}: it is no GeoTIFF"))?;
+        let value = value
+            .ok_or_else(|| format!("the tag {name} is missing, so the file is not a GeoTIFF"))?;
         value.into_f64_vec().map_err(failed)
     };
     let keys = tiff.find_tag(Tag::GeoKeyDirectoryTag).map_err(failed)?;
-    let keys = keys.ok_or("there is no GeoKeyDirectory: it is no GeoTIFF")?;
+    let keys = keys.ok_or("the tag GeoKeyDirectory is missing, so the file is not a GeoTIFF")?;
     let keys = keys.into_u16_vec().map_err(failed)?;
     // Four numbers to a key, after a header of four; a value of its own has the location 0.
     let key = |wanted| {
@@ -265,7 +266,11 @@ fn heights(samples: DecodingResult) -> Result<Vec<f32>, String> {
         DecodingResult::I32(all) => all.into_iter().map(|x| x as f32).collect(),
         DecodingResult::F32(all) => all,
         DecodingResult::F64(all) => all.into_iter().map(|x| x as f32).collect(),
-        _ => return Err("its samples are no heights: 8 to 32 bits or floats are read".into()),
+        _ => {
+            return Err(
+                "its samples are not heights; integers of 8 to 32 bits and floats are read".into()
+            );
+        }
     })
 }
 
@@ -296,7 +301,9 @@ pub(super) fn read_hgt(path: &Path, area: &Area) -> Result<Option<Tile>, Terrain
     let side = samples.isqrt();
     if side < 2 || side * side * 2 != bytes.len() {
         let length = bytes.len();
-        return Err(wrong(format!("{length} bytes are no square of heights of 2 bytes")));
+        return Err(wrong(format!(
+            "{length} bytes do not make a square of heights of 2 bytes each"
+        )));
     }
     let height = |index: usize| {
         let height = i16::from_be_bytes([bytes[2 * index], bytes[2 * index + 1]]);

@@ -41,7 +41,7 @@ pub enum Address {
 
 /// Error of a text that is no address.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{text:?} is no address of an XBee: 16 hexadecimal digits (SH, then SL), or 4 (MY)")]
+#[error("{text:?} is not an XBee address: 16 hexadecimal digits (SH, then SL), or 4 (MY)")]
 pub struct AddressError {
     text: String,
 }

@@ -245,7 +245,7 @@ mod live {
             let range = 1.0..4.2e9;
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in range")]
             let whole = range.contains(&value).then(|| value.round() as u32);
-            let text = || CliError::input(format!("{flag} is {value}, and must be 1 to 4.2e9"));
+            let text = || CliError::input(format!("{flag} is {value}; it must be 1 to 4.2e9"));
             whole.ok_or_else(text)
         };
         let mut tuning =
