@@ -40,5 +40,7 @@ mod shape;
 #[cfg(feature = "fleet")]
 pub use fleet::*;
 pub use planners::*;
-pub use search::{Phase, PhaseError, Phases, Progress, Signal, Stop, StopRules, StopWatch};
+pub use search::{
+    Phase, PhaseError, Phases, Progress, Signal, Stop, StopRules, StopWatch, Transition,
+};
 pub use shape::{Line, Offsets, Polygon, Scaled, Shape, ShapeFn, shape_fn};

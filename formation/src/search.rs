@@ -58,6 +58,51 @@ pub enum Signal {
     GivenUp(Outcome),
 }
 
+impl fmt::Display for Signal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Begin => f.write_str("a target begins"),
+            Self::Arrived => f.write_str("all arrived"),
+            Self::Decided(Decision::Listen(Stage::Searching)) => f.write_str("decided: search on"),
+            Self::Decided(Decision::Listen(Stage::Finishing)) => f.write_str("decided: finish"),
+            Self::Decided(Decision::Finish(_)) => f.write_str("decided: done"),
+            Self::GivenUp(_) => f.write_str("given up"),
+        }
+    }
+}
+
+/// A step from one phase to the next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Transition {
+    /// The phase before.
+    pub from: Phase,
+    /// Signal that leads on.
+    pub signal: Signal,
+    /// The phase after.
+    pub to: Phase,
+}
+
+/// Every phase; one outcome stands for all.
+const PHASES: [Phase; 7] = [
+    Phase::Idle,
+    Phase::Start,
+    Phase::Moving(Stage::Searching),
+    Phase::Measuring(Stage::Searching),
+    Phase::Moving(Stage::Finishing),
+    Phase::Measuring(Stage::Finishing),
+    Phase::Finished(Outcome::Converged),
+];
+
+/// Every signal; one outcome stands for all.
+const SIGNALS: [Signal; 6] = [
+    Signal::Begin,
+    Signal::Arrived,
+    Signal::Decided(Decision::Listen(Stage::Searching)),
+    Signal::Decided(Decision::Listen(Stage::Finishing)),
+    Signal::Decided(Decision::Finish(Outcome::Converged)),
+    Signal::GivenUp(Outcome::Converged),
+];
+
 /// The phases of a search as a pure state machine: signals in, phases out, no clock, no I/O.
 ///
 /// A signal that makes no sense in a phase is refused and changes nothing.
@@ -71,6 +116,17 @@ impl Phases {
     #[must_use]
     pub fn phase(&self) -> Phase {
         self.phase
+    }
+
+    /// Every transition of the machine, found by giving it each signal in each phase. One outcome
+    /// stands for all.
+    pub fn transitions() -> impl Iterator<Item = Transition> {
+        PHASES.into_iter().flat_map(|from| {
+            SIGNALS.into_iter().filter_map(move |signal| {
+                let to = Self { phase: from }.signal(signal).ok()?;
+                Some(Transition { from, signal, to })
+            })
+        })
     }
 
     /// Takes one signal and returns the phase that it leads to.
@@ -96,7 +152,7 @@ impl Phases {
 
 /// A signal that does not belong to the present phase.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("{signal:?} is not possible while {phase}")]
+#[error("the signal \"{signal}\" is not possible while {phase}")]
 pub struct PhaseError {
     /// The phase, which stays.
     pub phase: Phase,
@@ -279,6 +335,17 @@ mod tests {
         for (signal, phase) in script {
             assert_eq!(phases.signal(signal), Ok(phase));
         }
+    }
+
+    #[test]
+    fn every_phase_is_reached_and_left() {
+        let all: std::vec::Vec<Transition> = Phases::transitions().collect();
+        for phase in PHASES {
+            assert!(phase == Phase::Idle || all.iter().any(|step| step.to == phase), "{phase}");
+            assert!(all.iter().any(|step| step.from == phase), "{phase}");
+        }
+        // Begin twice, arrive three times, decide three things in two phases, give up in five.
+        assert_eq!(all.len(), 2 + 3 + 3 * 2 + 5);
     }
 
     #[test]

@@ -12,6 +12,7 @@ mod label;
 mod legend;
 mod of_overview;
 mod palette;
+mod phases;
 mod polar;
 mod ratios;
 mod scene;
@@ -22,6 +23,7 @@ pub use graph::{Axis, Band, Curve, Graph, Mark, Scale, Tint};
 pub use of_overview::{NamedSearch, axes_over_steps, error_over_steps, nees_over_steps};
 pub use ratios::Ratios;
 
+use foxhunt_formation::Phase;
 use foxhunt_sensors::Antenna;
 
 use foxhunt_hunt::{hunt::Event, log::LogHeader};
@@ -86,6 +88,17 @@ pub fn graph_svg(graph: &Graph) -> Result<String, PictureError> {
 /// [`PictureError`] when the drawing library refuses an element.
 pub fn turn_svg(title: &str, turn: &Turn, bearing: Option<f64>) -> Result<String, PictureError> {
     canvas::svg(|canvas| polar::draw_turn(canvas, title, turn, bearing))
+}
+
+/// Draws the state machine of a search, from the transitions of
+/// [`Phases`](foxhunt_formation::Phases) themselves. The phases of a hunt, in their order, add how
+/// often it went each way. Returns the text of an SVG file.
+///
+/// # Errors
+///
+/// [`PictureError`] when the drawing library refuses an element.
+pub fn phases_svg(title: &str, phases: Option<&[Phase]>) -> Result<String, PictureError> {
+    canvas::svg(|canvas| phases::draw(canvas, title, phases))
 }
 
 /// Draws the cloud of a search at six moments from its beginning to its end. Returns the text of an

@@ -46,6 +46,12 @@ fn logs_are_drawn_over_their_steps() {
     assert!(drawn(&["axes", text(&one)], &out).contains("semi-axes"));
     let nees = drawn(&["nees", text(&one), text(&two)], &out);
     assert!(nees.contains("average of 2 runs") && nees.contains("χ², 95 %"));
+    let machine = drawn(&["phases"], &out);
+    for text in ["Phases of a search", "forming up", "measuring, finishing", "a target begins<"] {
+        assert!(machine.contains(text), "{text} in {machine}");
+    }
+    let taken = drawn(&["phases", text(&one)], &out);
+    assert!(taken.contains("Phases of small") && taken.contains("a target begins (1)"), "{taken}");
     let cloud = drawn(&["cloud", text(&one)], &out);
     assert!(cloud.contains("after 0 receptions") && cloud.matches("<circle").count() > 1000);
     let measured = drawn(&["rssi", text(&one)], &out);

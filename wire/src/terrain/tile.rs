@@ -268,7 +268,7 @@ fn heights(samples: DecodingResult) -> Result<Vec<f32>, String> {
         DecodingResult::F64(all) => all.into_iter().map(|x| x as f32).collect(),
         _ => {
             return Err(
-                "its samples are not heights; integers of 8 to 32 bits and floats are read".into()
+                "its samples are not heights; integers of 8 to 32 bits and floats are read".into(),
             );
         }
     })

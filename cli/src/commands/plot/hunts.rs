@@ -3,11 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use foxhunt::{
+    formation::Phase,
+    hunt::Event,
     log::{Log, LogError},
     overview::{Overview, SearchOverview},
     picture::{
         Graph, NamedSearch, axes_over_steps, clouds_svg, error_over_steps, graph_svg, hunt_svg,
-        nees_over_steps,
+        nees_over_steps, phases_svg,
     },
     struck::Struck,
 };
@@ -17,7 +19,7 @@ use crate::{
     commands::choice,
     context::Context,
     error::{CliError, InFile},
-    output::warn_once,
+    output::{Output, warn_once},
 };
 
 /// Replay of logs.
@@ -50,6 +52,15 @@ pub(super) struct Logs {
     logs: Vec<PathBuf>,
     #[command(flatten)]
     replaying: Replaying,
+    #[command(flatten)]
+    drawing: Drawing,
+}
+
+/// The state machine of a search.
+#[derive(Debug, clap::Args)]
+pub(super) struct Machine {
+    /// A log, whose hunt is drawn into the machine
+    log: Option<PathBuf>,
     #[command(flatten)]
     drawing: Drawing,
 }
@@ -158,6 +169,22 @@ pub(super) fn trajectory(args: &OneLog, context: Context<'_>) -> Result<(), CliE
         header.scenario.clone_from(title);
     }
     args.drawing.write(hunt_svg(&header, &events), context.output)
+}
+
+pub(super) fn phases(args: &Machine, output: Output) -> Result<(), CliError> {
+    args.drawing.check()?;
+    let log = args.log.as_deref().map(read).transpose()?;
+    let phase = |event: &Event| match event {
+        Event::PhaseChanged { phase, .. } => Some(*phase),
+        _ => None,
+    };
+    let phases: Option<Vec<Phase>> =
+        log.as_ref().map(|log| log.events.iter().filter_map(phase).collect());
+    let own = log.map_or_else(
+        || "Phases of a search".to_owned(),
+        |log| format!("Phases of {}, with the number of times", log.header.scenario),
+    );
+    args.drawing.write(phases_svg(&args.drawing.title(&own), phases.as_deref()), output)
 }
 
 pub(super) fn cloud(args: &OneLog, context: Context<'_>) -> Result<(), CliError> {

@@ -42,6 +42,8 @@ enum Kind {
     Rssi(recordings::Measured),
     /// The errors of bearings, with the fitted mixture of a normal and outliers
     BearingErrors(recordings::Measured),
+    /// The phases of a search and the signals between them, with the ways that a hunt went
+    Phases(hunts::Machine),
     /// The comparison of planners that `compare planners --json` printed
     Planners(contenders::Planners),
     /// The distributions of errors and NEES of the contenders of a store
@@ -60,6 +62,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         Kind::Levels(args) => recordings::levels(args, context.output),
         Kind::Rssi(args) => recordings::rssi(args, context),
         Kind::BearingErrors(args) => recordings::bearing_errors(args, context),
+        Kind::Phases(args) => hunts::phases(args, context.output),
         Kind::Planners(args) => contenders::planners(args, context.output),
         #[cfg(feature = "store")]
         Kind::Distributions(args) => contenders::distributions(args, context.output),
