@@ -73,12 +73,12 @@ pub fn write_movebank(
         match &fix.ellipse_95 {
             None => row.extend(std::iter::repeat_n(String::new(), 7)),
             Some(ellipse) => {
-                let (sin, cos) = ellipse.orientation.sin_cos();
+                let (sin, cos) = libm::sincos(ellipse.orientation);
                 let major = ellipse.semi_major;
                 let minor = ellipse.semi_minor;
                 let reach = Vector2::new(
-                    (major * cos).hypot(minor * sin),
-                    (major * sin).hypot(minor * cos),
+                    libm::hypot(major * cos, minor * sin),
+                    libm::hypot(major * sin, minor * cos),
                 );
                 let [low, high] = [fix.place - reach, fix.place + reach].map(on_earth);
                 let along = radians_to_compass_deg(ellipse.orientation).rem_euclid(180.0);

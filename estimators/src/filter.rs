@@ -208,7 +208,7 @@ impl OutlierConfig {
         positive("the support of outliers", support)?;
         let widths = match M {
             2 => std::array::from_fn(|i| if i == 0 { support / TAU } else { TAU }),
-            _ => [support.powf(1.0 / as_value(M)); M],
+            _ => [libm::pow(support, 1.0 / as_value(M)); M],
         };
         Ok(OutlierMixture::new(share, widths)?)
     }
@@ -480,8 +480,9 @@ fn grid_config(side: usize, spread: Option<f64>) -> Result<GridConfig, Estimator
 /// deviation apart in its logarithm.
 fn noise_scales(spread: f64) -> Result<NoiseScales, EstimatorError> {
     require(spread > 0.0 && spread <= 3.0, "level_noise_spread", spread, "in (0, 3]")?;
-    let node =
-        |deviations: f64| ((spread * deviations).exp(), (-0.5 * deviations * deviations).exp());
+    let node = |deviations: f64| {
+        (libm::exp(spread * deviations), libm::exp(-0.5 * deviations * deviations))
+    };
     Ok(NoiseScales { component: 0, factors: [-1.5, -0.75, 0.0, 0.75, 1.5].map(node).to_vec() })
 }
 

@@ -4,7 +4,7 @@
 
 use alloc::vec::Vec;
 
-use foxhunt_core::Pose;
+use foxhunt_core::{Pose, elementary};
 use nalgebra::{SMatrix, SVector};
 
 /// Correlation of two readings, `C_ij = (1 − nugget) exp(−D_ij/ℓ) + nugget δ_ij / n_i`, D the
@@ -30,7 +30,7 @@ pub struct Receivers<'a> {
 impl Correlation {
     /// The correlation of the readings of two receivers.
     pub(crate) fn shared(&self, a: &Pose, b: &Pose) -> f64 {
-        (1.0 - self.nugget) * libm::exp(-(a.position - b.position).norm() / self.length_m)
+        (1.0 - self.nugget) * elementary::exp(-(a.position - b.position).norm() / self.length_m)
     }
 
     /// The variance of a value, of 1 for a single reading.

@@ -4,9 +4,17 @@
 use std::f64::consts::FRAC_PI_2;
 
 use foxhunt_core::angle;
-use map_3d::{Ellipsoid, ecef2geodetic, enu2geodetic, geodetic2enu};
-use nalgebra::{Matrix2, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
+
+/// Semi-major axis of the WGS84 ellipsoid, in metres.
+const SEMI_MAJOR_M: f64 = 6_378_137.0;
+
+/// Flattening of the WGS84 ellipsoid.
+const FLATTENING: f64 = 1.0 / 298.257_223_563;
+
+/// Square of its first eccentricity.
+const ECCENTRICITY_SQUARE: f64 = FLATTENING * (2.0 - FLATTENING);
 
 /// A place on or above the WGS84 ellipsoid.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -52,13 +60,53 @@ impl Geodetic {
     #[must_use]
     pub fn from_ecef(x_m: f64, y_m: f64, z_m: f64) -> Option<Self> {
         // The poles are 6,356,752 m from the centre.
-        let radius_m = x_m.hypot(y_m).hypot(z_m);
+        let radius_m = libm::hypot(libm::hypot(x_m, y_m), z_m);
         if !radius_m.is_finite() || radius_m < 6_300_000.0 {
             return None;
         }
-        let (lat, lon, alt_m) = ecef2geodetic(x_m, y_m, z_m, Ellipsoid::WGS84);
-        Self::new(lat.to_degrees(), lon.to_degrees(), alt_m).ok()
+        let place = Self::of_ecef(&Vector3::new(x_m, y_m, z_m));
+        Self::new(place.lat_deg, place.lon_deg, place.alt_m).ok()
     }
+
+    /// Earth-centred, Earth-fixed coordinates, in metres.
+    fn to_ecef(self) -> Vector3<f64> {
+        let (sin_lat, cos_lat) = libm::sincos(self.lat_deg.to_radians());
+        let (sin_lon, cos_lon) = libm::sincos(self.lon_deg.to_radians());
+        let normal_m = normal_m(sin_lat);
+        let across_m = (normal_m + self.alt_m) * cos_lat;
+        let up_m = (normal_m * (1.0 - ECCENTRICITY_SQUARE) + self.alt_m) * sin_lat;
+        Vector3::new(across_m * cos_lon, across_m * sin_lon, up_m)
+    }
+
+    /// Converts Earth-centred, Earth-fixed coordinates in metres, by the reduced latitude (Bowring
+    /// 1976, "Transformation from spatial to geographical coordinates").
+    fn of_ecef(ecef: &Vector3<f64>) -> Self {
+        let semi_minor_m = SEMI_MAJOR_M * (1.0 - FLATTENING);
+        let second_square = ECCENTRICITY_SQUARE / (1.0 - ECCENTRICITY_SQUARE);
+        let across_m = libm::hypot(ecef.x, ecef.y);
+        let mut lat = libm::atan2(ecef.z, across_m * (1.0 - ECCENTRICITY_SQUARE));
+        // One step is good to 10⁻⁷ m near the ground, three to rounding as far as satellites.
+        for _ in 0..3 {
+            let reduced = libm::atan2((1.0 - FLATTENING) * libm::sin(lat), libm::cos(lat));
+            let (sin, cos) = libm::sincos(reduced);
+            lat = libm::atan2(
+                ecef.z + second_square * semi_minor_m * sin * sin * sin,
+                across_m - ECCENTRICITY_SQUARE * SEMI_MAJOR_M * cos * cos * cos,
+            );
+        }
+        let (sin, cos) = libm::sincos(lat);
+        let on_ellipsoid_m = SEMI_MAJOR_M * SEMI_MAJOR_M / normal_m(sin);
+        Self {
+            lat_deg: lat.to_degrees(),
+            lon_deg: libm::atan2(ecef.y, ecef.x).to_degrees(),
+            alt_m: across_m * cos + ecef.z * sin - on_ellipsoid_m,
+        }
+    }
+}
+
+/// Radius of curvature across the meridian, in metres.
+fn normal_m(sin_lat: f64) -> f64 {
+    SEMI_MAJOR_M / (1.0 - ECCENTRICITY_SQUARE * sin_lat * sin_lat).sqrt()
 }
 
 /// Reason for refusing a place.
@@ -116,31 +164,30 @@ impl LocalFrame {
     /// above ground by 8 cm at 1 km and 8 m at 10 km.
     #[must_use]
     pub fn to_local(&self, place: &Geodetic) -> Vector3<f64> {
-        let (east, north, up) = geodetic2enu(
-            place.lat_deg.to_radians(),
-            place.lon_deg.to_radians(),
-            place.alt_m,
-            self.origin.lat_deg.to_radians(),
-            self.origin.lon_deg.to_radians(),
-            self.origin.alt_m,
-            Ellipsoid::WGS84,
-        );
-        Vector3::new(east, north, up)
+        self.axes() * (place.to_ecef() - self.origin.to_ecef())
     }
 
     /// The place at East, North and Up in metres; longitude within ±180°.
     #[must_use]
     pub fn to_geodetic(&self, local: &Vector3<f64>) -> Geodetic {
-        let (lat, lon, alt_m) = enu2geodetic(
-            local.x,
-            local.y,
-            local.z,
-            self.origin.lat_deg.to_radians(),
-            self.origin.lon_deg.to_radians(),
-            self.origin.alt_m,
-            Ellipsoid::WGS84,
-        );
-        Geodetic { lat_deg: lat.to_degrees(), lon_deg: lon.to_degrees(), alt_m }
+        Geodetic::of_ecef(&(self.origin.to_ecef() + self.axes().tr_mul(local)))
+    }
+
+    /// East, North and Up of the frame in Earth-centred, Earth-fixed coordinates, one in a row.
+    fn axes(&self) -> Matrix3<f64> {
+        let (sin_lat, cos_lat) = libm::sincos(self.origin.lat_deg.to_radians());
+        let (sin_lon, cos_lon) = libm::sincos(self.origin.lon_deg.to_radians());
+        Matrix3::new(
+            -sin_lon,
+            cos_lon,
+            0.0,
+            -sin_lat * cos_lon,
+            -sin_lat * sin_lon,
+            cos_lat,
+            cos_lat * cos_lon,
+            cos_lat * sin_lon,
+            sin_lat,
+        )
     }
 
     /// Returns the direction in the frame, in radians counter-clockwise from East, of a horizontal
@@ -164,27 +211,27 @@ impl LocalFrame {
     /// ```
     #[must_use]
     pub fn direction(&self, place: &Geodetic, deg_compass: f64) -> f64 {
-        let (sin, cos) = deg_compass.to_radians().sin_cos();
+        let (sin, cos) = libm::sincos(deg_compass.to_radians());
         let line = self.horizon(place) * Vector2::new(sin, cos);
-        line.y.atan2(line.x)
+        libm::atan2(line.y, line.x)
     }
 
     /// Returns the direction of a horizontal line at a place in degrees clockwise from true North
     /// there, in [0, 360): the reverse of [`direction`](Self::direction).
     #[must_use]
     pub fn compass_deg(&self, place: &Geodetic, radians: f64) -> f64 {
-        let (sin, cos) = radians.sin_cos();
+        let (sin, cos) = libm::sincos(radians);
         let line = self.horizon(place).lu().solve(&Vector2::new(cos, sin));
         // The horizon is singular for a place a quarter of Earth away alone.
         let line = line.unwrap_or_else(|| Vector2::new(cos, sin));
-        radians_to_compass_deg(line.y.atan2(line.x))
+        radians_to_compass_deg(libm::atan2(line.y, line.x))
     }
 
     /// East and North of the frame of the East and the North at a place.
     fn horizon(&self, place: &Geodetic) -> Matrix2<f64> {
-        let (sin, cos) = (place.lon_deg - self.origin.lon_deg).to_radians().sin_cos();
-        let (own_sin, own_cos) = place.lat_deg.to_radians().sin_cos();
-        let (sin_0, cos_0) = self.origin.lat_deg.to_radians().sin_cos();
+        let (sin, cos) = libm::sincos((place.lon_deg - self.origin.lon_deg).to_radians());
+        let (own_sin, own_cos) = libm::sincos(place.lat_deg.to_radians());
+        let (sin_0, cos_0) = libm::sincos(self.origin.lat_deg.to_radians());
         Matrix2::new(cos, -own_sin * sin, sin_0 * sin, sin_0 * own_sin * cos + cos_0 * own_cos)
     }
 }
@@ -215,7 +262,7 @@ pub fn radians_to_compass_deg(radians: f64) -> f64 {
 #[must_use]
 pub fn grid_convergence_deg(place: &Geodetic) -> f64 {
     let east = f64::to_radians(place.lon_deg - utm_central_meridian_deg(place));
-    (east.tan() * place.lat_deg.to_radians().sin()).atan().to_degrees()
+    libm::atan(libm::tan(east) * libm::sin(place.lat_deg.to_radians())).to_degrees()
 }
 
 /// The central meridian of a place's UTM zone, with the exceptions for Norway and Svalbard.
@@ -417,8 +464,32 @@ mod tests {
             let frame = frame(lat, lon, alt);
             let local = Vector3::new(east, north, up);
             let back = frame.to_local(&frame.to_geodetic(&local));
-            // The crate's closed form of the way back is good to well below a millimetre.
-            prop_assert!((back - local).norm() < 1e-4, "{local} came back as {back}");
+            prop_assert!((back - local).norm() < 1e-7, "{local} came back as {back}");
+        }
+
+        #[test]
+        fn another_code_has_these_places(
+            lat in -90.0..90.0f64, lon in -180.0..180.0f64, alt in -100.0..30_000.0f64,
+            d_lat in -1.0..1.0f64, d_lon in -1.0..1.0f64,
+        ) {
+            let place = Geodetic {
+                lat_deg: (lat + d_lat).clamp(-90.0, 90.0), lon_deg: lon + d_lon, alt_m: alt,
+            };
+            let frame = frame(lat, lon, 0.0);
+            let local = frame.to_local(&place);
+            let (east, north, up) = map_3d::geodetic2enu(
+                place.lat_deg.to_radians(), place.lon_deg.to_radians(), alt, lat.to_radians(),
+                lon.to_radians(), 0.0, map_3d::Ellipsoid::WGS84,
+            );
+            prop_assert!((local - Vector3::new(east, north, up)).norm() < 1e-7);
+            let back = frame.to_geodetic(&local);
+            let turned = (back.lon_deg - place.lon_deg + 180.0).rem_euclid(360.0) - 180.0;
+            let metres = Vector3::new(
+                turned * 111_320.0 * place.lat_deg.to_radians().cos(),
+                (back.lat_deg - place.lat_deg) * 111_320.0,
+                back.alt_m - place.alt_m,
+            );
+            prop_assert!(metres.norm() < 1e-7, "{place:?} came back as {back:?}");
         }
 
         #[test]

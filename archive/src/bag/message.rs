@@ -83,7 +83,7 @@ pub(super) fn place(kind: Kind, message: &[u8]) -> Result<Option<Place>, BagErro
     }
     let place = cdr.f64s::<3>()?;
     let [x, y, z, w] = cdr.f64s::<4>()?;
-    let heading = (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z));
+    let heading = libm::atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z));
     Ok(Some(Place::Local(place, heading)))
 }
 

@@ -104,10 +104,10 @@ pub(super) fn reach_m(overview: &Overview) -> f64 {
 
 /// The corners of an ellipse about a place, closed.
 pub(super) fn outline(mean: &Vector2<f64>, ellipse: &Ellipse) -> Vec<Vector2<f64>> {
-    let (sin, cos) = ellipse.orientation.sin_cos();
+    let (sin, cos) = libm::sincos(ellipse.orientation);
     let corner = |i: u16| {
         let turn = std::f64::consts::TAU * f64::from(i % CORNERS) / f64::from(CORNERS);
-        let (s, c) = turn.sin_cos();
+        let (s, c) = libm::sincos(turn);
         let along = ellipse.semi_major * c;
         let across = ellipse.semi_minor * s;
         mean + Vector2::new(along * cos - across * sin, along * sin + across * cos)
@@ -215,7 +215,7 @@ pub(super) fn bearing(
 ) -> Option<Feature> {
     let bearing = received.bearing.as_ref()?;
     let from = received.place.xy();
-    let (sin, cos) = bearing.angle.sin_cos();
+    let (sin, cos) = libm::sincos(bearing.angle);
     let to = from + Vector2::new(cos, sin) * reach_m;
     let ends = [from, to].map(|place| (lon_lat(frame, &place), received.time));
     let mut numbers = vec![

@@ -493,7 +493,7 @@ impl<'a> PageRow<'a> {
 
 /// Returns a probability with two digits.
 fn rounded_p(p: f64) -> f64 {
-    let decimals = if p > 0.0 { 1.0 - p.log10().floor() } else { 0.0 };
+    let decimals = if p > 0.0 { 1.0 - libm::log10(p).floor() } else { 0.0 };
     #[expect(clippy::cast_possible_truncation, reason = "the logarithm of a double is below 324")]
     let decimals = decimals.clamp(0.0, 300.0) as i32;
     round(p, decimals)

@@ -116,8 +116,8 @@ impl Canvas<'_> {
             let angle = std::f64::consts::PI * (f64::from(i) / 5.0 - 0.5);
             let reach = if i.is_multiple_of(2) { radius } else { 0.42 * radius };
             (
-                at.0 + super::frame::whole(reach * angle.cos()),
-                at.1 + super::frame::whole(reach * angle.sin()),
+                at.0 + super::frame::whole(reach * libm::cos(angle)),
+                at.1 + super::frame::whole(reach * libm::sin(angle)),
             )
         };
         for (radius, colour) in [(radius + 2 * UNIT, palette::PAPER.mix(0.9)), (radius, colour)] {

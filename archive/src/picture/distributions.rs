@@ -42,16 +42,16 @@ pub(super) fn draw(
     };
     let least = positive().fold(f64::INFINITY, f64::min).clamp(1e-3, 1.0);
     let most = positive().fold(0.0, f64::max).max(10.0 * least);
-    let low = least.log10().floor();
-    let high = most.log10().ceil();
+    let low = libm::log10(least).floor();
+    let high = libm::log10(most).ceil();
     let errors = Panel {
         rect: ERRORS,
         title: "share of runs with an error below, in metres",
-        across: |error| error.max(f64::MIN_POSITIVE).log10(),
+        across: |error| libm::log10(error.max(f64::MIN_POSITIVE)),
         range: [low, high],
     };
     let decades = std::iter::successors(Some(low), |at| Some(at + 1.0));
-    let decades = decades.take_while(|at| *at <= high).map(|at| 10.0_f64.powf(at));
+    let decades = decades.take_while(|at| *at <= high).map(|at| libm::pow(10.0_f64, at));
     errors.axes(canvas, decades)?;
     let nees = Panel {
         rect: NEES,
@@ -84,7 +84,7 @@ pub(super) fn draw(
 /// everywhere with 95 % (Dvoretzky, Kiefer & Wolfowitz 1956 with the constant of Massart 1990).
 fn band(canvas: &Canvas<'_>, panel: &Panel, runs: usize) -> Result<(), PictureError> {
     let runs = f64::from(u32::try_from(runs).unwrap_or(u32::MAX)).max(1.0);
-    let reach = ((2.0_f64 / 0.05).ln() / (2.0 * runs)).sqrt();
+    let reach = (libm::log(2.0_f64 / 0.05) / (2.0 * runs)).sqrt();
     let at = |i: u32| MOST_NEES * f64::from(i) / f64::from(POINTS);
     let edge =
         |i: u32, shift: f64| panel.pixel(at(i), (chi_squared_2(at(i)) + shift).clamp(0.0, 1.0));
@@ -95,7 +95,7 @@ fn band(canvas: &Canvas<'_>, panel: &Panel, runs: usize) -> Result<(), PictureEr
 
 /// The share of χ² with two degrees of freedom that is below.
 fn chi_squared_2(at: f64) -> f64 {
-    -(-0.5 * at).exp_m1()
+    -libm::expm1(-0.5 * at)
 }
 
 /// A field with the share of runs upwards.

@@ -132,7 +132,7 @@ impl Frame {
 
 /// The smallest of 1, 2, 5 times a power of ten that is not below `least`.
 pub(super) fn round_step(least: f64) -> f64 {
-    let power = 10.0_f64.powf(least.log10().floor());
+    let power = libm::pow(10.0_f64, libm::log10(least).floor());
     [1.0, 2.0, 5.0, 10.0].map(|f| f * power).into_iter().find(|s| *s >= least).unwrap_or(power)
 }
 

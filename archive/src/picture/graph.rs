@@ -163,7 +163,7 @@ impl Ruler {
             return decades(low, high);
         }
         let step = round_step((high - low) / 8.0);
-        let decimals = (-step.log10().floor()).clamp(0.0, 12.0);
+        let decimals = (-libm::log10(step).floor()).clamp(0.0, 12.0);
         let decimals = usize::try_from(whole(decimals)).unwrap_or(0);
         let first = (low / step).ceil();
         let ticks = (0..24_u8).map(|tick| (first + f64::from(tick)) * step);
@@ -176,7 +176,7 @@ impl Ruler {
 fn counted(scale: Scale, value: f64) -> Option<f64> {
     let value = match scale {
         Scale::Logarithmic if value <= 0.0 => return None,
-        Scale::Logarithmic => value.log10(),
+        Scale::Logarithmic => libm::log10(value),
         Scale::Linear | Scale::FromZero => value,
     };
     value.is_finite().then_some(value)
@@ -191,8 +191,8 @@ fn decades(low: f64, high: f64) -> Vec<(f64, String)> {
     for power in powers {
         let decimals = usize::try_from(whole((-power).max(0.0))).unwrap_or(0);
         for factor in factors {
-            let value = factor * 10.0_f64.powf(power);
-            if (low..=high).contains(&value.log10()) {
+            let value = factor * libm::pow(10.0_f64, power);
+            if (low..=high).contains(&libm::log10(value)) {
                 ticks.push((value, number(value, decimals)));
             }
         }

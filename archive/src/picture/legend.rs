@@ -104,7 +104,7 @@ fn marks(rows: &mut Rows<'_, '_>, scene: &Scene) -> Result<(), PictureError> {
     })?;
     rows.mark("last estimate, 95 % ellipse", |canvas, at| {
         let corner = |i: u32| {
-            let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / 40.0).sin_cos();
+            let (sin, cos) = libm::sincos(std::f64::consts::TAU * f64::from(i) / 40.0);
             let reach = |radius: i32, share: f64| super::frame::whole(f64::from(radius) * share);
             (at.0 + reach(HALF, cos), at.1 + reach(8 * UNIT, sin))
         };

@@ -225,7 +225,7 @@ impl Arrow {
         let points = (0..=40).map(|step| pixel(self.at(control, share(step)))).collect();
         canvas.line(points, self.colour().to_rgba(), 2 * UNIT)?;
         let [[x, y], [back_x, back_y]] = [reaches, reaches - 0.02].map(|t| self.at(control, t));
-        let length = (x - back_x).hypot(y - back_y).max(1.0);
+        let length = libm::hypot(x - back_x, y - back_y).max(1.0);
         let [along_x, along_y] =
             [x - back_x, y - back_y].map(|way| way / length * f64::from(10 * UNIT));
         let head = [

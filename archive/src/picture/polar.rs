@@ -168,6 +168,9 @@ impl Circle<'_> {
     /// The place at an angle from the top, counter-clockwise, and a share of the radius.
     fn pixel(&self, angle: f64, share: f64) -> Pixel {
         let reach = share * f64::from(RADIUS);
-        (self.centre.0 - whole(reach * angle.sin()), self.centre.1 - whole(reach * angle.cos()))
+        (
+            self.centre.0 - whole(reach * libm::sin(angle)),
+            self.centre.1 - whole(reach * libm::cos(angle)),
+        )
     }
 }

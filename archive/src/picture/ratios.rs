@@ -35,14 +35,14 @@ pub(super) fn draw(
     let values = known.flat_map(|(ratio, [low, high])| [*ratio, *low, *high]).filter(positive);
     let (low, high) =
         values.fold((0.8_f64, 1.25_f64), |(low, high), value| (low.min(value), high.max(value)));
-    let low = low.ln() - 0.05;
-    let high = high.ln() + 0.05;
+    let low = libm::log(low) - 0.05;
+    let high = libm::log(high) + 0.05;
     let x = |ratio: f64| {
-        let share = ((ratio.ln() - low) / (high - low)).clamp(0.0, 1.0);
+        let share = ((libm::log(ratio) - low) / (high - low)).clamp(0.0, 1.0);
         PLOT.left + whole(f64::from(PLOT.right - PLOT.left) * share)
     };
     for tick in [0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0] {
-        if (low..=high).contains(&f64::ln(tick)) {
+        if (low..=high).contains(&libm::log(tick)) {
             let line = vec![(x(tick), PLOT.top), (x(tick), PLOT.bottom)];
             let (colour, width) =
                 if tick.total_cmp(&1.0).is_eq() { (palette::INK, 2) } else { (palette::EDGE, 1) };

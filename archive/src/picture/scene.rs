@@ -40,7 +40,7 @@ pub(super) struct Ray {
 impl Ray {
     /// End of the ray when it is drawn this long.
     pub(super) fn end(&self, length: f64) -> Vector2<f64> {
-        let (sin, cos) = self.angle.sin_cos();
+        let (sin, cos) = libm::sincos(self.angle);
         self.from + Vector2::new(cos, sin) * length
     }
 }
@@ -209,9 +209,9 @@ impl Search {
 pub(super) fn outline(estimate: &Estimate<2>) -> Option<Vec<Vector2<f64>>> {
     const CORNERS: u32 = 120;
     let ellipse = estimate.ellipse(0.95).filter(|e| e.semi_major < FAR)?;
-    let (sin, cos) = ellipse.orientation.sin_cos();
+    let (sin, cos) = libm::sincos(ellipse.orientation);
     let corner = |i: u32| {
-        let (s, c) = (std::f64::consts::TAU * f64::from(i) / f64::from(CORNERS)).sin_cos();
+        let (s, c) = libm::sincos(std::f64::consts::TAU * f64::from(i) / f64::from(CORNERS));
         let along = ellipse.semi_major * c;
         let across = ellipse.semi_minor * s;
         estimate.mean + Vector2::new(along * cos - across * sin, along * sin + across * cos)

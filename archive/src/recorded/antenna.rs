@@ -36,7 +36,7 @@ pub fn learn_antenna(
             let from = sweep.located.then(|| sweep.sweep.receiver.position.xy());
             let towards = |place: Vector2<f64>| {
                 let way = place - from?;
-                (way.norm() > f64::MIN_POSITIVE).then(|| way.y.atan2(way.x))
+                (way.norm() > f64::MIN_POSITIVE).then(|| libm::atan2(way.y, way.x))
             };
             let begins = || {
                 let mut records = recording.records().iter();

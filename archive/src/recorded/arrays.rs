@@ -96,8 +96,9 @@ pub fn calibrate_array(
     }
     Ok(fit_deviation(known.iter().map(|(own, _)| *own)).map(|fit| {
         let errors = || known.iter().map(|(own, _)| angle::wrap(own.measured - own.truth));
-        let sum: Vector2<f64> = errors().map(|error| Vector2::new(error.cos(), error.sin())).sum();
-        let mean = sum.y.atan2(sum.x);
+        let sum: Vector2<f64> =
+            errors().map(|error| Vector2::new(libm::cos(error), libm::sin(error))).sum();
+        let mean = libm::atan2(sum.y, sum.x);
         let count = f64::from(u32::try_from(known.len()).unwrap_or(u32::MAX)).max(1.0);
         let squares: f64 = errors().map(|error| angle::wrap(error - mean).powi(2)).sum();
         let left = known.iter().filter_map(|(own, sigma)| {
@@ -115,7 +116,7 @@ pub fn calibrate_array(
 fn towards(record: &Record, truth: Option<Vector2<f64>>) -> Option<(f64, f64)> {
     let receiver = record.receiver?;
     let way = truth.or(record.truth)? - receiver.position.xy();
-    (way.norm() > f64::MIN_POSITIVE).then(|| (way.y.atan2(way.x), receiver.heading))
+    (way.norm() > f64::MIN_POSITIVE).then(|| (libm::atan2(way.y, way.x), receiver.heading))
 }
 
 /// Takes the deviation off the ready-made bearings of calibrated arrays, whose σ then holds the
@@ -140,7 +141,7 @@ pub fn correct_arrays(recordings: &mut [Recording], arrays: &[ArraySection]) -> 
             let (angle, error) = deviation.correct(bearing.angle, heading);
             let stretch = deviation.stretch_at(bearing.angle - heading);
             corrected += 1;
-            let sigma = Some((stretch * section.sigma(bearing.sigma)).hypot(error));
+            let sigma = Some(libm::hypot(stretch * section.sigma(bearing.sigma), error));
             Some(RecordedBearing { angle, sigma, is_calibrated: true })
         });
     }

@@ -146,7 +146,7 @@ pub fn true_bearing(turn: &BearingReading, truth: Option<Vector2<f64>>) -> Optio
 
 fn direction(truth: Option<Vector2<f64>>, from: Vector2<f64>) -> Option<f64> {
     let way = truth? - from;
-    (way.norm() > f64::MIN_POSITIVE).then(|| way.y.atan2(way.x))
+    (way.norm() > f64::MIN_POSITIVE).then(|| libm::atan2(way.y, way.x))
 }
 
 /// Adds a recording's bearings, and returns the number of turns without one.

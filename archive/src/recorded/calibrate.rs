@@ -100,7 +100,7 @@ fn widen_by_runs(fit: &mut PathLossFit, points: &[Point<'_>], max_exponent: Opti
         let pairs = others.map(|(point, _)| (point.range, point.rss_dbm));
         if fit.at_bound {
             let (sum, points) = pairs.fold((0.0, 0.0), |(sum, points), (range, rss_dbm)| {
-                (sum + rss_dbm + 10.0 * fit.exponent * range.log10(), points + 1.0)
+                (sum + rss_dbm + 10.0 * fit.exponent * libm::log10(range), points + 1.0)
             });
             return (points > 0.0).then(|| Vector2::new(sum / points - fit.reference_dbm, 0.0));
         }

@@ -211,7 +211,7 @@ fn located(
         let truth = truth.filter(|_| sweep.located).ok_or(RecordedError::NoTruth { file, line })?;
         let way = truth - sweep.sweep.receiver.position.xy();
         if way.norm() >= config.least_range_m {
-            located.push((sweep, way.y.atan2(way.x)));
+            located.push((sweep, libm::atan2(way.y, way.x)));
         }
     }
     Ok(located)

@@ -142,9 +142,9 @@ impl PoseLog {
         let difference = |column| of(b, column) - of(a, column);
         let latitude = of(a, Column::LatDeg).to_radians();
         let east = angle::wrap(difference(Column::LonDeg).to_radians()).to_degrees();
-        let east = east * METRES_PER_DEG * latitude.cos() + difference(Column::EastM);
+        let east = east * METRES_PER_DEG * libm::cos(latitude) + difference(Column::EastM);
         let north = difference(Column::LatDeg) * METRES_PER_DEG + difference(Column::NorthM);
-        east.hypot(north)
+        libm::hypot(east, north)
     }
 
     /// The values of the columns at a time of the poses' clock, on a straight line, and the short

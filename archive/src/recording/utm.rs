@@ -78,16 +78,22 @@ impl UtmZone {
         let xi = (north_m - equator) / (SCALE * radius);
         let eta = (east_m - FALSE_EAST_M) / (SCALE * radius);
         let doubled = [2.0, 4.0, 6.0, 8.0];
-        let north_of: f64 =
-            beta.iter().zip(doubled).map(|(b, k)| b * (k * xi).sin() * (k * eta).cosh()).sum();
-        let east_of: f64 =
-            beta.iter().zip(doubled).map(|(b, k)| b * (k * xi).cos() * (k * eta).sinh()).sum();
+        let north_of: f64 = beta
+            .iter()
+            .zip(doubled)
+            .map(|(b, k)| b * libm::sin(k * xi) * libm::cosh(k * eta))
+            .sum();
+        let east_of: f64 = beta
+            .iter()
+            .zip(doubled)
+            .map(|(b, k)| b * libm::cos(k * xi) * libm::sinh(k * eta))
+            .sum();
         let [xi, eta] = [xi - north_of, eta - east_of];
-        let conformal = (xi.sin() / eta.cosh()).asin();
+        let conformal = libm::asin(libm::sin(xi) / libm::cosh(eta));
         let latitude =
-            delta.iter().zip(doubled).map(|(d, k)| d * (k * conformal).sin()).sum::<f64>();
+            delta.iter().zip(doubled).map(|(d, k)| d * libm::sin(k * conformal)).sum::<f64>();
         let central_deg = f64::from(self.number) * 6.0 - 183.0;
-        let east = eta.sinh().atan2(xi.cos());
+        let east = libm::atan2(libm::sinh(eta), libm::cos(xi));
         [(conformal + latitude).to_degrees(), central_deg + east.to_degrees()]
     }
 }

@@ -229,7 +229,7 @@ impl<const N: usize, const M: usize> Regression<N, M> {
         let mut root = LogProduct::default();
         (0..M).for_each(|i| root.multiply(self.unexplained[(i, i)]));
         (0..N).for_each(|i| root.multiply(self.known.roots[i]));
-        noise::log_density(self.nis(), root.ln(), self.dof)
+        noise::log_density(self.nis(), root.log(), self.dof)
     }
 
     /// Another residual's square in the metric of what is not explained: rᵀ (R + W Wᵀ)⁻¹ r.

@@ -97,7 +97,7 @@ impl ArraySection {
     #[must_use]
     pub fn sigma(&self, own: Option<f64>) -> f64 {
         own.map_or(self.sigma_deg.to_radians(), |own| {
-            (self.sigma_scale * own).hypot(self.sigma_floor_deg.to_radians())
+            libm::hypot(self.sigma_scale * own, self.sigma_floor_deg.to_radians())
         })
     }
 }

@@ -57,7 +57,7 @@ impl BearingCalibration {
     /// Returns the corrected value of a σ in radians.
     #[must_use]
     pub fn sigma(&self, sigma: f64) -> f64 {
-        (self.sigma_scale * sigma).hypot(self.sigma_floor_deg.to_radians())
+        libm::hypot(self.sigma_scale * sigma, self.sigma_floor_deg.to_radians())
     }
 
     /// Corrects the bearings of an extractor by this calibration.

@@ -39,7 +39,7 @@ impl Deviation {
 
 /// Returns the root mean square of the semi-axes.
 fn radius(ellipse: &Ellipse) -> f64 {
-    ellipse.semi_major.hypot(ellipse.semi_minor) * std::f64::consts::FRAC_1_SQRT_2
+    libm::hypot(ellipse.semi_major, ellipse.semi_minor) * std::f64::consts::FRAC_1_SQRT_2
 }
 
 /// Factors by which the regions of an estimator hold the transmitter with 95 %, by split conformal

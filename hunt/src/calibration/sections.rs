@@ -130,7 +130,7 @@ impl BearingSection {
         });
         BearingCalibration {
             sigma_scale: self.correction.sigma_scale * widening,
-            sigma_floor_deg: (self.correction.sigma_floor_deg * widening).hypot(of_offset),
+            sigma_floor_deg: libm::hypot(self.correction.sigma_floor_deg * widening, of_offset),
             ..self.correction
         }
     }

@@ -186,8 +186,8 @@ impl Centroid {
 
     /// σ in dB of the level that the law predicts at a distance, without the levels' own.
     pub(crate) fn sigma_db(&self, range_m: f64) -> f64 {
-        let apart = -10.0 * range_m.max(1.0).log10() - self.loss;
-        self.variance.sqrt().hypot(apart * self.exponent_sigma)
+        let apart = -10.0 * libm::log10(range_m.max(1.0)) - self.loss;
+        libm::hypot(self.variance.sqrt(), apart * self.exponent_sigma)
     }
 }
 

@@ -33,7 +33,7 @@ impl Fit<'_> {
         // Nearer than a metre the law has no meaning.
         self.levels
             .iter()
-            .map(move |r| -10.0 * (place - r.receiver.position).norm().max(1.0).log10())
+            .map(move |r| -10.0 * libm::log10((place - r.receiver.position).norm().max(1.0)))
     }
 
     /// The mean absolute residual of a place and an exponent, with the best P₀.

@@ -173,9 +173,9 @@ impl Located {
     pub(crate) fn shifted(mut self, sigma_m: f64) -> Self {
         self.estimate.covariance += Matrix2::identity() * (sigma_m * sigma_m);
         if let Some(ellipse) = &mut self.own_ellipse_95 {
-            let shift_m = sigma_m * (-2.0 * 0.05_f64.ln()).sqrt();
-            ellipse.semi_major = ellipse.semi_major.hypot(shift_m);
-            ellipse.semi_minor = ellipse.semi_minor.hypot(shift_m);
+            let shift_m = sigma_m * (-2.0 * libm::log(0.05_f64)).sqrt();
+            ellipse.semi_major = libm::hypot(ellipse.semi_major, shift_m);
+            ellipse.semi_minor = libm::hypot(ellipse.semi_minor, shift_m);
         }
         self
     }
@@ -198,11 +198,11 @@ impl Located {
     #[must_use]
     pub fn ellipses_away(&self, place: &Vector2<f64>) -> Option<f64> {
         let ellipse = self.ellipse_95()?;
-        let (sin, cos) = ellipse.orientation.sin_cos();
+        let (sin, cos) = libm::sincos(ellipse.orientation);
         let away = place - self.estimate.mean;
         let along = (cos * away.x + sin * away.y) / ellipse.semi_major;
         let across = (cos * away.y - sin * away.x) / ellipse.semi_minor;
-        Some(along.hypot(across))
+        Some(libm::hypot(along, across))
     }
 
     /// Returns true if the region that a user is shown holds a place: the
@@ -232,10 +232,11 @@ impl Located {
         terms.extend(self.rivals.iter().map(|r| (r.relative_density, kernel(&r.place))));
         // The largest term is taken out, as all of them may underflow.
         let most = terms.iter().map(|(_, log)| *log).fold(f64::NEG_INFINITY, f64::max);
-        let sum: f64 = terms.iter().map(|(weight, log)| weight * (log - most).exp()).sum();
+        let sum: f64 = terms.iter().map(|(weight, log)| weight * libm::exp(log - most)).sum();
         let weights: f64 = terms.iter().map(|(weight, _)| weight).sum();
-        let log_norm = core::f64::consts::TAU.ln() + factor.l_dirty().diagonal().map(f64::ln).sum();
-        Some(log_norm + weights.ln() - most - sum.ln())
+        let log_norm =
+            libm::log(core::f64::consts::TAU) + factor.l_dirty().diagonal().map(libm::log).sum();
+        Some(log_norm + libm::log(weights) - most - libm::log(sum))
     }
 
     /// Returns the height of the transmitter above the ground in metres: the estimated one, or that
@@ -372,7 +373,7 @@ pub(super) fn levels_and_silences(
 pub(super) fn rivals<const N: usize>(optima: &[(State<N>, f64)]) -> Vec<Rival> {
     let rival = |(state, log_ratio): &(State<N>, f64)| Rival {
         place: state.fixed_rows::<2>(0).into_owned(),
-        relative_density: log_ratio.exp(),
+        relative_density: libm::exp(*log_ratio),
     };
     optima.iter().map(rival).filter(|r| r.relative_density >= LEAST_RELATIVE_DENSITY).collect()
 }
@@ -382,7 +383,7 @@ pub(super) fn rivals<const N: usize>(optima: &[(State<N>, f64)]) -> Vec<Rival> {
 pub(super) fn regions_with_rivals<const N: usize>(fix: &BatchFix<N>) -> Vec<Region> {
     let rivals = fix.rival_estimates.iter().zip(&fix.rivals);
     let rivals = rivals
-        .map(|(estimate, (_, log_ratio))| (in_plane(estimate), log_ratio.exp()))
+        .map(|(estimate, (_, log_ratio))| (in_plane(estimate), libm::exp(*log_ratio)))
         .filter(|(_, density)| *density >= LEAST_RELATIVE_DENSITY);
     let mut modes = vec![(in_plane(&fix.estimate), 1.0)];
     modes.extend(rivals);

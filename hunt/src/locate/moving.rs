@@ -412,7 +412,7 @@ fn add_bearing(
     let class = |(east, north): (&f64, &f64)| {
         let square = (east - from.x).powi(2) + (north - from.y).powi(2);
         let seen = (places.variance_m2() / square).min(PI * PI / 3.0);
-        (CLASSES_AN_OCTAVE * (1.0 + seen / variance).log2()).round()
+        (CLASSES_AN_OCTAVE * libm::log2(1.0 + seen / variance)).round()
     };
     let classes: Vec<f64> = places.east.iter().zip(places.north).map(class).collect();
     let mut order: Vec<usize> = (0..classes.len()).collect();
@@ -454,13 +454,13 @@ fn laws(windows: &[Window], power: Power, extent_m: f64) -> Vec<(f64, Option<Law
         Power::Known { reference_dbm, exponent } => {
             let law = |offset: f64| {
                 let reference_dbm = reference_dbm + COMMON_SIGMA_DB * offset;
-                ((-0.5 * offset * offset).exp(), Some(Law { reference_dbm, exponent }))
+                (libm::exp(-0.5 * offset * offset), Some(Law { reference_dbm, exponent }))
             };
             return OFFSETS.map(law).to_vec();
         }
         Power::Calibrated(calibrated) => {
             let centroid = calibrated.centroid();
-            let sigma_db = COMMON_SIGMA_DB.hypot(centroid.variance.sqrt());
+            let sigma_db = libm::hypot(COMMON_SIGMA_DB, centroid.variance.sqrt());
             // Gauss and Hermite's three nodes of a normal distribution.
             let exponents = [(-3.0_f64.sqrt(), 1.0), (0.0, 4.0), (3.0_f64.sqrt(), 1.0)];
             let known = centroid.exponent_sigma <= 0.0;
@@ -471,7 +471,7 @@ fn laws(windows: &[Window], power: Power, extent_m: f64) -> Vec<(f64, Option<Law
                 OFFSETS.map(|offset: f64| {
                     let reference_dbm = centroid.reference_dbm(exponent) + sigma_db * offset;
                     let law = Law { reference_dbm, exponent };
-                    (weight * (-0.5 * offset * offset).exp(), Some(law))
+                    (weight * libm::exp(-0.5 * offset * offset), Some(law))
                 })
             });
             return laws.collect();
@@ -479,7 +479,7 @@ fn laws(windows: &[Window], power: Power, extent_m: f64) -> Vec<(f64, Option<Law
         Power::FreeReference { exponent } => vec![(exponent, 1.0)],
         // N(2.3, 0.5²), as for transmitters that stand still.
         Power::Free => [1.8, 2.4, 3.0]
-            .map(|exponent: f64| (exponent, (-2.0 * (exponent - 2.3).powi(2)).exp()))
+            .map(|exponent: f64| (exponent, libm::exp(-2.0 * (exponent - 2.3).powi(2))))
             .to_vec(),
     };
     // The power is such that the median level comes from 30 m, 42 m … 5.4 km, and beyond from no
@@ -493,7 +493,7 @@ fn laws(windows: &[Window], power: Power, extent_m: f64) -> Vec<(f64, Option<Law
     }
     let laws = exponents.into_iter().flat_map(|(exponent, weight)| {
         let law = move |range_m: f64| {
-            let reference_dbm = median + 10.0 * exponent * range_m.log10();
+            let reference_dbm = median + 10.0 * exponent * libm::log10(range_m);
             (weight, Some(Law { reference_dbm, exponent }))
         };
         ranges_m.iter().copied().map(law).collect::<Vec<_>>()
@@ -518,7 +518,7 @@ impl TrackModel for Walk<'_> {
 
     /// A velocity that forgets itself (Uhlenbeck & Ornstein 1930; for animals Johnson et al. 2008).
     fn variance(&self, seconds: f64) -> f64 {
-        let forgotten = -(-seconds / PERSISTENCE_S).exp_m1();
+        let forgotten = -libm::expm1(-seconds / PERSISTENCE_S);
         self.speed_mps.powi(2) * PERSISTENCE_S * (seconds - PERSISTENCE_S * forgotten)
     }
 

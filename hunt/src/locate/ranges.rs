@@ -162,12 +162,12 @@ fn consistent<const N: usize>(
     }
     let normal = |(square, own): &(f64, f64)| {
         let variance = own + spread;
-        -0.5 * ((std::f64::consts::TAU * variance).ln() + square / variance)
+        -0.5 * (libm::log(std::f64::consts::TAU * variance) + square / variance)
     };
     let root = fix.estimate.covariance.cholesky().map(|factor| factor.l_dirty().diagonal());
-    let log_root = root.map_or(0.0, |root| root.map(f64::ln).sum());
+    let log_root = root.map_or(0.0, |root| root.map(libm::log).sum());
     let unknowns = f64::from(u32::try_from(N).unwrap_or(u32::MAX));
-    let volume = log_root + 0.5 * unknowns * std::f64::consts::TAU.ln();
+    let volume = log_root + 0.5 * unknowns * libm::log(std::f64::consts::TAU);
     let log_evidence = residuals(&fix).iter().map(normal).sum::<f64>() + volume;
     Ok(Consistent { fix, p, factor, log_evidence })
 }
@@ -195,7 +195,7 @@ fn with_bias(ranges: &[SlantRange], up: f64, alone: &Consistent<2>) -> Option<Co
     let biased = consistent(ranges, up, |ranges| multilaterate_with_bias(ranges, up)).ok()?;
     let mean = &biased.fix.estimate.mean;
     let prior = |value: f64, sigma: f64| {
-        -0.5 * (std::f64::consts::TAU * sigma * sigma).ln() - 0.5 * (value / sigma).powi(2)
+        -0.5 * libm::log(std::f64::consts::TAU * sigma * sigma) - 0.5 * (value / sigma).powi(2)
     };
     let [offset_sigma, scale_sigma] = range_bias_sigmas(ranges);
     let of_bias = prior(mean.z, offset_sigma) + prior(mean.w, scale_sigma);
@@ -231,8 +231,8 @@ fn range_of(
     of_law: impl Fn(f64) -> Option<f64>,
 ) -> SlantRange {
     let decades = (law.rss_dbm(1.0) - level.rss_dbm) / (10.0 * law.exponent());
-    let range = 10.0_f64.powf(decades);
-    let sigma_db = level.sigma_db.hypot(of_law(range).unwrap_or(0.0));
+    let range = libm::pow(10.0_f64, decades);
+    let sigma_db = libm::hypot(level.sigma_db, of_law(range).unwrap_or(0.0));
     let sigma = range * sigma_db * std::f64::consts::LN_10 / (10.0 * law.exponent());
     SlantRange { receiver, range, sigma }
 }

@@ -52,11 +52,11 @@ pub(super) fn of_modes(modes: &[(Estimate<2>, f64)], probability: f64) -> Vec<Re
         let (estimate, density) = mode;
         let own = 1.0 - border / density;
         let ellipse = estimate.ellipse(own).filter(|_| own > 0.0)?;
-        let (sin, cos) = ellipse.orientation.sin_cos();
+        let (sin, cos) = libm::sincos(ellipse.orientation);
         let corner = |number: u32| {
             let turn = std::f64::consts::TAU * f64::from(number % CORNERS) / f64::from(CORNERS);
-            let along = ellipse.semi_major * turn.cos();
-            let across = ellipse.semi_minor * turn.sin();
+            let along = ellipse.semi_major * libm::cos(turn);
+            let across = ellipse.semi_minor * libm::sin(turn);
             let away = Vector2::new(cos * along - sin * across, sin * along + cos * across);
             estimate.mean + away
         };

@@ -1,6 +1,5 @@
-use foxhunt_core::{Pose, Reception};
+use foxhunt_core::{Pose, Reception, elementary::ln};
 use foxhunt_filters::{Intercept, PlacePrior, ShadowingGrid, ShadowingGridConfig, Slope};
-use foxhunt_sensors::{LogDistance, Propagation};
 use nalgebra::Vector2;
 
 #[cfg(feature = "batch")]
@@ -24,6 +23,12 @@ pub(crate) struct CorrelatedShadowing;
 /// The cosine below which a dipole's null is filled, by the airframe's and the ground's
 /// reflections: 20 dB below the maximum.
 const NULL: f64 = 0.1;
+
+/// 10 log₁₀ x = 2 · this · ln x, and 10 log₁₀ d = this · ln d².
+const HALF_DB: f64 = 5.0 / std::f64::consts::LN_10;
+
+/// Square of the range in m² below which levels rise no more: that of a millimetre.
+const LEAST_SQUARE: f64 = 1e-6;
 
 /// Number of readings that a calibration's σ counts for at most: σ differs from flight to flight
 /// by a third (4.5 to 8.1 dB over one site), as that of a sample of eight does.
@@ -109,19 +114,19 @@ impl Locator for CorrelatedShadowing {
             sigma_prior,
             ..defaults
         })?;
-        let unit = LogDistance::new(0.0, 1.0)?;
+        let own_square = receiver_sigma_m * receiver_sigma_m;
         let regressors = |cell: &Vector2<f64>, receiver: &Pose, up: f64| {
             let way = cell.push(up) - receiver.position;
             // The mean of ln d² over the receiver's own error has no pole at the receiver.
-            let range = way.norm().hypot(receiver_sigma_m);
+            let square = (way.norm_squared() + own_square).max(LEAST_SQUARE);
             let gain = match &config.pattern {
                 Some(pattern) => {
                     let sight = receiver.to_body(&way);
-                    pattern.gain_db(sight.z.atan2(sight.xy().norm()))
+                    pattern.gain_db(libm::atan2(sight.z, sight.xy().norm()))
                 }
-                None => 20.0 * (way.xy().norm() / range).hypot(NULL).log10(),
+                None => 2.0 * HALF_DB * ln(way.xy().norm_squared() / square + NULL * NULL),
             };
-            [unit.rss_dbm(range), gain]
+            [-HALF_DB * ln(square), gain]
         };
         #[cfg(feature = "batch")]
         let fix = {

@@ -47,7 +47,7 @@ impl Locator for WeightedCentroid {
             .collect();
         let most = levels.iter().map(|r| r.value).fold(f64::NEG_INFINITY, f64::max);
         let weighed = |r: &ShadowedReading| {
-            (10.0_f64.powf((r.value - most) / 20.0), r.receiver.position.xy())
+            (libm::pow(10.0_f64, (r.value - most) / 20.0), r.receiver.position.xy())
         };
         let weighed: Vec<(f64, Vector2<f64>)> = levels.iter().map(weighed).collect();
         let total: f64 = weighed.iter().map(|(weight, _)| weight).sum();

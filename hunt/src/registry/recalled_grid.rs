@@ -90,8 +90,9 @@ impl<const M: usize> RecalledGrid<M> {
             let factor = observation.noise_factor();
             let whitener = factor.solve_lower_triangular_unchecked(&SMatrix::identity());
             let present = (0..M).filter(|part| observation.has(*part));
-            let normaliser =
-                present.map(|part| -factor[(part, part)].ln() - 0.5 * TAU.ln()).sum::<f64>();
+            let normaliser = present
+                .map(|part| -libm::log(factor[(part, part)]) - 0.5 * libm::log(TAU))
+                .sum::<f64>();
             let whitener = whitener * observation.strike(SMatrix::identity());
             (observation, whitener, normaliser)
         };
@@ -139,7 +140,7 @@ impl Found {
             .map(|off| window.middle + window.half_sides * off)
             .collect();
         let columns = [0, 1].map(|axis| places.iter().map(|at| at[axis]).collect::<Vec<f64>>());
-        let log_root = self.whitener.determinant().ln() - TAU.ln();
+        let log_root = libm::log(self.whitener.determinant()) - libm::log(TAU);
         let prior = |at: &Vector2<f64>| {
             log_root - 0.5 * (self.whitener * (at - self.prior.mean)).norm_squared()
         };
@@ -176,7 +177,7 @@ impl Found {
                 break;
             }
             highest = highest.max(most);
-            let own = moments(cells.iter().map(|(at, log)| (*at, (log - most).exp())));
+            let own = moments(cells.iter().map(|(at, log)| (*at, libm::exp(log - most))));
             let next = window.about(&own, &cells, most);
             let moved = window.half_sides.try_inverse().map_or(0.0, |inverse| {
                 let off = (inverse * (next.middle - window.middle)).amax();
@@ -217,7 +218,7 @@ impl Found {
                 continue;
             }
             let area = 4.0 * window.half_sides.determinant().abs();
-            let log_cell = area.ln() - 2.0 * count(WEIGHED).ln();
+            let log_cell = libm::log(area) - 2.0 * libm::log(count(WEIGHED));
             let own = self.weigh(add, &window, WEIGHED).into_iter();
             // What another window holds as well counts once.
             let own: Vec<_> = own.filter(|(at, _)| !known(at)).collect();
@@ -227,7 +228,7 @@ impl Found {
         let most = cells.iter().fold(f64::NEG_INFINITY, |most, (_, log)| most.max(*log));
         let mut sum = 0.0;
         for (_, log) in &mut cells {
-            *log = (*log - most).exp();
+            *log = libm::exp(*log - most);
             sum += *log;
         }
         cells.iter_mut().for_each(|(_, weight)| *weight /= sum);
@@ -247,7 +248,7 @@ impl Found {
             return Err(EstimatorError::NotPositiveDefinite { role: Role::Posterior });
         }
         (self.modes, self.cells, self.belief) = (modes, cells, belief);
-        self.log_evidence = most + sum.ln();
+        self.log_evidence = most + libm::log(sum);
         Ok(())
     }
 }

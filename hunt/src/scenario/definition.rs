@@ -169,7 +169,7 @@ impl Scenario {
         let (antenna, elevation) = self.extractor.known_antenna()?;
         let goal = TurnGoal::new(self.turns?, self.extractor.build().ok()?.into()).ok()?;
         let ModelConfig { reference_dbm, exponent, .. } = self.model;
-        let level = reference_dbm - 10.0 * exponent * self.hunt.prior_sigma_m.log10();
+        let level = reference_dbm - 10.0 * exponent * libm::log10(self.hunt.prior_sigma_m);
         let floor = source.floor_dbm().or(self.world.channel.floor_dbm);
         let over = floor.map_or(f64::INFINITY, |floor| level - floor);
         Some(goal.expected_questions(&antenna.build().ok()?, elevation, over, (least, MOST)))

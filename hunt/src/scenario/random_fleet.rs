@@ -210,14 +210,14 @@ impl Draw {
         let reach = places.iter().map(|place| place.norm()).fold(0.0, f64::max) + margin;
         // Even a chord between two neighbouring corners leaves the places inside.
         let corners = self.whole(6, 11);
-        let least = (reach + 1.0) / (TAU / 2.0 / f64::from(corners)).cos();
+        let least = (reach + 1.0) / libm::cos(TAU / 2.0 / f64::from(corners));
         let fence_m = if self.chance(0.75) {
             let most = least + self.between(5.0, 80.0);
             (0..corners)
                 .map(|corner| {
                     let angle = TAU * f64::from(corner) / f64::from(corners);
                     let radius = self.between(least, most);
-                    [radius * angle.cos(), radius * angle.sin()]
+                    [radius * libm::cos(angle), radius * libm::sin(angle)]
                 })
                 .collect()
         } else {

@@ -211,7 +211,7 @@ impl Decimal {
         if digits < 1e-11 {
             return Some(Self::default());
         }
-        let mut exponent = digits.log10().floor() as i32;
+        let mut exponent = libm::log10(digits).floor() as i32;
         digits /= 10_f64.powi(exponent);
         while digits.fract() != 0.0 && digits < LIMIT || exponent > LARGEST {
             exponent -= 1;

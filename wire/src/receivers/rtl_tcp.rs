@@ -168,7 +168,7 @@ impl NarrowBand {
 
     fn sample(&mut self, i: u8, q: u8) -> Option<f64> {
         let [i, q] = [i, q].map(|byte| (f64::from(byte) - 127.5) / 127.5);
-        let (sin, cos) = (self.phase * TAU).sin_cos();
+        let (sin, cos) = libm::sincos(self.phase * TAU);
         self.sum[0] += i * cos + q * sin;
         self.sum[1] += q * cos - i * sin;
         self.phase = (self.phase + self.step).fract();

@@ -54,7 +54,7 @@ impl ElevationModel {
             let (lat, lon) = tile.steps();
             let here = frame.origin();
             let metres_per_degree = 111_000.0;
-            metres_per_degree * lat.min(lon * here.lat_deg.to_radians().cos())
+            metres_per_degree * lat.min(lon * libm::cos(here.lat_deg.to_radians()))
         };
         // A tenth of a metre at the least, whatever a tile claims.
         let step_m = tiles.iter().map(step).fold(reach_m, f64::min).max(0.1);

@@ -504,8 +504,8 @@ impl<'a> Comparison<'a> {
                 best = found;
             }
         }
-        let sum: f64 = values.iter().map(|value| (value - best.1).exp()).sum();
-        Tried { offset_s, value: best.1 + sum.ln(), place: best.0 }
+        let sum: f64 = values.iter().map(|value| libm::exp(value - best.1)).sum();
+        Tried { offset_s, value: best.1 + libm::log(sum), place: best.0 }
     }
 
     /// Returns the three shadowings that fit best at an offset.
@@ -631,7 +631,7 @@ fn posterior(profile: &[Tried]) -> [f64; 3] {
     let mut mass = 0.0;
     let mut moment = 0.0;
     for (a, b) in profile.iter().zip(profile.iter().skip(1)) {
-        let density = |own: &Tried| ((own.value - top) / TEMPER).exp();
+        let density = |own: &Tried| libm::exp((own.value - top) / TEMPER);
         let part = 0.5 * (density(a) + density(b)) * (b.offset_s - a.offset_s);
         mass += part;
         moment += 0.5 * part * (a.offset_s + b.offset_s);

@@ -80,7 +80,7 @@ impl Readings<'_> {
         let target = place.push(up_m);
         let loss = |receiver: &Pose| {
             let square = (target - receiver.position).norm_squared();
-            [-5.0 / std::f64::consts::LN_10 * square.max(1.0).ln()]
+            [-5.0 / std::f64::consts::LN_10 * libm::log(square.max(1.0))]
         };
         self.own.clear();
         self.own.extend(self.poses.iter().map(loss));
@@ -94,7 +94,7 @@ impl Readings<'_> {
         let freedom = f64::from(u32::try_from(self.levels.len()).unwrap_or(u32::MAX)) - 2.0;
         let off = (exponent - EXPONENT[0]) / EXPONENT[1];
         -0.5 * (2.0 * self.whitener.half_log_determinant()
-            + freedom * (left.max(0.0) + PRIOR_SQUARES).ln()
+            + freedom * libm::log(left.max(0.0) + PRIOR_SQUARES)
             + off * off)
     }
 

@@ -30,7 +30,7 @@ impl Datum {
     pub(crate) fn residual(&self, place: &Vector2<f64>, up: f64) -> f64 {
         let way = place.push(up) - self.receiver;
         let apart = match self.kind {
-            Kind::Bearing => angle::wrap(self.value - way.y.atan2(way.x)),
+            Kind::Bearing => angle::wrap(self.value - libm::atan2(way.y, way.x)),
             Kind::Range => self.value - way.norm(),
             Kind::Difference(reference) => {
                 self.value - way.norm() + (place.push(up) - reference).norm()
@@ -49,7 +49,7 @@ impl Datum {
             }
             Kind::Range | Kind::Difference(_) => self.receiver_sigma_m,
         };
-        self.sigma.hypot(own)
+        libm::hypot(self.sigma, own)
     }
 
     /// Returns σ with the part of the receiver's own place, for a transmitter at a place.
@@ -196,7 +196,7 @@ fn starts(data: &[Datum]) -> Vec<Vector2<f64>> {
     let Some((centre, extent)) = extent(data) else { return Vec::new() };
     let stride = data.len().div_ceil(PAIRED).max(1);
     let some: Vec<&Datum> = data.iter().step_by(stride).collect();
-    let ray = |datum: &Datum| Vector2::new(datum.value.cos(), datum.value.sin());
+    let ray = |datum: &Datum| Vector2::new(libm::cos(datum.value), libm::sin(datum.value));
     let is_bearing = |datum: &&&Datum| datum.kind == Kind::Bearing;
     let mut starts = Vec::new();
     for (count, a) in some.iter().filter(is_bearing).enumerate() {
@@ -327,7 +327,8 @@ fn has_witness(data: &[Datum], position: usize) -> bool {
         at != position
             && other.kind == Kind::Bearing
             && (other.receiver - datum.receiver).norm() <= SAME_PLACE_M
-            && angle::distance(other.value, datum.value) < 4.0 * other.sigma.hypot(datum.sigma)
+            && angle::distance(other.value, datum.value)
+                < 4.0 * libm::hypot(other.sigma, datum.sigma)
     })
 }
 

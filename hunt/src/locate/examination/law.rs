@@ -78,7 +78,7 @@ pub(super) fn gain(here: &[f64], elsewhere: &[f64], sigma_db: f64) -> (f64, f64)
     let product: f64 = pairs.map(|(a, b)| (a * b).clamp(-limit, limit)).sum();
     let alike = (product / least).clamp(0.0, 0.99);
     let count = f64::from(u32::try_from(here.len()).unwrap_or(u32::MAX));
-    (ratio, count * (1.0 - alike) / (1.0 + alike) * ratio.ln())
+    (ratio, count * (1.0 - alike) / (1.0 + alike) * libm::log(ratio))
 }
 
 pub(super) struct Row {
@@ -106,7 +106,7 @@ impl Row {
         Self {
             reception,
             level,
-            loss: -10.0 * range.log10(),
+            loss: -10.0 * libm::log10(range),
             slope: way.xy() * (10.0 / (std::f64::consts::LN_10 * range * range)),
             receiver_sigma_m: sigma.map_or(UNSTATED_SIGMA_M, |sigma| sigma.x.max(sigma.y)),
         }

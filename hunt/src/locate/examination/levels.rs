@@ -175,7 +175,7 @@ fn range_open(
     let here = residuals(&near, config)?;
     let (centre, half) = Area::about(receptions, 0.0).square();
     let fits = |number: u32| {
-        let (sin, cos) = (std::f64::consts::TAU * f64::from(number) / 16.0).sin_cos();
+        let (sin, cos) = libm::sincos(std::f64::consts::TAU * f64::from(number) / 16.0);
         let place = centre + Vector2::new(cos, sin) * (FAR * half);
         let law = |power| LocateConfig { power, ..config.clone() };
         let rows = rows_at(&place);
@@ -217,7 +217,7 @@ fn outlier(rows: &[Row], law: &Law, located: &Located, name: Name<'_>) -> Option
         let limit = if residual > 0.0 {
             (most * sigma).max(LEAST_DB)
         } else {
-            (most * sigma).max(FADE_DB + 10.0 * count.log10())
+            (most * sigma).max(FADE_DB + 10.0 * libm::log10(count))
         };
         residual.abs() / limit
     };

@@ -93,7 +93,7 @@ pub(crate) fn residuals(
         let place = located.estimate.mean;
         residuals.extend(receptions.iter().enumerate().filter_map(|(reception, received)| {
             let way = place - received.receiver.position.xy();
-            let towards = way.y.atan2(way.x);
+            let towards = libm::atan2(way.y, way.x);
             let apart = received.modes.as_slice().iter().map(|m| angle::wrap(m.angle - towards));
             let residual = apart.min_by(|a, b| a.abs().total_cmp(&b.abs()))?;
             let kind = Measurand::Bearing;

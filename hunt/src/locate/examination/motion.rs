@@ -44,7 +44,7 @@ pub(super) fn moves(hypotheses: &Hypotheses<'_>) -> Option<Remark> {
         step_mps *= 0.5;
     }
     let velocity = least(&tried)?.hypothesis;
-    let compass = radians_to_compass_deg(velocity.y.atan2(velocity.x));
+    let compass = radians_to_compass_deg(libm::atan2(velocity.y, velocity.x));
     Some(Remark::new(
         "transmitter-moves",
         format!(

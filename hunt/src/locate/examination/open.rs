@@ -52,13 +52,12 @@ pub(super) fn one_place(
              no path, as errors of GNSS do (--receiver-sigma-m, if they are better known)"
         )
     };
-    let rays = data
-        .iter()
-        .filter(|datum| datum.kind == Kind::Bearing)
-        .map(|datum| Vector2::new(datum.value.cos(), datum.value.sin()) / datum.sigma.powi(2));
+    let rays = data.iter().filter(|datum| datum.kind == Kind::Bearing).map(|datum| {
+        Vector2::new(libm::cos(datum.value), libm::sin(datum.value)) / datum.sigma.powi(2)
+    });
     let mean: Vector2<f64> = rays.sum();
     let known = if mean.norm() > 0.0 {
-        let compass = radians_to_compass_deg(mean.y.atan2(mean.x));
+        let compass = radians_to_compass_deg(libm::atan2(mean.y, mean.x));
         format!("only the direction is known, {compass:.0}°")
     } else {
         "not even a direction is known".to_owned()
@@ -130,7 +129,7 @@ pub(super) fn range_open(
     let sight = away / distance;
     let sigma = sight.dot(&(located.estimate.covariance * sight)).sqrt();
     (sigma > OPEN * distance).then(|| {
-        let compass = radians_to_compass_deg(sight.y.atan2(sight.x));
+        let compass = radians_to_compass_deg(libm::atan2(sight.y, sight.x));
         Remark::new(
             "range-open",
             format!(
@@ -147,9 +146,10 @@ fn bearings_open(data: &[Datum], config: &LocateConfig) -> Option<Remark> {
     let best = meeting(data, up)?;
     let (square, _) = scale(data, config).of(best.misfit, data.len());
     let most = best.misfit + LIKELY * square;
-    let mean: Vector2<f64> =
-        (data.iter()).map(|d| Vector2::new(d.value.cos(), d.value.sin()) / d.sigma.powi(2)).sum();
-    let direction = mean.y.atan2(mean.x);
+    let mean: Vector2<f64> = (data.iter())
+        .map(|d| Vector2::new(libm::cos(d.value), libm::sin(d.value)) / d.sigma.powi(2))
+        .sum();
+    let direction = libm::atan2(mean.y, mean.x);
     let middle = centre(data)?;
     let at_infinity: f64 = (data.iter())
         .map(|d| (foxhunt_core::angle::wrap(d.value - direction) / d.sigma).powi(2))
@@ -162,21 +162,21 @@ fn bearings_open(data: &[Datum], config: &LocateConfig) -> Option<Remark> {
     let misfit_at = |distance: f64| {
         let at = |step: i32| {
             let angle = direction + 0.02 * f64::from(step);
-            let place = middle + Vector2::new(angle.cos(), angle.sin()) * distance;
+            let place = middle + Vector2::new(libm::cos(angle), libm::sin(angle)) * distance;
             data.iter().map(|datum| datum.residual(&place, up).powi(2)).sum::<f64>()
         };
         (-20..=20).map(at).fold(f64::INFINITY, f64::min)
     };
-    let mut bounds = (0.0_f64, 1e4_f64.ln());
+    let mut bounds = (0.0_f64, libm::log(1e4_f64));
     for _ in 0..20 {
         let middle = 0.5 * (bounds.0 + bounds.1);
-        bounds = if misfit_at(reach * middle.exp()) <= most {
+        bounds = if misfit_at(reach * libm::exp(middle)) <= most {
             (bounds.0, middle)
         } else {
             (middle, bounds.1)
         };
     }
-    let nearest = reach * bounds.1.exp();
+    let nearest = reach * libm::exp(bounds.1);
     let compass = radians_to_compass_deg(direction);
     Some(Remark::new(
         "range-open",
