@@ -47,7 +47,7 @@ fn logs_are_drawn_over_their_steps() {
     let nees = drawn(&["nees", text(&one), text(&two)], &out);
     assert!(nees.contains("average of 2 runs") && nees.contains("χ², 95 %"));
     let machine = drawn(&["phases"], &out);
-    for text in ["Phases of a search", "forming up", "measuring, finishing", "a target begins<"] {
+    for text in ["Phases of a search", "forming up", "measuring, finishing", "a target begins"] {
         assert!(machine.contains(text), "{text} in {machine}");
     }
     let taken = drawn(&["phases", text(&one)], &out);

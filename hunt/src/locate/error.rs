@@ -94,7 +94,7 @@ pub enum LocateError {
     /// The bearings are too few, or do not meet.
     #[cfg(feature = "batch")]
     #[error(
-        "the bearings do not meet in one place ({0}); batch-multistart and particle stay in \
+        "no place was found where the bearings meet ({0}); batch-multistart and particle stay in \
          the searched area and may find one"
     )]
     Bearings(#[source] BatchError),
