@@ -728,7 +728,7 @@ fn old_words_and_no_numbers_do_not_count() {
     assert!(field.driver.telemetry.airborne(now + 3.1), "armed and 10 m up");
     field.yaw = f32::NAN;
     field.tick();
-    assert!(field.driver.pose().expect_err("no number").to_string().contains("no number"));
+    assert!(field.driver.pose().expect_err("no number").to_string().contains("not a number"));
 }
 
 #[test]
