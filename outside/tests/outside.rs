@@ -16,6 +16,7 @@ fn scenario() -> Scenario {
     Scenario::parse(SCENARIO, "array.toml").expect("in order")
 }
 
+// ANCHOR: laws
 #[test]
 fn the_parts_keep_the_laws() {
     let model = TdoaDopplerBearing { reference: Vector3::new(0.0, 0.0, 2.0) };
@@ -25,7 +26,9 @@ fn the_parts_keep_the_laws() {
     let observation = observation.expect("finite");
     laws::measurement_model(&model, &Vector2::new(40.0, -20.0), &observation);
 }
+// ANCHOR_END: laws
 
+// ANCHOR: campaign
 /// Seeds 1 to 12. The bearings alone, σ 0.15 rad from 10 m, leave 1.5 m.
 #[test]
 fn it_flies_a_campaign() {
@@ -40,6 +43,7 @@ fn it_flies_a_campaign() {
     assert!(rms < 3.0, "rms {rms} m");
     assert!(beacon.anis.is_some(), "the innovations were normalised with three degrees");
 }
+// ANCHOR_END: campaign
 
 #[test]
 fn its_log_replays_to_the_bit_with_its_registry_and_is_refused_without() {
