@@ -1,5 +1,5 @@
 """What pynmeagps, pyubx2 and gpsd make of our emulated GNSS receivers, and receivers made of the
-first two for our decoders. Fails with the reason."""
+first two for our decoders; pygnssutils' caster for corrections. Fails with the reason."""
 import datetime, json, math, os, socket, sys, time
 
 PLACE = (-33.85678, 151.21529, 64.5)  # what is served: degrees North, degrees East, m above the ellipsoid
@@ -250,7 +250,31 @@ def judge(port):
     raise SystemExit("gpsd went without a place")
 
 
+# The example of RTCM 10403: 1005 of station 2003.
+STATION = bytes.fromhex("d300133ed7d30202980edeef34b4bd62ac0941986f33360b98")
+
+
+def serve_caster(port, version):
+    """pygnssutils' caster of the mountpoint `pygnssutils`, with a damaged frame before each whole one."""
+    import queue, threading
+    from pygnssutils.socket_server import runserver
+
+    frames = queue.Queue()
+    damaged = STATION[:9] + bytes([STATION[9] ^ 4]) + STATION[10:]
+
+    def feed():
+        while True:
+            frames.put(damaged + STATION)
+            time.sleep(0.2)
+
+    threading.Thread(target=feed, daemon=True).start()
+    runserver("127.0.0.1", port, frames, ntripmode=1, ntripversion=version, ntripuser="hunter",
+              ntrippassword="tally-ho")
+
+
 command, target = sys.argv[1:3]
+if command == "serve-caster":
+    sys.exit(serve_caster(int(target), sys.argv[3]))
 if command == "serve-stream":
     serve_stream(target, sys.argv[3])
 if command == "judge":

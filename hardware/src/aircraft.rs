@@ -122,6 +122,13 @@ pub trait Aircraft: Spinner {
         Ok(())
     }
 
+    /// Returns once why a device beside its autopilot has failed without keeping it from flying, such
+    /// as the link of its corrections; `None` if no failure is new. Unless overridden there is no
+    /// such device.
+    fn device_failure(&mut self) -> Option<Self::Error> {
+        None
+    }
+
     /// Returns once why the picture that was ordered last was not taken; `None` if no failure is
     /// known.
     fn picture_failure(&mut self) -> Option<Self::Error> {
@@ -272,6 +279,10 @@ impl<V: ?Sized + Aircraft> Aircraft for Box<V> {
         (**self).photograph()
     }
 
+    fn device_failure(&mut self) -> Option<V::Error> {
+        (**self).device_failure()
+    }
+
     fn picture_failure(&mut self) -> Option<V::Error> {
         (**self).picture_failure()
     }
@@ -300,6 +311,10 @@ impl<V: Aircraft> Aircraft for Shared<V> {
 
     fn photograph(&mut self) -> Result<(), V::Error> {
         self.0.borrow_mut().photograph()
+    }
+
+    fn device_failure(&mut self) -> Option<V::Error> {
+        self.0.borrow_mut().device_failure()
     }
 
     fn picture_failure(&mut self) -> Option<V::Error> {

@@ -57,7 +57,8 @@ pub use finding::{Finding, OwnFence, Watch};
 pub use foxhunt_wire::FixQuality;
 #[cfg(feature = "gnss")]
 pub use gnss::{
-    CarriedConfig, CarriedError, CarriedVehicle, FixedConfig, GnssConfig, GnssDecoder, GnssError,
+    CarriedConfig, CarriedError, CarriedVehicle, Corrections, CorrectionsConfig,
+    CorrectionsConfigError, CorrectionsLost, FixedConfig, GnssConfig, GnssDecoder, GnssError,
     GnssFix, GnssFloors, GnssKind, GnssPosition, GnssReceiver, GpsdDecoder, HeightOrigin, Mark,
     NmeaDecoder, Placed, PlacedError, Positioning, UbloxDecoder,
 };

@@ -51,10 +51,11 @@ pub use devices::{
 #[cfg(feature = "emulators")]
 pub use emulate::{
     AutopilotConfig, AutopilotFaults, CableFaults, Cabled, EmulatedArDrone, EmulatedAutopilot,
-    EmulatedCarrier, EmulatedDongle, EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind,
-    EmulatedKraken, EmulatedKrakenConfig, EmulatedRtlTcp, EmulatedRtlTcpConfig, EmulatedStepper,
-    EmulatedStepperConfig, EmulatedSwitch, EmulatedXbee, EmulatedXbeeConfig, Emulator,
-    FailsafeOrder, GpsStep, InterfererConfig, PilotOrder, PlayedPulse, Port, xbee_address,
+    EmulatedCarrier, EmulatedCaster, EmulatedCasterConfig, EmulatedDongle, EmulatedGnss,
+    EmulatedGnssConfig, EmulatedGnssKind, EmulatedKraken, EmulatedKrakenConfig, EmulatedRtlTcp,
+    EmulatedRtlTcpConfig, EmulatedStepper, EmulatedStepperConfig, EmulatedSwitch, EmulatedXbee,
+    EmulatedXbeeConfig, Emulator, FailsafeOrder, GpsStep, InterfererConfig, PilotOrder,
+    PlayedPulse, Port, xbee_address,
 };
 pub use error::{ReliefError, SimError};
 pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};

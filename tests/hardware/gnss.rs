@@ -6,18 +6,19 @@ use foxhunt::{
     filters::Ukf,
     geodesy::LocalFrame,
     hardware::{
-        CarriedConfig, CarriedVehicle, FixQuality, GnssConfig, GnssDecoder, GnssError, GnssKind,
-        GnssReceiver, Placed, Positioning,
+        CarriedConfig, CarriedVehicle, Corrections, CorrectionsConfig, Finding, FixQuality,
+        GnssConfig, GnssDecoder, GnssError, GnssKind, GnssReceiver, Placed, Positioning,
     },
     prelude::*,
     sensors::{
         LogDistance, MaximumLikelihood, PatternTable, RssBearing, StepperConfig, StepperSource,
     },
     sim::{
-        BeaconConfig, ChannelConfig, DroneConfig, EmulatedGnss, EmulatedGnssConfig,
-        EmulatedGnssKind, Emulator, Interval, SimClock, World, WorldConfig,
+        BeaconConfig, CableFaults, Cabled, ChannelConfig, DroneConfig, EmulatedCaster,
+        EmulatedCasterConfig, EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind, Emulator,
+        Interval, SimClock, World, WorldConfig,
     },
-    wire::{ByteStream, MemoryStream, memory_pair},
+    wire::{ByteStream, MemoryStream, memory_pair, rtcm},
 };
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
@@ -385,4 +386,194 @@ fn an_impossible_emulated_receiver_is_refused_by_name() {
     config.origin.lat_deg = 91.0;
     assert!(refused(0, config).contains("gnss.origin.lat_deg is 91"));
     assert!(refused(1, EmulatedGnssConfig::default()).contains("no drone 1"));
+}
+
+/// A caster, an emulated receiver that needs its corrections, and the driver between them.
+struct Chain {
+    world: World,
+    caster: EmulatedCaster<Cabled<MemoryStream>>,
+    emulator: EmulatedGnss<MemoryStream>,
+    receiver: Receiver,
+}
+
+impl Chain {
+    /// With a client of these settings; the cable of the caster has these faults.
+    fn new(kind: usize, client: CorrectionsConfig, faults: CableFaults) -> Self {
+        let world = world();
+        let emulated = EmulatedGnssConfig {
+            corrections_s: Some(10.0),
+            ..EmulatedGnssConfig::default().with_quality(FixQuality::RtkFixed)
+        };
+        let (emulator, receiver) = pair(&world, kind, emulated);
+        let (near, far) = memory_pair();
+        let far = Cabled::new(far, world.clock(), faults, 5);
+        let credentials = Some(("hunter".to_owned(), "tally-ho".to_owned()));
+        let config = EmulatedCasterConfig { credentials, ..EmulatedCasterConfig::default() };
+        let caster = EmulatedCaster::new(&world, config, far).expect("a proper caster");
+        let corrections = Corrections::new(client, KINDS[kind].1, Box::new(near));
+        let receiver = receiver.with_corrections(corrections.expect("proper settings"));
+        Self { world, caster, emulator, receiver }
+    }
+
+    fn run(&mut self, seconds: f64) {
+        let end = self.world.time() + seconds;
+        while self.world.time() < end - 1e-9 {
+            self.world.advance(0.1).expect("a step");
+            self.caster.serve().expect("memory");
+            self.emulator.serve().expect("memory");
+            self.receiver.poll().expect("memory");
+        }
+    }
+
+    fn quality(&mut self) -> FixQuality {
+        self.receiver.position().expect("a fix").quality
+    }
+
+    /// The loss that begins now, if one does, as a flight's log has it.
+    fn failure(&mut self) -> Option<String> {
+        self.receiver.failure().map(|failure| failure.to_string())
+    }
+
+    fn corrections(&self) -> &Corrections {
+        self.receiver.corrections().expect("given")
+    }
+
+    fn finding(&mut self) -> Finding {
+        let Self { world, caster, emulator, receiver } = self;
+        let findings = receiver.examine(&mut || {
+            world.advance(0.1).expect("a step");
+            caster.serve().expect("memory");
+            emulator.serve().expect("memory");
+        });
+        let own = findings.into_iter().find(|finding| finding.subject == "corrections");
+        own.expect("there are corrections")
+    }
+}
+
+/// Settings of a client that the caster serves, with the password in a file of its own.
+fn client(name: &str, password: &str) -> CorrectionsConfig {
+    let folder = std::env::temp_dir().join(format!("foxhunt-{name}-{}", std::process::id()));
+    std::fs::write(&folder, format!("{password}\n")).expect("a temporary file");
+    CorrectionsConfig {
+        endpoint: Some("tcp:caster.example:2101".parse().expect("an endpoint")),
+        mountpoint: Some("FOX".into()),
+        user: Some("hunter".into()),
+        password_file: Some(folder),
+        ..CorrectionsConfig::default()
+    }
+}
+
+#[test]
+fn rtk_is_reached_only_while_corrections_come() {
+    for (kind, ntrip) in [(0, 1), (0, 2), (1, 1), (1, 2)] {
+        let own = client(&format!("rtk-{kind}-{ntrip}"), "tally-ho");
+        let own = CorrectionsConfig { ntrip: Some(ntrip), gga_s: Some(5.0), ..own };
+        let pulled = vec![Interval { from_s: 20.0, to_s: Some(38.0) }];
+        let faults = CableFaults { pulled, ..CableFaults::default() };
+        let mut chain = Chain::new(kind, own, faults);
+        chain.run(10.0);
+        assert_eq!(chain.quality(), FixQuality::RtkFixed, "{kind} {ntrip}");
+        assert_eq!(chain.failure(), None);
+        let frames = chain.corrections().frames();
+        assert!((18..=22).contains(&frames), "{frames} of two a second");
+        let (lat_deg, lon_deg) = chain.caster.rover().expect("a place was sent");
+        assert!((lat_deg - 50.1).abs() < 1e-3 && (lon_deg - 14.5).abs() < 1e-3);
+        let finding = chain.finding();
+        assert!(finding.is_good(), "{finding}");
+        for part in ["FOX at tcp:caster.example:2101", "1005, 1230", " 0 damaged", " s old"] {
+            assert!(finding.text.contains(part), "{part}: {finding}");
+        }
+        // The link breaks at 20 s: the receiver is left alone after 10 s, and this is known once.
+        chain.run(22.0);
+        assert_eq!(chain.quality(), FixQuality::Autonomous, "{kind} {ntrip}");
+        let lost = chain.failure().expect("the corrections have stopped");
+        assert!(
+            lost.contains("has no corrections from FOX at tcp:caster.example:2101 for 1"),
+            "{lost}"
+        );
+        assert_eq!(chain.failure(), None, "once");
+        let finding = chain.finding();
+        assert!(!finding.is_good() && finding.text.contains("no corrections"), "{finding}");
+        chain.run(20.0);
+        assert_eq!(chain.quality(), FixQuality::RtkFixed, "it is back: {kind} {ntrip}");
+        assert_eq!(chain.failure(), None);
+        assert!(chain.finding().is_good());
+    }
+}
+
+#[test]
+fn a_caster_refuses_in_words() {
+    let wrong = client("wrong", "yoicks");
+    let nobody = CorrectionsConfig { user: None, password_file: None, ..wrong.clone() };
+    let mountpoint = Some("HOUND".to_owned());
+    let elsewhere = CorrectionsConfig { mountpoint, ..client("elsewhere", "tally-ho") };
+    for (own, reason) in [
+        (wrong, "refuses the user or the password: check user"),
+        (nobody, "wants a user and a password: set user"),
+        (elsewhere, "has no such mountpoint: take a name from its source table"),
+    ] {
+        for ntrip in [1, 2] {
+            let own = CorrectionsConfig { ntrip: Some(ntrip), ..own.clone() };
+            let mut chain = Chain::new(0, own, CableFaults::default());
+            chain.run(1.0);
+            let finding = chain.finding();
+            assert!(!finding.is_good() && finding.text.contains(reason), "{ntrip}: {finding}");
+            chain.run(11.0);
+            let lost = chain.failure().expect("none has come");
+            assert!(lost.contains(reason) && !lost.contains("yoicks"), "{ntrip}: {lost}");
+            assert_eq!(chain.quality(), FixQuality::Autonomous);
+            assert!(!format!("{:?}", chain.corrections()).contains("yoicks"));
+        }
+    }
+}
+
+#[test]
+fn damaged_frames_are_not_forwarded() {
+    let (near, mut far) = memory_pair();
+    let world = world();
+    let endpoint = Some("serial:/dev/ttyUSB0:57600".parse().expect("an endpoint"));
+    let own = CorrectionsConfig { endpoint, ..CorrectionsConfig::default() };
+    let corrections = Corrections::new(own, GnssKind::Nmea, Box::new(near)).expect("proper");
+    let (port, mut device) = memory_pair();
+    let receiver: Receiver =
+        GnssReceiver::new(GnssConfig::default(), port, world.clock()).expect("in range");
+    let mut receiver = receiver.with_corrections(corrections);
+    let whole = rtcm::frame(&[0x3e, 0xd7, 0xd3, 1, 2, 3]).expect("short");
+    let mut damaged = whole.clone();
+    damaged[5] ^= 0x10;
+    for bytes in [&whole, &damaged, &whole] {
+        far.send(bytes).expect("memory");
+    }
+    receiver.poll().expect("memory");
+    let mut forwarded = [0; 512];
+    let mut count = 0;
+    while let Ok(more @ 1..) = device.receive(&mut forwarded[count..]) {
+        count += more;
+    }
+    assert_eq!(forwarded[..count], [&whole[..], &whole].concat());
+    let counted = receiver.corrections().expect("given");
+    assert_eq!((counted.frames(), counted.damaged()), (2, 1));
+}
+
+#[test]
+fn a_file_is_followed_from_its_end() {
+    let path = std::env::temp_dir().join(format!("foxhunt-rtcm-{}", std::process::id()));
+    let whole = rtcm::frame(&[0x3e, 0xd7, 0xd3]).expect("short");
+    std::fs::write(&path, &whole).expect("a temporary file");
+    let own = CorrectionsConfig { file: Some(path.clone()), ..CorrectionsConfig::default() };
+    let corrections = Corrections::follow(own.clone(), GnssKind::Ublox).expect("it is there");
+    let world = world();
+    let (_emulator, mut receiver) = pair(&world, 1, EmulatedGnssConfig::default());
+    receiver = receiver.with_corrections(corrections);
+    let frames = |receiver: &mut Receiver| {
+        receiver.poll().expect("memory");
+        receiver.corrections().expect("given").frames()
+    };
+    assert_eq!(frames(&mut receiver), 0, "what was there is old");
+    let mut file = std::fs::OpenOptions::new().append(true).open(&path).expect("it is there");
+    std::io::Write::write_all(&mut file, &whole).expect("appended");
+    assert_eq!(frames(&mut receiver), 1);
+    std::fs::remove_file(&path).expect("it was there");
+    let missing = Corrections::follow(own, GnssKind::Ublox).expect_err("it is gone").to_string();
+    assert!(missing.contains(&path.display().to_string()), "{missing}");
 }

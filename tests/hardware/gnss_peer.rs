@@ -4,7 +4,11 @@ use std::{env, thread, time::Duration};
 
 use foxhunt::{
     geodesy::{Geodetic, LocalFrame},
-    hardware::{GnssConfig, GnssReceiver, Positioning, Reconnecting, SystemClock},
+    hardware::{
+        Corrections, CorrectionsConfig, GnssConfig, GnssReceiver, Positioning, Reconnecting,
+        SystemClock,
+    },
+    wire::{ByteStream, memory_pair, rtcm},
 };
 
 /// Reads the peer's place: `FOXHUNT_GNSS_KIND` at `FOXHUNT_GNSS_ENDPOINT` is to be within
@@ -53,4 +57,59 @@ fn a_peer_is_read() {
     let now_s = SystemClock::start().started_unix_s();
     assert!(utc_s.is_none_or(|utc_s| (utc_s - now_s).abs() < 10.0), "{utc_s:?} at {now_s}");
     assert!(utc_s.is_some() || env::var_os("FOXHUNT_GNSS_DATED").is_none(), "it has no time");
+}
+
+/// Takes corrections of the caster `FOXHUNT_CASTER_ENDPOINT`, version `FOXHUNT_CASTER_NTRIP`, with
+/// the password in `FOXHUNT_CASTER_PASSWORD`: the example of the standard, a damaged frame before
+/// each. The password in `FOXHUNT_CASTER_WRONG` is to be refused.
+#[test]
+#[ignore = ".ci/peers/gnss runs it"]
+fn a_peers_corrections_are_forwarded() {
+    let reported = |name: &str| {
+        let name = format!("FOXHUNT_CASTER_{name}");
+        env::var(&name).unwrap_or_else(|_| panic!("{name} is not set"))
+    };
+    let clock = SystemClock::start();
+    for (password, is_right) in [("PASSWORD", true), ("WRONG", false)] {
+        let config = CorrectionsConfig {
+            endpoint: Some(reported("ENDPOINT").parse().expect("an endpoint")),
+            mountpoint: Some("pygnssutils".into()),
+            ntrip: Some(reported("NTRIP").parse().expect("1 or 2")),
+            user: Some("hunter".into()),
+            password_env: Some(format!("FOXHUNT_CASTER_{password}")),
+            stale_s: Some(2.0),
+            ..CorrectionsConfig::default()
+        };
+        let endpoint = config.endpoint.clone().expect("given");
+        let stream = Reconnecting::open(endpoint, clock).expect("the peer is there");
+        let gnss = GnssConfig::default();
+        let corrections = Corrections::new(config, gnss.kind, Box::new(stream)).expect("proper");
+        let (port, mut device) = memory_pair();
+        let receiver = GnssReceiver::new(gnss, port, clock).expect("in range");
+        let mut receiver = receiver.with_corrections(corrections);
+        let mut forwarded = Vec::new();
+        for _ in 0..300 {
+            receiver.poll().expect("memory");
+            let mut bytes = [0; 512];
+            while let Ok(count @ 1..) = device.receive(&mut bytes) {
+                forwarded.extend_from_slice(&bytes[..count]);
+            }
+            thread::sleep(Duration::from_millis(10));
+        }
+        let own = receiver.corrections().expect("given");
+        println!("{own:?}, {} damaged", own.damaged());
+        if is_right {
+            let mut frames = rtcm::Frames::default();
+            frames.take(&forwarded, &mut |frame| {
+                assert_eq!(rtcm::message_number(frame), Some(1005));
+            });
+            assert!(frames.whole() >= 3 && frames.damaged() == 0, "{frames:?}");
+            assert_eq!(frames.whole(), own.frames());
+            assert!(own.damaged() >= 3);
+        } else {
+            assert!(forwarded.is_empty());
+            let failure = receiver.failure().expect("none has come").to_string();
+            assert!(failure.contains("refuses the user or the password"), "{failure}");
+        }
+    }
 }

@@ -35,6 +35,7 @@ struct Doings {
     orders: Vec<&'static str>,
     pictures: u32,
     camera_fails: Option<SimError>,
+    corrections_fail: Option<SimError>,
 }
 
 impl Vehicle for Lifted {
@@ -113,6 +114,10 @@ impl Aircraft for Lifted {
         Ok(())
     }
 
+    fn device_failure(&mut self) -> Option<SimError> {
+        self.doings.borrow_mut().corrections_fail.take()
+    }
+
     fn picture_failure(&mut self) -> Option<SimError> {
         self.doings.borrow_mut().camera_fails.take()
     }
@@ -186,11 +191,16 @@ fn only_those_in_our_hands_photograph_and_what_fails_is_logged() {
     field.run(30.0, |_| false);
     field.doings[0].borrow_mut().pilot = true;
     field.doings[1].borrow_mut().camera_fails = Some(SimError::Drone { drone: 7, drones: 3 });
+    let lost = SimError::Drone { drone: 8, drones: 3 };
+    let reason = lost.to_string();
+    field.doings[2].borrow_mut().corrections_fail = Some(lost);
     field.run(2000.0, |field| field.mission.hunt().fixes().len() == 2);
     let pictures: Vec<u32> = field.doings.iter().map(|doings| doings.borrow().pictures).collect();
     assert_eq!(pictures, [0, 2, 2]);
     let failure = |event: &&Event| matches!(event, Event::DeviceFailed { drone: Some(1), .. });
     assert_eq!(field.events.iter().filter(failure).count(), 1);
+    let loss = |event: &&Event| matches!(event, Event::DeviceFailed { drone: Some(2), reason: own, .. } if *own == reason);
+    assert_eq!(field.events.iter().filter(loss).count(), 1, "and it flies on");
 }
 
 #[test]

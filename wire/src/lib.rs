@@ -20,8 +20,10 @@ pub mod geoid;
 #[cfg(feature = "mavlink")]
 pub mod mavlink;
 pub mod nmea;
+pub mod ntrip;
 #[cfg(feature = "receivers")]
 pub mod receivers;
+pub mod rtcm;
 #[cfg(feature = "stream")]
 mod stream;
 #[cfg(feature = "terrain")]

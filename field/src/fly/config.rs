@@ -112,6 +112,11 @@ impl FlightConfig {
         if let (Some(cot), Some(folder)) = (config.cot.take(), path.parent()) {
             config.cot = Some(cot.in_folder(folder));
         }
+        for gnss in config.drones.iter_mut().filter_map(|drone| drone.gnss.as_mut()) {
+            if let (Some(corrections), Some(folder)) = (gnss.corrections.take(), path.parent()) {
+                gnss.corrections = Some(corrections.in_folder(folder));
+            }
+        }
         Ok(config)
     }
 
@@ -268,6 +273,10 @@ impl FlightConfig {
         for drone in &self.drones {
             let wrong = |reason| FlyError::Drone { drone: drone.name.clone(), reason };
             for (device, endpoint) in drone.endpoints() {
+                // A caster serves many receivers.
+                if device == "corrections" && matches!(endpoint, Endpoint::Tcp { .. }) {
+                    continue;
+                }
                 let system = match &drone.vehicle {
                     VehicleDevice::Mavlink { settings, .. } if device == "vehicle" => {
                         settings.system_id
@@ -582,6 +591,33 @@ pub(super) mod tests {
         let timeouts = [flight.hunt.move_timeout_s, flight.flight.deserted_timeout_s];
         let expected = [HuntConfig::default().move_timeout_s, 30.0];
         assert!(timeouts.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{timeouts:?}");
+    }
+
+    #[test]
+    fn corrections_are_those_of_a_receiver() {
+        let (head, _) = MEADOW.split_once("[[drones]]").expect("a drone");
+        let head = head.replace("name = \"fox\"", "name = \"fox\", frequency_mhz = 433.92");
+        let walkers = |corrections: &str| {
+            let gnss = "\"serial:/dev/ttyACM0:9600\"";
+            let walker = WALKER.replace(gnss, &format!("{gnss}, corrections = {corrections}"));
+            let other = walker.replace("\"me\"", "\"you\"").replace("20.0, 2.0", "9.0, 2.0");
+            let other = other.replace("ttyACM0", "ttyACM1").replace("1234", "1235");
+            format!("{head}{walker}{other}")
+        };
+        let caster = "{ endpoint = \"tcp:caster:2101\", mountpoint = \"FOX\", gga_s = 10.0 }";
+        let flight = FlightConfig::parse(&walkers(caster), "walkers.toml").expect("one caster");
+        let gnss = flight.drones[1].gnss.as_ref().expect("given");
+        let corrections = gnss.corrections.as_ref().expect("given");
+        assert_eq!(corrections.to_string(), "FOX at tcp:caster:2101");
+        for (own, named) in [
+            ("{ endpoint = \"tcp:caster:2101\", user = \"me\" }", "user has no effect"),
+            ("{ endpoint = \"serial:/dev/ttyACM0:9600\" }", "that of another device of me"),
+            ("{ mountpoint = \"FOX\" }", "gnss.corrections: corrections come from either"),
+            ("{ caster = \"here\" }", "caster"),
+        ] {
+            let error = refused(&walkers(own));
+            assert!(error.contains(named), "{error}");
+        }
     }
 
     #[test]

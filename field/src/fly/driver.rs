@@ -236,6 +236,10 @@ impl<D: Aircraft> Aircraft for Driver<D> {
         self.0.photograph().map_err(DeviceError::new)
     }
 
+    fn device_failure(&mut self) -> Option<DeviceError> {
+        self.0.device_failure().map(DeviceError::new)
+    }
+
     fn picture_failure(&mut self) -> Option<DeviceError> {
         self.0.picture_failure().map(DeviceError::new)
     }

@@ -92,6 +92,10 @@ impl DroneConfig {
                 );
             }
             gnss.settings.check().map_err(|error| nested("gnss.settings", error))?;
+            if let Some(corrections) = &gnss.corrections {
+                let checked = corrections.check(gnss.settings.kind);
+                checked.map_err(|error| format!("gnss.corrections: {error}"))?;
+            }
         }
         match &self.radio {
             Some(RadioDevice::Xbee { settings, .. }) => {
@@ -279,11 +283,14 @@ impl DroneConfig {
         };
         let rotator = self.rotator.as_ref().map(|RotatorDevice::Firmata { endpoint, .. }| endpoint);
         let gnss = self.gnss.as_ref().map(|gnss| &gnss.endpoint);
+        let corrections =
+            self.gnss.as_ref().and_then(|gnss| gnss.corrections.as_ref()?.endpoint.as_ref());
         [
             ("vehicle", vehicle),
             ("guide", guide),
             ("navdata", navdata),
             ("gnss", gnss),
+            ("corrections", corrections),
             ("radio", radio),
             ("rotator", rotator),
             ("kraken", array),

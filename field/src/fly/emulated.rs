@@ -458,7 +458,7 @@ impl EmulatedField {
         self.keep(&name, "guide", EmulatedCarrier::new(world, drone, origin, stream)?);
         let settings = CarriedConfig { up_m, ..CarriedConfig::default() };
         let vehicle = VehicleDevice::Carried { guide: Some(guide), settings };
-        Ok((vehicle, GnssDevice { endpoint, settings: GnssConfig::default() }))
+        Ok((vehicle, GnssDevice { endpoint, settings: GnssConfig::default(), corrections: None }))
     }
 
     /// Returns limits within which a drone reaches the places and heights of its world: the

@@ -285,6 +285,10 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
             });
             self.reported_health = Some(health);
         }
+        if let Some(failure) = self.aircraft.device_failure() {
+            let reason = failure.to_string();
+            events.push_back(Event::DeviceFailed { time, drone: Some(index), reason });
+        }
         self.landed_by_hunt &= matches!(state.hands, Hands::Ours | Hands::Unheard);
         self.state = Some(state);
         Ok(())

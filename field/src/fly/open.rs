@@ -4,8 +4,9 @@ use std::io;
 
 use foxhunt_core::Clock;
 use foxhunt_hardware::{
-    ArDrone, CarriedVehicle, Finding, FirmataStepper, GnssDecoder, GnssReceiver, KrakenSource,
-    MavlinkVehicle, Placed, Reconnecting, RtlTcpRadio, Shared, SikFeed, SikRadio, XbeeRadio,
+    ArDrone, CarriedVehicle, Corrections, Finding, FirmataStepper, GnssDecoder, GnssReceiver,
+    KrakenSource, MavlinkVehicle, Placed, Reconnecting, RtlTcpRadio, Shared, SikFeed, SikRadio,
+    XbeeRadio,
 };
 use foxhunt_hunt::hunt::{BoxedSource, boxed_source};
 use foxhunt_sensors::{BodySource, OmnidirectionalSource, StepperSource, TurnGoal};
@@ -205,7 +206,23 @@ impl DroneConfig {
         clock: &C,
     ) -> Result<OpenGnss<C>, FlyError> {
         let stream = self.stream("gnss", &gnss.endpoint, ports)?;
-        GnssReceiver::new(gnss.settings, stream, clock.clone()).map_err(|error| self.wrong(error))
+        let receiver = GnssReceiver::new(gnss.settings, stream, clock.clone());
+        let receiver = receiver.map_err(|error| self.wrong(error))?;
+        let Some(config) = &gnss.corrections else { return Ok(receiver) };
+        let kind = gnss.settings.kind;
+        let corrections = match &config.endpoint {
+            Some(endpoint) => {
+                let stream = ports.open_own(endpoint).map_err(|source| FlyError::Open {
+                    drone: self.name.clone(),
+                    device: "corrections",
+                    source,
+                })?;
+                Corrections::new(config.clone(), kind, stream)
+            }
+            None => Corrections::follow(config.clone(), kind),
+        };
+        let wrong = |error| self.wrong(format!("gnss.corrections: {error}"));
+        Ok(receiver.with_corrections(corrections.map_err(wrong)?))
     }
 
     /// The aircraft, placed by its own GNSS receiver if it has one.
@@ -343,6 +360,16 @@ pub trait Ports {
     /// Any error of the port, with its name or address.
     fn open(&mut self, endpoint: &Endpoint) -> io::Result<Box<dyn ByteStream>>;
 
+    /// Opens a connection to a server that serves each client apart, such as an NTRIP caster. Unless
+    /// overridden it is opened as any other.
+    ///
+    /// # Errors
+    ///
+    /// Any error of the port, with its name or address.
+    fn open_own(&mut self, endpoint: &Endpoint) -> io::Result<Box<dyn ByteStream>> {
+        self.open(endpoint)
+    }
+
     /// Returns a maker of connections to a server that takes one for each question. Unless
     /// overridden the server is on the network.
     fn connector(&mut self, endpoint: &Endpoint) -> Connector {
@@ -380,6 +407,10 @@ impl<C: Clock + Clone + 'static> Ports for SystemPorts<C> {
         self.opened.retain(|(of, _)| of != endpoint);
         self.opened.push((endpoint.clone(), stream.port()));
         Ok(Box::new(stream))
+    }
+
+    fn open_own(&mut self, endpoint: &Endpoint) -> io::Result<Box<dyn ByteStream>> {
+        Ok(Box::new(Reconnecting::open(endpoint.clone(), self.clock.clone())?))
     }
 }
 

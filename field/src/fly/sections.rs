@@ -1,8 +1,8 @@
 //! Sections of a flight's file: its origin, its beacons, and the devices of a drone.
 
 use foxhunt_hardware::{
-    ArDroneConfig, CarriedConfig, FirmataConfig, FixedConfig, GnssConfig, KrakenConfig,
-    MavlinkConfig, RtlTcpConfig, XbeeConfig,
+    ArDroneConfig, CarriedConfig, CorrectionsConfig, FirmataConfig, FixedConfig, GnssConfig,
+    KrakenConfig, MavlinkConfig, RtlTcpConfig, XbeeConfig,
 };
 use foxhunt_sensors::{BodyConfig, OmnidirectionalConfig, StepperConfig};
 use foxhunt_wire::{
@@ -119,6 +119,9 @@ pub struct GnssDevice {
     /// Settings of its reader.
     #[serde(default)]
     pub settings: GnssConfig,
+    /// Corrections that are forwarded to it; none where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub corrections: Option<CorrectionsConfig>,
 }
 
 /// The device that receives beacons.

@@ -258,6 +258,10 @@ impl<A: Aircraft> Aircraft for OverGround<A> {
         self.aircraft.photograph().map_err(OverGroundError::Aircraft)
     }
 
+    fn device_failure(&mut self) -> Option<Self::Error> {
+        self.aircraft.device_failure().map(OverGroundError::Aircraft)
+    }
+
     fn picture_failure(&mut self) -> Option<Self::Error> {
         self.aircraft.picture_failure().map(OverGroundError::Aircraft)
     }

@@ -13,7 +13,7 @@ use foxhunt_wire::{
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{GnssError, GnssPosition, HeightOrigin, Positioning};
+use super::{GnssError, GnssPosition, HeightOrigin, Positioning, angle_field, sentence};
 use crate::{Aircraft, AircraftState, Hands};
 
 /// σ of the height of an antenna that somebody carries over level ground, in metres.
@@ -386,23 +386,17 @@ impl<G: Positioning> Aircraft for CarriedVehicle<G> {
     fn return_to_launch(&mut self) -> Result<(), CarriedError> {
         self.land()
     }
+
+    fn device_failure(&mut self) -> Option<CarriedError> {
+        self.gnss.failure().map(CarriedError::Gnss)
+    }
 }
 
 /// A sentence WPL of NMEA 0183.
 fn waypoint(place: &Geodetic) -> String {
-    let field = |deg: f64, width: usize, letters: [char; 2]| {
-        // Of ten-thousandths of a minute, so that 59.99996 is no 60.
-        let tenths = (deg.abs() * 600_000.0).round();
-        let whole = (tenths / 600_000.0).floor();
-        let minutes = (tenths - whole * 600_000.0) / 10_000.0;
-        let letter = if deg < 0.0 { letters[1] } else { letters[0] };
-        format!("{whole:0width$.0}{minutes:07.4},{letter}")
-    };
-    let lat = field(place.lat_deg, 2, ['N', 'S']);
-    let lon = field(place.lon_deg, 3, ['E', 'W']);
-    let body = format!("FXWPL,{lat},{lon},NEXT");
-    let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
-    format!("${body}*{sum:02X}\r\n")
+    let lat = angle_field(place.lat_deg, 2, ['N', 'S']);
+    let lon = angle_field(place.lon_deg, 3, ['E', 'W']);
+    sentence(&format!("FXWPL,{lat},{lon},NEXT"))
 }
 
 #[cfg(test)]

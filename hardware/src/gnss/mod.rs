@@ -3,6 +3,7 @@
 
 mod carried;
 mod config;
+mod corrections;
 mod gpsd;
 mod nmea;
 mod placed;
@@ -14,6 +15,7 @@ mod ubx;
 
 pub use carried::{CarriedConfig, CarriedError, CarriedVehicle, FixedConfig, Mark};
 pub use config::{GnssConfig, GnssFloors, GnssKind};
+pub use corrections::{Corrections, CorrectionsConfig, CorrectionsConfigError, CorrectionsLost};
 pub use gpsd::GpsdDecoder;
 pub use nmea::NmeaDecoder;
 pub use placed::{Placed, PlacedError};
@@ -347,6 +349,22 @@ impl Line {
         }
         None
     }
+}
+
+/// A sentence of NMEA 0183 with its checksum.
+fn sentence(body: &str) -> String {
+    let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
+    format!("${body}*{sum:02X}\r\n")
+}
+
+/// Degrees as NMEA 0183 has them: whole ones of `width` digits, minutes, and the letter of the sign.
+fn angle_field(deg: f64, width: usize, letters: [char; 2]) -> String {
+    // Of ten-thousandths of a minute, so that 59.99996 is no 60.
+    let tenths = (deg.abs() * 600_000.0).round();
+    let whole = (tenths / 600_000.0).floor();
+    let minutes = (tenths - whole * 600_000.0) / 10_000.0;
+    let letter = if deg < 0.0 { letters[1] } else { letters[0] };
+    format!("{whole:0width$.0}{minutes:07.4},{letter}")
 }
 
 /// A number that can be a standard deviation or a dilution.

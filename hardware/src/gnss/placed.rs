@@ -116,6 +116,13 @@ impl<V: Aircraft, G: Positioning> Aircraft for Placed<V, G> {
         self.vehicle.photograph().map_err(PlacedError::Vehicle)
     }
 
+    fn device_failure(&mut self) -> Option<Self::Error> {
+        self.gnss
+            .failure()
+            .map(PlacedError::Gnss)
+            .or_else(|| self.vehicle.device_failure().map(PlacedError::Vehicle))
+    }
+
     fn picture_failure(&mut self) -> Option<Self::Error> {
         self.vehicle.picture_failure().map(PlacedError::Vehicle)
     }

@@ -6,7 +6,9 @@ use foxhunt_core::{Clock, parameter::FieldError};
 use foxhunt_wire::{ByteStream, FixQuality, geodesy::Geodetic};
 use nalgebra::Vector3;
 
-use super::{GnssConfig, GnssDecoder, GnssFix, GnssKind, HeightOrigin};
+use super::{
+    Corrections, CorrectionsLost, GnssConfig, GnssDecoder, GnssFix, GnssKind, HeightOrigin,
+};
 use crate::Finding;
 
 /// The most that is read at once, in pieces of 512 bytes: a stream that never runs dry must not
@@ -45,6 +47,7 @@ pub struct GnssReceiver<S, C, D> {
     received_at: Option<f64>,
     connections: u32,
     bytes: u64,
+    corrections: Option<Corrections>,
 }
 
 impl<S, C, D: GnssDecoder> fmt::Debug for GnssReceiver<S, C, D> {
@@ -93,7 +96,19 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
             received_at: None,
             connections,
             bytes: 0,
+            corrections: None,
         })
+    }
+
+    /// Forwards corrections to the receiver. They are taken for its kind already.
+    #[must_use]
+    pub fn with_corrections(self, corrections: Corrections) -> Self {
+        Self { corrections: Some(corrections), ..self }
+    }
+
+    /// Returns its corrections, if it has any.
+    pub fn corrections(&self) -> Option<&Corrections> {
+        self.corrections.as_ref()
     }
 
     /// Takes what has come, and sets the receiver up where it is new or has fallen silent.
@@ -133,7 +148,10 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
             });
             self.heading = self.decoder.take_heading().map(|at| (at, now)).or(self.heading);
         }
-        Ok(())
+        let Self { corrections, stream, placed, .. } = self;
+        let Some(corrections) = corrections else { return Ok(()) };
+        let fix = placed.as_ref().map(|(fix, at)| (fix, now - at));
+        corrections.poll(now, fix, &mut |frame| stream.send(frame))
     }
 
     /// Returns the configuration.
@@ -199,6 +217,11 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> Positioning for GnssReceiver<S, C,
 
     fn clock_s(&self) -> Option<f64> {
         Some(self.clock.now())
+    }
+
+    fn failure(&mut self) -> Option<GnssError> {
+        let now = self.clock.now();
+        self.corrections.as_mut()?.take_loss(now).map(GnssError::Corrections)
     }
 }
 
@@ -271,6 +294,12 @@ pub trait Positioning {
     fn clock_s(&self) -> Option<f64> {
         None
     }
+
+    /// Returns once why the places are poorer than they should be, such as a loss of corrections;
+    /// `None` if no failure is new.
+    fn failure(&mut self) -> Option<GnssError> {
+        None
+    }
 }
 
 macro_rules! forward {
@@ -281,6 +310,9 @@ macro_rules! forward {
             }
             fn clock_s(&self) -> Option<f64> {
                 (**self).clock_s()
+            }
+            fn failure(&mut self) -> Option<GnssError> {
+                (**self).failure()
             }
         }
     };
@@ -323,6 +355,9 @@ pub enum GnssError {
          sentences with a height on, such as GGA"
     )]
     NoHeight,
+    /// Its corrections have stopped, and it goes on without them.
+    #[error("the GNSS receiver has {0}")]
+    Corrections(CorrectionsLost),
 }
 
 impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
@@ -332,7 +367,8 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
         let begun = self.now();
         let mut position = self.position();
         for _ in 0..PAUSES {
-            if position.is_ok() || self.now() - begun >= PATIENCE_S {
+            let is_settled = self.corrections.as_ref().is_none_or(Corrections::is_settled);
+            if (position.is_ok() && is_settled) || self.now() - begun >= PATIENCE_S {
                 break;
             }
             pause();
@@ -352,6 +388,7 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
             let remedy = "set the receiver up to send it, or go on without";
             findings.push(Finding::bad("sentences", missing, remedy));
         }
+        findings.extend(self.corrections.as_ref().map(|own| own.finding(self.now())));
         if let Ok(position) = position {
             findings.push(noise(&position));
             findings.push(self.age(&position));

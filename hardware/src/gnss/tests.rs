@@ -662,6 +662,89 @@ fn sigma_grows_with_age_and_poor_quality_until_the_fix_is_too_old() {
 }
 
 #[test]
+fn corrections_that_cannot_be_are_refused_by_name() {
+    let refused = |text: &str, kind| {
+        let config: CorrectionsConfig = serde_json::from_str(text).expect("fields");
+        config.check(kind).expect_err(text).to_string()
+    };
+    let caster = |more: &str| {
+        let near = r#"{"endpoint":"tcp:caster:2101","mountpoint":"FOX""#;
+        refused(&format!("{near}{more}}}"), GnssKind::Ublox)
+    };
+    for (error, named) in [
+        (refused("{}", GnssKind::Nmea), "either endpoint or file; neither is given"),
+        (caster(r#","file":"base.rtcm""#), "both are given"),
+        (refused(r#"{"file":"base.rtcm","gga_s":5}"#, GnssKind::Nmea), "gga_s has no effect"),
+        (refused(r#"{"file":"base.rtcm","ntrip":1}"#, GnssKind::Nmea), "ntrip has no effect"),
+        (refused(r#"{"file":"a","mountpoint":"FOX"}"#, GnssKind::Nmea), "mountpoint has no effect"),
+        (refused(r#"{"file":"base.rtcm"}"#, GnssKind::Gpsd), "gpsd ntrip://"),
+        (caster(r#","stale_s":0"#), "stale_s is 0; it must be a positive number"),
+        (caster(r#","gga_s":-1"#), "gga_s is -1;"),
+        (caster(r#","ntrip":3"#), "ntrip is 3; it must be 1 or 2"),
+        (caster(r#","user":"me""#), "password_env is missing"),
+        (caster(r#","password_env":"P""#), "password_env has no effect without a user"),
+        (caster(r#","user":"a:b","password_env":"P""#), "user is \"a:b\""),
+        (
+            caster(r#","user":"me","password_env":"P","password_file":"p""#),
+            "password_file has no effect beside password_env",
+        ),
+        (
+            refused(r#"{"endpoint":"tcp:a:1","mountpoint":"F HTTP/1.1\r\nX: y"}"#, GnssKind::Nmea),
+            "mountpoint is",
+        ),
+        (
+            refused(r#"{"endpoint":"udpin:a:1","mountpoint":"FOX"}"#, GnssKind::Nmea),
+            "endpoint is \"udpin:a:1\", and must be tcp:HOST:PORT",
+        ),
+    ] {
+        assert!(error.contains(named), "{named}: {error}");
+    }
+    assert!(serde_json::from_str::<CorrectionsConfig>(r#"{"password":"x"}"#).is_err());
+    let absent: CorrectionsConfig = serde_json::from_str(
+        r#"{"endpoint":"tcp:a:1","mountpoint":"F","user":"u","password_env":"FOXHUNT_NO_SUCH"}"#,
+    )
+    .expect("fields");
+    let (near, _) = memory_pair();
+    let error = Corrections::new(absent, GnssKind::Nmea, Box::new(near)).expect_err("not set");
+    assert!(error.to_string().contains("no variable \"FOXHUNT_NO_SUCH\""), "{error}");
+}
+
+/// A caster's silence, its refusal and its lost connection, by the requests that come to it.
+#[test]
+fn a_caster_is_asked_again_after_a_while() {
+    let config: CorrectionsConfig =
+        serde_json::from_str(r#"{"endpoint":"tcp:a:1","mountpoint":"FOX","ntrip":1}"#)
+            .expect("fields");
+    let (near, mut far) = memory_pair();
+    let mut corrections =
+        Corrections::new(config, GnssKind::Nmea, Box::new(near)).expect("proper settings");
+    let mut requests = |corrections: &mut Corrections, seconds: std::ops::Range<u32>| {
+        let mut count = 0;
+        for second in seconds {
+            corrections.poll(second.into(), None, &mut |_| Ok(())).expect("nothing is forwarded");
+            let mut request = [0; 512];
+            while let Ok(length @ 1..) = far.receive(&mut request) {
+                assert!(request[..length].starts_with(b"GET /FOX HTTP/1.0\r\n"));
+                count += 1;
+            }
+            if second == 50 {
+                far.send(b"ERROR - Bad Password\r\n").expect("memory");
+            }
+        }
+        count
+    };
+    assert_eq!(requests(&mut corrections, 0..20), 1);
+    assert_eq!(requests(&mut corrections, 20..22), 1, "after 20 s of silence");
+    let lost = corrections.loss(21.0).expect("none has come").to_string();
+    assert!(lost.contains("nothing for 20 s; a virtual station needs gga_s"), "{lost}");
+    assert_eq!(requests(&mut corrections, 22..52), 1);
+    assert_eq!(requests(&mut corrections, 52..81), 0, "a refusal at 51 s is respected");
+    let lost = corrections.loss(80.0).expect("none has come").to_string();
+    assert!(lost.contains("wants a user and a password"), "{lost}");
+    assert_eq!(requests(&mut corrections, 81..84), 1);
+}
+
+#[test]
 fn what_cannot_be_is_refused_by_name() {
     let config = GnssConfig { stale_s: 0.0, ..GnssConfig::default() };
     let error = config.check().expect_err("no fix could be young enough").to_string();

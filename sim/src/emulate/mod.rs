@@ -14,7 +14,9 @@ pub use autopilot::{
     AutopilotConfig, AutopilotFaults, EmulatedAutopilot, FailsafeOrder, GpsStep, PilotOrder,
 };
 pub use carrier::EmulatedCarrier;
-pub use gnss::{EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind};
+pub use gnss::{
+    EmulatedCaster, EmulatedCasterConfig, EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind,
+};
 pub use receivers::{
     EmulatedDongle, EmulatedKraken, EmulatedKrakenConfig, EmulatedRtlTcp, EmulatedRtlTcpConfig,
     InterfererConfig, PlayedPulse,

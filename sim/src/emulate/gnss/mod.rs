@@ -1,8 +1,10 @@
 //! A drone's GNSS receiver: its state at one moment, in the formats that receivers speak, NMEA, UBX
 //! and gpsd's.
 
+mod caster;
 mod receiver;
 
+pub use caster::{EmulatedCaster, EmulatedCasterConfig};
 pub use receiver::{EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind};
 
 use chrono::{DateTime, Datelike, NaiveDateTime, Timelike};

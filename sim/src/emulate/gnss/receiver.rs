@@ -12,7 +12,8 @@ use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::StandardNormal;
 
 use super::{
-    Epoch, GPSD_VERSION, GpsdClient, UbloxHost, gpsd_reports, nav_pvt, nmea_sentences, whole,
+    Epoch, GPSD_VERSION, GpsdClient, UbloxHost, caster::Corrected, gpsd_reports, nav_pvt,
+    nmea_sentences, whole,
 };
 use crate::{Emulator, Interval, SimError, World, devices::OnBoard};
 
@@ -62,6 +63,9 @@ pub struct EmulatedGnssConfig {
     pub compass: bool,
     /// Times when it has no fix, and reports so.
     pub outages: Vec<Interval>,
+    /// Greatest age in seconds of RTCM 3 with which it reaches an RTK quality; without younger
+    /// frames it is autonomous, with the σ of that quality. If absent, it needs no corrections.
+    pub corrections_s: Option<f64>,
     /// UNIX time of the world's time 0, in seconds.
     pub utc_start_s: f64,
 }
@@ -80,6 +84,7 @@ impl Default for EmulatedGnssConfig {
             geoid_m: 45.0,
             compass: false,
             outages: Vec::new(),
+            corrections_s: None,
             utc_start_s: 1_767_225_600.0,
         }
     }
@@ -116,6 +121,7 @@ impl EmulatedGnssConfig {
         positive("correlation_s", self.correlation_s)?;
         in_range("hdop", self.hdop, 0.1..=99.0, "from 0.1 to 99")?;
         in_range("geoid_m", self.geoid_m, -120.0..=120.0, "within ±120")?;
+        positive("corrections_s", self.corrections_s.unwrap_or(1.0))?;
         // Up to the year 2100; RMC has two digits for it.
         let dates = 946_684_800.0..=4_102_444_800.0;
         in_range("utc_start_s", self.utc_start_s, dates, "a date of this century")?;
@@ -143,6 +149,9 @@ pub struct EmulatedGnss<S> {
     config: EmulatedGnssConfig,
     frame: LocalFrame,
     wander: Wander,
+    /// Errors without corrections.
+    astray: Wander,
+    corrected: Corrected,
     /// The number of the epoch that was sent last, and the drone's place then.
     sent: Option<(f64, Vector3<f64>)>,
     host: UbloxHost,
@@ -168,6 +177,8 @@ impl<S: ByteStream> EmulatedGnss<S> {
         let frame = config.checked()?;
         let on_board = world.on_board(drone)?;
         let wander = Wander::new(config.sigma_m, config.correlation_s, seed, drone);
+        let alone = config.clone().with_quality(FixQuality::Autonomous);
+        let astray = Wander::new(alone.sigma_m, alone.correlation_s, seed, drone);
         let host = UbloxHost::default();
         let client = GpsdClient::default();
         Ok(Self {
@@ -176,6 +187,8 @@ impl<S: ByteStream> EmulatedGnss<S> {
             config,
             frame,
             wander,
+            astray,
+            corrected: Corrected::default(),
             sent: None,
             host,
             client,
@@ -197,6 +210,7 @@ impl<S: ByteStream> EmulatedGnss<S> {
         loop {
             let count = self.stream.receive(&mut piece)?;
             let received = piece.get(..count).unwrap_or(&piece);
+            self.corrected.take(received, self.on_board.with(|_, now| now));
             let answer = match self.config.kind {
                 _ if received.is_empty() => return Ok(()),
                 EmulatedGnssKind::Nmea => Vec::new(),
@@ -228,7 +242,16 @@ impl<S: ByteStream> EmulatedGnss<S> {
             return None;
         }
         self.sent = Some((number, truth));
-        let error = self.wander.step(passed.map_or(0.0, |(passed, _)| passed));
+        let since = passed.map_or(0.0, |(passed, _)| passed);
+        let alone =
+            self.config.corrections_s.filter(|_| self.config.quality >= FixQuality::RtkFloat);
+        let is_alone = alone.is_some_and(|age_s| !self.corrected.is_within(age_s, now));
+        let wander = self.wander.step(since);
+        let astray = self.astray.step(since);
+        let (error, sigma_m, quality) = match is_alone {
+            true => (astray, self.astray.sigma, FixQuality::Autonomous),
+            false => (wander, self.config.sigma_m, self.config.quality),
+        };
         let velocity =
             passed.map_or(Vector3::zeros(), |(passed, before)| (truth - before) / passed);
         let out = self.config.outages.iter().any(|outage| outage.contains(now));
@@ -236,8 +259,8 @@ impl<S: ByteStream> EmulatedGnss<S> {
         Some(Epoch {
             utc_ms: whole((config.utc_start_s + number / rate_hz) * 1e3),
             place: self.frame.to_geodetic(&(truth + error)),
-            quality: if out { FixQuality::None } else { config.quality },
-            sigma_m: config.sigma_m,
+            quality: if out { FixQuality::None } else { quality },
+            sigma_m,
             velocity,
             satellites: if out { 2 } else { config.satellites },
             hdop: if out { 99.0 } else { config.hdop },
