@@ -1,5 +1,5 @@
 """What pynmeagps, pyubx2 and gpsd make of our emulated GNSS receivers, and receivers made of the
-first two for our decoders; pygnssutils' caster for corrections. Fails with the reason."""
+first two for our decoders; pygnssutils and pyrtcm for corrections. Fails with the reason."""
 import datetime, json, math, os, socket, sys, time
 
 PLACE = (-33.85678, 151.21529, 64.5)  # what is served: degrees North, degrees East, m above the ellipsoid
@@ -272,6 +272,40 @@ def serve_caster(port, version):
               ntrippassword="tally-ho")
 
 
+def read_caster(port, origin):
+    """pygnssutils' client at our caster; pyrtcm reads what it gets."""
+    import queue, threading
+    from pygnssutils import GNSSNTRIPClient
+    from pyrtcm import RTCMReader
+
+    for version in ("1.0", "2.0"):
+        for password, is_right in (("tally-ho", True), ("yoicks", False)):
+            got, stop = queue.Queue(), threading.Event()
+            with GNSSNTRIPClient(None) as client:
+                client.run(server="127.0.0.1", port=port, mountpoint="FOX", version=version, ntripuser="hunter",
+                           ntrippassword=password, output=got, stopevent=stop)
+                end = time.time() + (15 if is_right else 3)
+                messages = {}
+                while time.time() < end and len(messages) < 2:
+                    try:
+                        raw, _ = got.get(timeout=0.5)
+                    except queue.Empty:
+                        continue
+                    message = RTCMReader.parse(raw)
+                    messages[message.identity] = message
+                stop.set()
+            assert bool(messages) == is_right, f"NTRIP {version}, password {password}: {messages}"
+            if not is_right:
+                continue
+            assert set(messages) == {"1005", "1230"}, messages
+            station = messages["1005"]
+            east, north = (math.atan2(station.DF026, station.DF025), math.asin(station.DF027 / math.dist(
+                (0, 0, 0), (station.DF025, station.DF026, station.DF027))))
+            # The geocentric latitude is up to 0.2 degrees off the geodetic one.
+            assert abs(math.degrees(east) - origin[1]) < 1e-6 and abs(math.degrees(north) - origin[0]) < 0.2, station
+            print(f"  NTRIP {version}:", station)
+
+
 command, target = sys.argv[1:3]
 if command == "serve-caster":
     sys.exit(serve_caster(int(target), sys.argv[3]))
@@ -282,6 +316,7 @@ if command == "judge":
 origin = [float(part) for part in sys.argv[3].split(",")] if len(sys.argv) > 3 else None
 {
     "read-nmea": lambda: read_nmea(target, origin),
+    "read-caster": lambda: read_caster(int(target), origin),
     "read-ublox": lambda: read_ublox(target, origin),
     "serve-nmea": lambda: serve(target, nmea_messages),
     "serve-ublox": lambda: serve(target, ublox_messages),

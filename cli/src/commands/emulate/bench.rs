@@ -70,11 +70,12 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let scenario = choice::scenario(&field.scenario)?;
     let world = World::new(&scenario.world, field.seed).map_err(CliError::input)?;
     // The drone goes first where it is by now.
-    let pose = match &args.device {
+    let first = match &args.device {
         Device::Xbee(args) => args.pose.place(field, &world)?,
         Device::Stepper(args) => args.pose.place(field, &world)?,
         Device::RtlTcp(args) => args.pose.place(field, &world)?,
-        Device::Vehicle(_) | Device::Gnss(_) | Device::Field(_) => None,
+        Device::Gnss(args) => gnss::caster(args, &world)?,
+        Device::Vehicle(_) | Device::Field(_) => None,
     };
     let placed = match &args.device {
         Device::Xbee(args) => xbee::place(args, &scenario, &world),
@@ -89,7 +90,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         }
         Device::Field(args) => field::place(args, &scenario, &world),
     }?;
-    serve(field, &scenario, &world, pose.into_iter().chain([placed]).collect(), output)
+    serve(field, &scenario, &world, first.into_iter().chain([placed]).collect(), output)
 }
 
 /// Serves devices until the time is up or Ctrl-C comes.

@@ -4,7 +4,10 @@ use clap::ValueEnum;
 use foxhunt::{
     geodesy::Geodetic,
     scenario::Scenario,
-    sim::{EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind, Emulator, World},
+    sim::{
+        EmulatedCaster, EmulatedCasterConfig, EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind,
+        Emulator, World,
+    },
     wire::{ByteStream, FixQuality, PtyStream, TcpServerStream},
 };
 
@@ -32,7 +35,20 @@ pub(super) struct Args {
     /// The number of fixes per second
     #[arg(long, value_name = "HZ", default_value_t = 5.0)]
     rate: f64,
+    /// The address at which an NTRIP caster listens; RTK is then reached only while its
+    /// corrections come back to the receiver
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    caster: Option<String>,
+    /// The caster's only stream
+    #[arg(long, value_name = "NAME", default_value = "FOX", requires = "caster")]
+    mountpoint: String,
+    /// The only user whom the caster serves [default: anybody]
+    #[arg(long, value_name = "USER:PASSWORD", requires = "caster", value_parser = credentials)]
+    user: Option<(String, String)>,
 }
+
+/// Age in seconds up to which an emulated receiver uses corrections.
+const CORRECTIONS_S: f64 = 10.0;
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Kind {
@@ -73,6 +89,7 @@ pub(super) fn place(args: &Args, _scenario: &Scenario, world: &World) -> Result<
         kind,
         origin: args.origin,
         rate_hz: args.rate,
+        corrections_s: args.caster.is_some().then_some(CORRECTIONS_S),
         utc_start_s: now.as_secs_f64(),
         ..EmulatedGnssConfig::default().with_quality(quality)
     };
@@ -93,6 +110,27 @@ pub(super) fn place(args: &Args, _scenario: &Scenario, world: &World) -> Result<
     let emulator: Box<dyn Emulator> =
         Box::new(EmulatedGnss::new(world, drone, config, seed, stream).map_err(CliError::input)?);
     Ok(Placed { device: "gnss", endpoint, emulator })
+}
+
+/// The caster beside the receiver, if there is one.
+pub(super) fn caster(args: &Args, world: &World) -> Result<Option<Placed>, CliError> {
+    let Some(address) = &args.caster else { return Ok(None) };
+    let server = TcpServerStream::listen(address).map_err(CliError::failure)?;
+    let endpoint = format!("tcp:{}", server.local_address().map_err(CliError::failure)?);
+    let config = EmulatedCasterConfig {
+        mountpoint: args.mountpoint.clone(),
+        credentials: args.user.clone(),
+        station: args.origin,
+        ..EmulatedCasterConfig::default()
+    };
+    let emulator = EmulatedCaster::new(world, config, server).map_err(CliError::input)?;
+    Ok(Some(Placed { device: "caster", endpoint, emulator: Box::new(emulator) }))
+}
+
+fn credentials(text: &str) -> Result<(String, String), String> {
+    let (user, password) =
+        text.split_once(':').ok_or("not a user and a password: USER:PASSWORD")?;
+    Ok((user.to_owned(), password.to_owned()))
 }
 
 fn place_on_earth(text: &str) -> Result<Geodetic, String> {
