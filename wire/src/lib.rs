@@ -20,9 +20,11 @@ pub mod geoid;
 #[cfg(feature = "mavlink")]
 pub mod mavlink;
 pub mod nmea;
+#[cfg(feature = "corrections")]
 pub mod ntrip;
 #[cfg(feature = "receivers")]
 pub mod receivers;
+#[cfg(feature = "corrections")]
 pub mod rtcm;
 #[cfg(feature = "stream")]
 mod stream;
