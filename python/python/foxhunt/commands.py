@@ -170,6 +170,7 @@ __all__ = [
     "plot_levels",
     "plot_nees",
     "plot_pattern",
+    "plot_phases",
     "plot_planners",
     "plot_rssi",
     "plot_trajectory",
@@ -2635,6 +2636,27 @@ def plot_bearing_errors(
         "title": title,
     }
     return _program.command(["plot", "bearing-errors", *files], flags)
+
+
+def plot_phases(
+    log: Path | None = None,
+    *,
+    out: Path | float,
+    title: Path | float | None = None,
+) -> Any:
+    """The phases of a search and the signals between them, with the ways that a hunt went:
+    ``foxhunt plot phases``.
+
+    Args:
+        log: A log, whose hunt is drawn into the machine
+        out: The figure: .svg, or with the feature `png` .png
+        title: The title above the figure [default: made of the inputs]
+    """
+    flags: dict[str, Any] = {
+        "out": out,
+        "title": title,
+    }
+    return _program.command(["plot", "phases", log], flags)
 
 
 def plot_planners(
