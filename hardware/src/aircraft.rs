@@ -122,9 +122,9 @@ pub trait Aircraft: Spinner {
         Ok(())
     }
 
-    /// Returns once why a device beside its autopilot has failed without keeping it from flying, such
-    /// as the link of its corrections; `None` if no failure is new. Unless overridden there is no
-    /// such device.
+    /// Returns once why a device beside its autopilot has failed without keeping it from flying,
+    /// such as the link of its corrections; `None` if no failure is new. Unless overridden there
+    /// is no such device.
     fn device_failure(&mut self) -> Option<Self::Error> {
         None
     }

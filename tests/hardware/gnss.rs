@@ -452,13 +452,13 @@ impl Chain {
 
 /// Settings of a client that the caster serves, with the password in a file of its own.
 fn client(name: &str, password: &str) -> CorrectionsConfig {
-    let folder = std::env::temp_dir().join(format!("foxhunt-{name}-{}", std::process::id()));
-    std::fs::write(&folder, format!("{password}\n")).expect("a temporary file");
+    let file = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("password-{name}"));
+    std::fs::write(&file, format!("{password}\n")).expect("a folder for tests");
     CorrectionsConfig {
         endpoint: Some("tcp:caster.example:2101".parse().expect("an endpoint")),
         mountpoint: Some("FOX".into()),
         user: Some("hunter".into()),
-        password_file: Some(folder),
+        password_file: Some(file),
         ..CorrectionsConfig::default()
     }
 }
@@ -557,9 +557,9 @@ fn damaged_frames_are_not_forwarded() {
 
 #[test]
 fn a_file_is_followed_from_its_end() {
-    let path = std::env::temp_dir().join(format!("foxhunt-rtcm-{}", std::process::id()));
+    let path = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("corrections.rtcm");
     let whole = rtcm::frame(&[0x3e, 0xd7, 0xd3]).expect("short");
-    std::fs::write(&path, &whole).expect("a temporary file");
+    std::fs::write(&path, &whole).expect("a folder for tests");
     let own = CorrectionsConfig { file: Some(path.clone()), ..CorrectionsConfig::default() };
     let corrections = Corrections::follow(own.clone(), GnssKind::Ublox).expect("it is there");
     let world = world();

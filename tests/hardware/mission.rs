@@ -199,7 +199,10 @@ fn only_those_in_our_hands_photograph_and_what_fails_is_logged() {
     assert_eq!(pictures, [0, 2, 2]);
     let failure = |event: &&Event| matches!(event, Event::DeviceFailed { drone: Some(1), .. });
     assert_eq!(field.events.iter().filter(failure).count(), 1);
-    let loss = |event: &&Event| matches!(event, Event::DeviceFailed { drone: Some(2), reason: own, .. } if *own == reason);
+    let loss = |event: &&Event| match event {
+        Event::DeviceFailed { drone: Some(2), reason: own, .. } => *own == reason,
+        _ => false,
+    };
     assert_eq!(field.events.iter().filter(loss).count(), 1, "and it flies on");
 }
 

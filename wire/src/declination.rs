@@ -20,9 +20,7 @@ const JULIAN_DAY_OF_1970: i32 = 2_440_588;
 #[non_exhaustive]
 pub enum DeclinationError {
     /// The model is not of this day.
-    #[error(
-        "the World Magnetic Model covers the years 2020 to 2029; state a declination for other dates"
-    )]
+    #[error("the World Magnetic Model covers 2020 to 2029; state a declination for other dates")]
     Date,
     /// The model is not of this place.
     #[error("the World Magnetic Model does not cover this place: {0}")]

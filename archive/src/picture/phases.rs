@@ -18,8 +18,9 @@ const LINE: i32 = 17 * UNIT;
 
 /// Bend of an arrow beside another one the other way, as a share of its length.
 const BESIDE: f64 = 0.3;
-/// Bend of an arrow around the boxes between its ends.
-const AROUND: f64 = 0.42;
+/// Bends of arrows around the boxes between their ends: of those to the right, and of those back,
+/// which pass above them.
+const AROUND: [f64; 2] = [0.294, 0.42];
 
 /// Box of a phase; all outcomes share one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -172,7 +173,7 @@ impl Arrow {
         // Another box is in the way.
         let far = along[1].abs() < 1.0 && along[0].abs() > f64::from(400 * UNIT);
         let bend = if far {
-            AROUND * if to[0] > from[0] { 0.7 } else { 1.0 }
+            AROUND[usize::from(to[0] < from[0])]
         } else if back {
             BESIDE
         } else {

@@ -180,7 +180,7 @@ pub enum RecordingError {
         readings: &'static [[&'static str; 2]],
     },
     /// There is neither a shipped mapping nor a file of this name.
-    #[error("{name:?} is neither a file nor a known format; known formats are {}", known.join(", "))]
+    #[error("{name:?} is neither a file nor a known format; choose one of {}", known.join(", "))]
     NoSuchFormat {
         /// The name that was given.
         name: String,

@@ -360,8 +360,8 @@ pub trait Ports {
     /// Any error of the port, with its name or address.
     fn open(&mut self, endpoint: &Endpoint) -> io::Result<Box<dyn ByteStream>>;
 
-    /// Opens a connection to a server that serves each client apart, such as an NTRIP caster. Unless
-    /// overridden it is opened as any other.
+    /// Opens a connection to a server that serves each client apart, such as an NTRIP caster.
+    /// Unless overridden it is opened as any other.
     ///
     /// # Errors
     ///

@@ -101,7 +101,7 @@ pub enum CorrectionsConfigError {
         reason: &'static str,
     },
     /// A text is not allowed.
-    #[error("{field} is {text:?}, and must be {allowed}")]
+    #[error("{field} is {text:?}; it must be {allowed}")]
     Text {
         /// The setting.
         field: &'static str,
@@ -269,8 +269,8 @@ pub struct CorrectionsLost {
 
 /// Corrections on their way to a receiver ([`GnssReceiver::with_corrections`]).
 ///
-/// Frames with a wrong CRC are not forwarded. After a refusal a caster is asked again in 30 s, after
-/// 20 s of silence at once.
+/// Frames with a wrong CRC are not forwarded. After a refusal a caster is asked again in 30 s,
+/// after 20 s of silence at once.
 ///
 /// [`GnssReceiver::with_corrections`]: super::GnssReceiver::with_corrections
 pub struct Corrections {
@@ -549,7 +549,8 @@ impl Corrections {
                 "the caster has no such mountpoint: take a name from its source table".into()
             }
             Answer::Other(line) => format!(
-                "the answer {line:?} is not a stream of NTRIP: check host and port, or set ntrip = 1"
+                "the answer {line:?} is not a stream of NTRIP: check host and port, or set ntrip \
+                 = 1"
             ),
             Answer::Stream { .. } => String::new(),
         }
@@ -579,7 +580,8 @@ impl Corrections {
         }
     }
 
-    /// Loss of the corrections: the last frame is older than allowed, or none has come in that time.
+    /// Loss of the corrections: the last frame is older than allowed, or none has come in that
+    /// time.
     #[must_use]
     pub fn loss(&self, now: f64) -> Option<CorrectionsLost> {
         let age_s = now - self.frame_at.or(self.began_at)?;

@@ -357,7 +357,8 @@ fn sentence(body: &str) -> String {
     format!("${body}*{sum:02X}\r\n")
 }
 
-/// Degrees as NMEA 0183 has them: whole ones of `width` digits, minutes, and the letter of the sign.
+/// Degrees as NMEA 0183 has them: whole ones of `width` digits, minutes, and the letter of the
+/// sign.
 fn angle_field(deg: f64, width: usize, letters: [char; 2]) -> String {
     // Of ten-thousandths of a minute, so that 59.99996 is no 60.
     let tenths = (deg.abs() * 600_000.0).round();

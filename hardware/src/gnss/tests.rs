@@ -694,7 +694,7 @@ fn corrections_that_cannot_be_are_refused_by_name() {
         ),
         (
             refused(r#"{"endpoint":"udpin:a:1","mountpoint":"FOX"}"#, GnssKind::Nmea),
-            "endpoint is \"udpin:a:1\", and must be tcp:HOST:PORT",
+            "endpoint is \"udpin:a:1\"; it must be tcp:HOST:PORT",
         ),
     ] {
         assert!(error.contains(named), "{named}: {error}");

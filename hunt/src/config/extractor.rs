@@ -116,9 +116,7 @@ pub enum ExtractorConfigError {
     #[error("extractor.name: {0}")]
     Name(#[from] RegistryError),
     /// It is known by name alone, and no registry is at hand; or its entry is itself a name.
-    #[error(
-        "extractor.name is {name:?}, which refers to a registry's name and cannot be built by itself"
-    )]
+    #[error("extractor.name is {name:?}, which only a registry can build")]
     Circle {
         /// The name.
         name: String,

@@ -45,7 +45,10 @@ pub enum HuntError {
     #[error(transparent)]
     Traffic(#[from] TrafficError),
     /// The log to go on from is another hunt's.
-    #[error("the log belongs to another hunt: number {} is {logged:?} in it, and here {expected:?}", .beacon + 1)]
+    #[error(
+        "the log belongs to another hunt: number {} is {logged:?} in it, and here {expected:?}",
+        .beacon + 1
+    )]
     OtherHunt {
         /// Index of the beacon, from 0.
         beacon: usize,
