@@ -4,8 +4,8 @@
 pub enum ExportError {
     /// The file's ending belongs to no known format.
     #[error(
-        "unknown ending {ending:?}; an export ends in .geojson, .json, .kml, .czml, .gpx, .csv, .cot \
-         or .mcap"
+        "unknown ending {ending:?}; an export ends in .geojson, .json, .kml, .czml, .gpx, .csv, \
+         .cot or .mcap"
     )]
     Ending {
         /// The ending.

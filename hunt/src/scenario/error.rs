@@ -5,7 +5,10 @@ use foxhunt_core::parameter::FieldError;
 #[non_exhaustive]
 pub enum ScenarioError {
     /// There is neither a built-in scenario nor a file of this name.
-    #[error("{name:?} is neither a file nor a built-in scenario; choose one of {}", known.join(", "))]
+    #[error(
+        "{name:?} is neither a file nor a built-in scenario; choose one of {}",
+        known.join(", ")
+    )]
     Unknown {
         /// The requested name.
         name: String,
