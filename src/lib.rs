@@ -107,8 +107,8 @@ pub mod prelude {
         BeaconId, Bearing, BearingExtractor, Belief, ByQuantity, Correction, Covariance, Decision,
         Estimate, Estimator, EstimatorError, FormationPlanner, Intake, Level, Measured,
         MeasuredList, MeasurementModel, MotionModel, Observation, Outcome, PatternSource,
-        PlanError, Pose, Quantity, RandomWalk, Reading, Reception, Sample, Stage, State, Station,
-        Sweep, Vehicle, Waypoint,
+        PlanError, Pose, Quantity, RandomWalk, Reading, Reception, Receptions, Sample, Stage,
+        State, Station, Sweep, Vehicle, Waypoint,
     };
 
     #[cfg(feature = "hunt")]

@@ -1,7 +1,7 @@
 //! Repeated locating from the receptions of recordings, without the ones that were struck out: the
 //! input of a page for that, as lines of JSON.
 
-use foxhunt_core::Reception;
+use foxhunt_core::{Reception, Receptions};
 #[cfg(feature = "batch")]
 use foxhunt_hunt::locate::{Listener, TrackingConfig, left_out, track};
 use foxhunt_hunt::{
@@ -195,7 +195,7 @@ impl Relocation {
                     true => left_out(&row.reception),
                     false => row.reception,
                 });
-                let received: Vec<Reception> = left.collect();
+                let received: Receptions = left.collect();
                 found.push(match track(&received, listeners, config, tracking) {
                     Ok(tracked) => SearchOverview::tracked(name.clone(), &tracked, |time| {
                         truth_at(truth, time, 0.0)
@@ -206,7 +206,7 @@ impl Relocation {
             }
             let truth = truth.first().map(|(_, place)| *place);
             let left: Vec<&Row> = of_it().filter(|row| !struck.contains(&row.id)).collect();
-            let received: Vec<Reception> = left.iter().map(|row| row.reception).collect();
+            let received: Receptions = left.iter().map(|row| row.reception).collect();
             let estimator = match estimator {
                 Some(name) => registry.estimator(name)?,
                 None => registry.suited_to(&received)?,

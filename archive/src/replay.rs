@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use foxhunt_core::{BeaconId, Estimate, EstimatorError, Reception, Remark};
+use foxhunt_core::{BeaconId, Estimate, EstimatorError, Reception, Receptions, Remark};
 use foxhunt_filters::consistency::{ChiSquaredAverage, Whiteness};
 use foxhunt_hunt::{
     config::{ModelConfig, ModelError},
@@ -358,7 +358,7 @@ struct ReplayedSearch {
     track: Track,
     fix: ReplayedFix,
     /// Receptions that went through the track, where the answer is examined.
-    receptions: Vec<Reception>,
+    receptions: Receptions,
 }
 
 impl ReplayedSearch {
@@ -377,7 +377,7 @@ impl ReplayedSearch {
             remarks: Vec::new(),
             logged: None,
         };
-        Self { track, fix, receptions: Vec::new() }
+        Self { track, fix, receptions: Receptions::default() }
     }
 
     fn into_fix(mut self, examined: Option<&(EstimatorEntry, ModelConfig)>) -> ReplayedFix {

@@ -69,6 +69,10 @@ impl<'a> Output<'a> {
         text: impl FnOnce(&T) -> String,
     ) -> Result<(), CliError> {
         let text = match self.json {
+            // A text of millions of rows is not held.
+            Some(JsonForm::Value) if self.kept.is_none() => {
+                return json_to_stdout(value).map_err(CliError::printing);
+            }
             Some(JsonForm::Value) => document::to_pretty_json(value).map_err(CliError::failure)?,
             Some(JsonForm::Lines) => return event("result", value).map_err(CliError::printing),
             None => screen::wrapped(text(value).trim_end(), screen::width()),
@@ -163,6 +167,12 @@ pub(crate) fn warn(line: &str) {
     }
     // Where standard error is closed nobody can read it.
     let _ = writeln!(io::stderr(), "{line}");
+}
+
+fn json_to_stdout<T: Serialize>(value: &T) -> io::Result<()> {
+    let mut out = io::BufWriter::new(io::stdout().lock());
+    document::write_pretty_json(&mut out, &value)?;
+    writeln!(out).and_then(|()| out.flush())
 }
 
 fn to_stdout(text: &str) -> Result<(), CliError> {

@@ -49,6 +49,8 @@ mod planner;
 mod quantity;
 mod reception;
 #[cfg(feature = "alloc")]
+mod receptions;
+#[cfg(feature = "alloc")]
 mod remark;
 mod source;
 pub mod vectorised;
@@ -75,6 +77,8 @@ pub use planner::{
 };
 pub use quantity::{Axis, Measured, MeasuredError, MeasuredList, Quantity, QuantityName};
 pub use reception::{ByQuantity, Intake, Level, Reception};
+#[cfg(feature = "alloc")]
+pub use receptions::Receptions;
 #[cfg(feature = "alloc")]
 pub use remark::Remark;
 #[cfg(feature = "alloc")]

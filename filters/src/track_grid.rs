@@ -170,7 +170,7 @@ impl TrackGrid {
                 return Err(BatchError::Order { index, seconds });
             }
         }
-        let (low, high) = bounds(receivers);
+        let (low, high) = bounds(receivers.iter().map(|receiver| receiver.position.xy()));
         let scale_m = (0.5 * (high - low).norm()).max(NEAR_M);
         let log_prior = |place: &Vector2<f64>| {
             let beyond = (low - place).sup(&(place - high)).sup(&Vector2::zeros()).norm();

@@ -7,7 +7,7 @@ use std::{
 
 use foxhunt::{
     config::ExtractorConfig,
-    core::{Estimate, Reception},
+    core::{Estimate, Receptions},
     geodesy::{Geodetic, radians_to_compass_deg},
     locate::LocateConfig,
     recorded::{CalibrateConfig, ReceptionConfig, bearings, calibrate, receptions},
@@ -97,9 +97,9 @@ fn flights_are_not_mixed_by_their_clocks() {
     let received = receptions(&both, None, extractor.as_ref(), &ReceptionConfig::default())
         .expect("every row is a reception");
     let first = both[0].records().len();
-    for (i, pair) in received.windows(2).enumerate() {
-        let step = (pair[1].receiver.position - pair[0].receiver.position).norm();
-        let seconds = pair[1].time - pair[0].time;
+    for (i, (before, after)) in received.iter().zip(received.iter().skip(1)).enumerate() {
+        let step = (after.receiver.position - before.receiver.position).norm();
+        let seconds = after.time - before.time;
         assert!(
             i + 1 == first || step < 20.0 * seconds,
             "a drone flies {step} m in {seconds} s at row {i}"
@@ -146,7 +146,7 @@ fn tags_at_known_distances_calibrate_the_path_loss() {
 }
 
 /// The eight hand-held bearings of Lenth 1981, and where the animal was.
-fn hand_held_bearings() -> Option<(Vec<Reception>, Vector2<f64>)> {
+fn hand_held_bearings() -> Option<(Receptions, Vector2<f64>)> {
     let folder = recordings("lenth1981")?;
     let recording =
         Recording::read(folder.join("bearings.csv"), &ReadOptions::default()).expect("it is read");

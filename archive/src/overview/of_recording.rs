@@ -4,7 +4,7 @@ use foxhunt_core::BearingModes;
 
 use super::{KnownAntenna, Overview, Received, Turn};
 use crate::{
-    recorded::{BearingReading, RecordedReception},
+    recorded::{BearingReading, RecordedReception, RecordedReceptions},
     recording::Recording,
     struck::{ReceptionKey, RowId},
 };
@@ -37,7 +37,7 @@ impl Overview {
         search: Option<usize>,
         file: &str,
         beacon: Option<&str>,
-        received: &[RecordedReception],
+        received: &RecordedReceptions,
         readings: &[BearingReading],
         antenna: Option<KnownAntenna<'_>>,
     ) {
@@ -45,9 +45,9 @@ impl Overview {
         let of_turn: HashMap<(u64, u64), &BearingReading> = (readings.iter())
             .map(|read| ((read.sweep.line, read.sweep.sweep.time.to_bits()), read))
             .collect();
-        for RecordedReception { line, drone, reception } in received {
-            let read = of_turn.get(&(*line, reception.time.to_bits()));
-            let receiver = self.receiver(drone);
+        for RecordedReception { line, drone, reception } in received.iter() {
+            let read = of_turn.get(&(line, reception.time.to_bits()));
+            let receiver = self.receiver(&drone);
             let bearing = reception.bearing.map(|bearing| bearing.angle);
             let turn = read
                 .map(|read| Turn::new(&read.sweep.as_sweep(reception.beacon), antenna, bearing));
@@ -62,7 +62,7 @@ impl Overview {
                 remark: reception.silence.map(|_| "nothing above the receiver's floor".to_owned()),
                 used: true,
                 struck: false,
-                id: Some(key(file, *line, beacon)),
+                id: Some(key(file, line, beacon)),
                 nis: None,
                 turn,
             });

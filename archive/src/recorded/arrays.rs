@@ -42,7 +42,7 @@ pub fn is_fixed_array(recordings: &[Recording]) -> bool {
         if record.boresight.is_some() {
             return false;
         }
-        let (Some(_), Some(receiver)) = (record.bearing, record.receiver) else { continue };
+        let (Some(_), Some(receiver)) = (record.bearing, record.receiver()) else { continue };
         count += 1;
         let near =
             |(place, _): &&(Vector3<f64>, f64)| (place - receiver.position).norm() <= ONE_PLACE_M;
@@ -114,7 +114,7 @@ pub fn calibrate_array(
 
 /// The true direction of a record's transmitter, and the receiver's heading.
 fn towards(record: &Record, truth: Option<Vector2<f64>>) -> Option<(f64, f64)> {
-    let receiver = record.receiver?;
+    let receiver = record.receiver()?;
     let way = truth.or(record.truth)? - receiver.position.xy();
     (way.norm() > f64::MIN_POSITIVE).then(|| (libm::atan2(way.y, way.x), receiver.heading))
 }
@@ -137,7 +137,7 @@ pub fn correct_arrays(recordings: &mut [Recording], arrays: &[ArraySection]) -> 
             };
             let own = known.iter().find(|(section, _)| is_own(section)).or(only);
             let (section, deviation) = own.filter(|_| record.boresight.is_none())?;
-            let heading = record.receiver.map_or(0.0, |receiver| receiver.heading);
+            let heading = record.receiver().map_or(0.0, |receiver| receiver.heading);
             let (angle, error) = deviation.correct(bearing.angle, heading);
             let stretch = deviation.stretch_at(bearing.angle - heading);
             corrected += 1;

@@ -161,7 +161,7 @@ fn known_bearings(
     let chosen = || recording.records().iter().filter(|r| r.beacon.as_deref() == beacon);
     for record in chosen() {
         let Some(bearing) = record.bearing else { continue };
-        let receiver = record.receiver.ok_or_else(|| no_truth(record.line))?;
+        let receiver = record.receiver().ok_or_else(|| no_truth(record.line))?;
         let truth = direction(config.truth.or(record.truth), receiver.position.xy())
             .ok_or_else(|| no_truth(record.line))?;
         let known = KnownBearing { measured: bearing.angle, truth, heading: receiver.heading };

@@ -214,12 +214,12 @@ fn add_points<'a>(
         let Some(rss_dbm) = record.rss_dbm else { continue };
         let truth = config.truth.or(record.truth);
         let to = |t: Vector2<f64>| {
-            record.receiver.map(|r| (t.push(config.target_up_m) - r.position).norm())
+            record.receiver().map(|r| (t.push(config.target_up_m) - r.position).norm())
         };
         let range = record.known_range.or_else(|| truth.and_then(to));
         let range = range.ok_or_else(|| no_truth(record.line))?;
         let receiver = &*record.drone;
-        let up_m = record.receiver.map(|receiver| receiver.position.z);
+        let up_m = record.receiver().map(|receiver| receiver.position.z);
         points.push(Point { range, up_m, rss_dbm, file, line: record.line, receiver });
     }
     if chosen().any(|r| r.boresight.is_some()) {

@@ -1,4 +1,4 @@
-use foxhunt_core::{Pose, Reception};
+use foxhunt_core::{Pose, Receptions};
 use foxhunt_hunt::locate::Listener;
 
 use crate::recording::{Record, Recording};
@@ -9,14 +9,14 @@ const STILL_M: f64 = 1.0;
 /// The receivers that stay in one place throughout a recording: they listen from their first record
 /// to their last, whatever beacon those are of, down to the lowest level of all receptions there.
 #[must_use]
-pub fn listeners(recordings: &[Recording], receptions: &[Reception]) -> Vec<Listener> {
+pub fn listeners(recordings: &[Recording], receptions: &Receptions) -> Vec<Listener> {
     let mut listeners = Vec::new();
     for recording in recordings {
         for drone in recording.drones() {
             let records = || recording.records().iter().filter(|record| &*record.drone == drone);
-            let Some(receiver) = records().find_map(|record| record.receiver) else { continue };
+            let Some(receiver) = records().find_map(|record| record.receiver()) else { continue };
             let here = |pose: Pose| (pose.position - receiver.position).norm() < STILL_M;
-            let stays = |record: &Record| record.receiver.is_some_and(here);
+            let stays = |record: &Record| record.receiver().is_some_and(here);
             let times = || records().filter_map(|record| record.time);
             let levels = receptions.iter().filter(|reception| here(reception.receiver));
             let levels = levels.filter_map(|reception| reception.level);

@@ -23,7 +23,8 @@ pub use calibrate::{CalibrateConfig, Calibration, KnownRange, calibrate, known_r
 pub use error::RecordedError;
 pub use listeners::listeners;
 pub use receptions::{
-    GNSS_SIGMA_M, ReceptionConfig, RecordedReception, receptions, recorded_receptions,
+    GNSS_SIGMA_M, ReceptionConfig, RecordedReception, RecordedReceptions, receptions,
+    recorded_receptions,
 };
 pub use residual::{RowResidual, row_name};
 pub use selection::{Selection, only_beacon};

@@ -1,7 +1,8 @@
-use std::{collections::BTreeMap, sync::Arc};
+use std::{cmp::Ordering, sync::Arc};
 
 use foxhunt_core::{
     BeaconId, Bearing, BearingExtractor, ByQuantity, Intake, Level, Pose, Quantity, Reception,
+    Receptions,
 };
 use foxhunt_hunt::calibration::BearingCalibration;
 use nalgebra::Vector3;
@@ -60,6 +61,101 @@ pub struct RecordedReception {
     pub reception: Reception,
 }
 
+/// Receptions of recordings with their rows, in little memory.
+#[derive(Clone, Debug, Default)]
+pub struct RecordedReceptions {
+    receptions: Receptions,
+    rows: Vec<RowOf>,
+    drones: Vec<Arc<str>>,
+}
+
+/// The row of a reception.
+#[derive(Clone, Copy, Debug)]
+struct RowOf {
+    line: u32,
+    /// Index of the receiver's name.
+    drone: u32,
+}
+
+impl RecordedReceptions {
+    /// Adds a reception behind the others.
+    pub fn push(&mut self, RecordedReception { line, drone, reception }: RecordedReception) {
+        let known = self.drones.iter().position(|known| *known == drone);
+        let index = known.unwrap_or(self.drones.len());
+        if known.is_none() {
+            self.drones.push(drone);
+        }
+        let line = u32::try_from(line).unwrap_or(u32::MAX);
+        self.rows.push(RowOf { line, drone: u32::try_from(index).unwrap_or(u32::MAX) });
+        self.receptions.push(reception);
+    }
+
+    /// Returns the receptions.
+    #[must_use]
+    pub fn receptions(&self) -> &Receptions {
+        &self.receptions
+    }
+
+    /// Returns the receptions without their rows.
+    #[must_use]
+    pub fn into_receptions(self) -> Receptions {
+        self.receptions
+    }
+
+    /// Returns a reception's line and receiver by its index; `None` behind the last.
+    #[must_use]
+    pub fn row(&self, index: usize) -> Option<(u64, &Arc<str>)> {
+        let RowOf { line, drone } = self.rows.get(index)?;
+        Some((u64::from(*line), self.drones.get(*drone as usize)?))
+    }
+
+    /// Returns the receptions with their rows.
+    pub fn iter(&self) -> impl Iterator<Item = RecordedReception> {
+        self.receptions.iter().zip(0..).filter_map(|(reception, index)| {
+            let (line, drone) = self.row(index)?;
+            Some(RecordedReception { line, drone: Arc::clone(drone), reception })
+        })
+    }
+
+    /// Puts one receiver after the other by their names, each in the order of time.
+    fn sort(self) -> Self {
+        let mut keys = Vec::with_capacity(self.rows.len());
+        for (index, reception) in self.receptions.iter().enumerate() {
+            let drone = self.rows.get(index).map_or(0, |row| row.drone);
+            keys.push((drone, reception.time, index));
+        }
+        let name = |drone: u32| self.drones.get(drone as usize);
+        let order = |a: &(u32, f64, usize), b: &(u32, f64, usize)| {
+            let drones = if a.0 == b.0 { Ordering::Equal } else { name(a.0).cmp(&name(b.0)) };
+            drones.then(a.1.total_cmp(&b.1))
+        };
+        if keys.is_sorted_by(|a, b| order(a, b).is_le()) {
+            return self;
+        }
+        keys.sort_by(order);
+        let indices = || keys.iter().map(|key| key.2);
+        Self {
+            receptions: indices().filter_map(|index| self.receptions.get(index)).collect(),
+            rows: indices().filter_map(|index| self.rows.get(index).copied()).collect(),
+            drones: self.drones,
+        }
+    }
+}
+
+impl FromIterator<RecordedReception> for RecordedReceptions {
+    fn from_iter<I: IntoIterator<Item = RecordedReception>>(rows: I) -> Self {
+        let mut list = Self::default();
+        rows.into_iter().for_each(|row| list.push(row));
+        list
+    }
+}
+
+impl Extend<RecordedReception> for RecordedReceptions {
+    fn extend<I: IntoIterator<Item = RecordedReception>>(&mut self, rows: I) {
+        rows.into_iter().for_each(|row| self.push(row));
+    }
+}
+
 /// σ in dB that stands for a single sample; the estimators of samples have their own.
 const SAMPLE_SIGMA_DB: f64 = 2.0;
 
@@ -76,13 +172,17 @@ pub fn receptions(
     beacon: Option<&str>,
     extractor: &dyn BearingExtractor,
     config: &ReceptionConfig,
-) -> Result<Vec<Reception>, RecordedError> {
-    let mut receptions = Vec::new();
+) -> Result<Receptions, RecordedError> {
+    let mut all = Receptions::default();
     for recording in recordings {
-        let rows = recorded_receptions(recording, beacon, extractor, config)?;
-        receptions.extend(rows.into_iter().map(|row| row.reception));
+        let of_one = recorded_receptions(recording, beacon, extractor, config)?;
+        if all.is_empty() {
+            all = of_one.receptions;
+        } else {
+            all.extend(&of_one.receptions);
+        }
     }
-    Ok(receptions)
+    Ok(all)
 }
 
 /// The [`receptions`] of one recording, with their rows.
@@ -95,7 +195,7 @@ pub fn recorded_receptions(
     beacon: Option<&str>,
     extractor: &dyn BearingExtractor,
     config: &ReceptionConfig,
-) -> Result<Vec<RecordedReception>, RecordedError> {
+) -> Result<RecordedReceptions, RecordedError> {
     let file = recording.file();
     let config = &ReceptionConfig {
         receiver_sigma_m: config
@@ -104,7 +204,7 @@ pub fn recorded_receptions(
         ..*config
     };
     let no_place = |line| RecordedError::NoPlace { file: file.to_owned(), line };
-    let mut of_drone: BTreeMap<Arc<str>, Vec<RecordedReception>> = BTreeMap::new();
+    let mut rows = RecordedReceptions::default();
     let mut order = 0.0;
     for record in recording.records() {
         order += 1.0;
@@ -115,16 +215,12 @@ pub fn recorded_receptions(
         if record.boresight.is_some() && record.measured.is_empty() {
             continue;
         }
-        let receiver = record.receiver.ok_or_else(|| no_place(record.line))?;
+        let receiver = record.receiver().ok_or_else(|| no_place(record.line))?;
         let time = record.time.unwrap_or(order);
         if let Some(reception) = from_record(record, time, receiver, config) {
             check(&reception, file, record.line)?;
-            let drone = &record.drone;
-            let row = RecordedReception { line: record.line, drone: Arc::clone(drone), reception };
-            match of_drone.get_mut(drone) {
-                Some(path) => path.push(row),
-                None => drop(of_drone.insert(Arc::clone(drone), vec![row])),
-            }
+            let drone = Arc::clone(&record.drone);
+            rows.push(RecordedReception { line: record.line, drone, reception });
         }
     }
     if config.by_sample {
@@ -136,11 +232,10 @@ pub fn recorded_receptions(
                 return Err(no_place(sweep.line));
             }
             let drone: Arc<str> = sweep.drone.as_str().into();
-            let path = of_drone.entry(Arc::clone(&drone)).or_default();
             for reception in Reception::of_samples(&sweep.as_sweep(BeaconId(0)), SAMPLE_SIGMA_DB) {
                 check(&reception, file, sweep.line)?;
                 let drone = Arc::clone(&drone);
-                path.push(RecordedReception { line: sweep.line, drone, reception });
+                rows.push(RecordedReception { line: sweep.line, drone, reception });
             }
         }
     } else if recording.records().iter().any(|record| record.boresight.is_some()) {
@@ -157,20 +252,10 @@ pub fn recorded_receptions(
             let reception = Reception { receiver_sigma_m, ..Reception::new(&sweep, &turn.reading) };
             check(&reception, file, line)?;
             let drone: Arc<str> = turn.sweep.drone.as_str().into();
-            let path = of_drone.entry(Arc::clone(&drone)).or_default();
-            path.push(RecordedReception { line, drone, reception });
+            rows.push(RecordedReception { line, drone, reception });
         }
     }
-    let mut paths: Vec<RecordedReception> = Vec::new();
-    for mut path in of_drone.into_values() {
-        path.sort_by(|a, b| a.reception.time.total_cmp(&b.reception.time));
-        if paths.is_empty() {
-            paths = path;
-        } else {
-            paths.append(&mut path);
-        }
-    }
-    Ok(paths)
+    Ok(rows.sort())
 }
 
 /// The reception of one row, if it holds a measurement; without what belongs to a turn.
@@ -225,6 +310,9 @@ fn from_record(
 fn check(reception: &Reception, file: &str, line: u64) -> Result<(), RecordedError> {
     let wrong = |source| RecordedError::Observation { file: file.to_owned(), line, source };
     ByQuantity([Quantity::RSS, Quantity::BEARING]).observation(reception).map_err(wrong)?;
+    if reception.measured.is_empty() {
+        return Ok(());
+    }
     ByQuantity([Quantity::RANGE, Quantity::RANGE_DIFFERENCE, Quantity::RSS_DIFFERENCE])
         .observation(reception)
         .map_err(wrong)?;

@@ -6,7 +6,7 @@ use std::{
 use foxhunt_core::Remark;
 use nalgebra::Vector2;
 
-use super::Record;
+use super::{Details, Record, row::Shared};
 
 /// Number of rows at a ceiling, at least: fewer repeat by chance.
 const LEAST_ROWS: usize = 5;
@@ -49,11 +49,13 @@ pub(super) fn find_ceilings(file: &str, records: &mut [Record]) -> Vec<Remark> {
     if found.is_empty() {
         return Vec::new();
     }
+    let shared = Shared::default();
     let mut rows: BTreeMap<&str, usize> = BTreeMap::new();
     for record in records.iter_mut() {
         let Some((drone, ceiling)) = found.get_key_value(&record.drone) else { continue };
         if record.ceiling_dbm.is_none() {
-            record.details.get_or_insert_default().ceiling_dbm = Some(*ceiling);
+            let details = Details { ceiling_dbm: Some(*ceiling), ..(**record).clone() };
+            record.details = shared.details(details);
             let is_at_it = record.rss_dbm.is_some_and(|level| level >= *ceiling);
             *rows.entry(drone).or_default() += usize::from(is_at_it);
         }
@@ -85,7 +87,7 @@ fn steady_beacons(records: &[Record]) -> BTreeSet<Option<Arc<str>>> {
 /// The level of an omnidirectional antenna, and its place.
 fn level(record: &Record) -> Option<(f64, Vector2<f64>)> {
     let level = record.rss_dbm.filter(|_| record.boresight.is_none())?;
-    Some((level, record.receiver?.position.xy()))
+    Some((level, record.receiver()?.position.xy()))
 }
 
 /// The greatest level, where it is a limit.

@@ -18,13 +18,13 @@ const CELLS: [(Column, Cell); 29] = [
     (Column::Beacon, |record, _| shown(record.beacon.as_deref())),
     (Column::LatDeg, |record, of| on_earth(record, of).map(|[lat, _]| lat)),
     (Column::LonDeg, |record, of| on_earth(record, of).map(|[_, lon]| lon)),
-    (Column::AltAglM, |record, of| shown(of.frame().and(record.receiver).map(|r| r.position.z))),
+    (Column::AltAglM, |record, of| shown(of.frame().and(record.receiver()).map(|r| r.position.z))),
     (Column::EastM, |record, of| shown(local(record, of).map(|place| place.x))),
     (Column::NorthM, |record, of| shown(local(record, of).map(|place| place.y))),
     (Column::UpM, |record, of| shown(local(record, of).map(|place| place.z))),
     (Column::ReceiverSigmaM, |record, _| shown(record.receiver_sigma_m)),
     (Column::HeadingDegCompass, |record, of| {
-        compass(record, of, record.receiver.map(|r| r.heading))
+        compass(record, of, record.receiver().map(|r| r.heading))
     }),
     (Column::BoresightDegCompass, |record, of| compass(record, of, record.boresight)),
     (Column::Position, |record, _| shown(record.position)),
@@ -60,7 +60,7 @@ fn shown(value: Option<impl ToString>) -> Option<String> {
 
 /// The angle clockwise from true North at the receiver, where its place on Earth is known.
 fn compass(record: &Record, of: &Recording, angle: Option<f64>) -> Option<String> {
-    let on_earth = of.frame().zip(record.receiver);
+    let on_earth = of.frame().zip(record.receiver());
     shown(angle.map(|angle| match on_earth {
         Some((frame, receiver)) => frame.compass_deg(&frame.to_geodetic(&receiver.position), angle),
         None => radians_to_compass_deg(angle),
@@ -77,7 +77,7 @@ fn sigma(record: &Record, quantity: Quantity) -> Option<f64> {
 
 /// The receiver's place where it is in local metres of no known origin.
 fn local(record: &Record, of: &Recording) -> Option<Vector3<f64>> {
-    record.receiver.filter(|_| of.frame().is_none()).map(|receiver| receiver.position)
+    record.receiver().filter(|_| of.frame().is_none()).map(|receiver| receiver.position)
 }
 
 fn local_truth(record: &Record, of: &Recording) -> Option<nalgebra::Vector2<f64>> {
@@ -91,7 +91,7 @@ fn degrees(frame: &LocalFrame, east: f64, north: f64) -> [String; 2] {
 }
 
 fn on_earth(record: &Record, of: &Recording) -> Option<[String; 2]> {
-    let place = record.receiver?.position;
+    let place = record.receiver()?.position;
     Some(degrees(&of.frame()?, place.x, place.y))
 }
 
@@ -185,8 +185,8 @@ mod tests {
                 assert!(close(turned(one.boresight), turned(other.boresight), 1e-9), "{name}");
                 let bearing = |of: &Record| of.bearing.map(|b| b.angle);
                 assert!(close(turned(bearing(one)), turned(bearing(other)), 1e-9), "{name}");
-                let east = |of: &Record| of.receiver.map(|r| r.position.x);
-                let up = |of: &Record| of.receiver.map(|r| r.position.z);
+                let east = |of: &Record| of.receiver().map(|r| r.position.x);
+                let up = |of: &Record| of.receiver().map(|r| r.position.z);
                 assert!(close(east(one), east(other), 0.01), "{name}: {one:?} {other:?}");
                 assert!(close(up(one), up(other), 1e-9), "{name}: {one:?} {other:?}");
                 let north = |of: &Record| of.truth.map(|truth| truth.y);

@@ -1,6 +1,9 @@
+use foxhunt_core::Pose;
 use foxhunt_hunt::{hunt::Event, log::Log};
 
-use super::{Details, North, Record, RecordedBearing, Recording, Turns};
+use super::{
+    Details, North, Record, RecordedBearing, Recording, Turns, record::Place, row::Shared,
+};
 
 impl Recording {
     /// The receptions of a hunt's log as a recording with its truth: levels and ready-made bearings
@@ -8,6 +11,7 @@ impl Recording {
     /// record is that of its event. Returns `None` for a log without receptions.
     #[must_use]
     pub fn of_log(log: &Log, name: &str) -> Option<Self> {
+        let shared = Shared::default();
         let records: Vec<Record> = log
             .events
             .iter()
@@ -16,7 +20,11 @@ impl Recording {
                 let Event::Received { drone, reception, .. } = event else { return None };
                 let beacon = log.header.beacons.get(usize::from(reception.beacon.0));
                 let bearing = reception.bearing;
+                let Pose { position, heading, .. } = reception.receiver;
+                let is_level = reception.receiver == Pose::level(position, heading);
                 let details = Details {
+                    beacon: beacon.map(|beacon| beacon.name.as_str().into()),
+                    drone: drone.to_string().into(),
                     floor_dbm: reception.silence.map(|floor| floor.rss_dbm),
                     ceiling_dbm: reception.saturation.map(|ceiling| ceiling.rss_dbm),
                     bearing: bearing.map(|bearing| RecordedBearing {
@@ -26,16 +34,15 @@ impl Recording {
                     }),
                     measured: reception.measured,
                     truth: beacon.and_then(|beacon| beacon.place_at(reception.time)),
+                    tilted: (!is_level).then_some(reception.receiver),
                     ..Details::default()
                 };
                 Some(Record {
                     line,
-                    beacon: beacon.map(|beacon| beacon.name.as_str().into()),
-                    drone: drone.to_string().into(),
                     time: Some(reception.time),
-                    receiver: Some(reception.receiver),
+                    place: Some(Place { position, heading }),
                     rss_dbm: reception.level.map(|level| level.rss_dbm),
-                    details: details.kept(),
+                    details: shared.details(details),
                 })
             })
             .collect();

@@ -1,4 +1,4 @@
-use foxhunt_core::{Measured, MeasuredList, Pose, Quantity};
+use foxhunt_core::{Measured, MeasuredList, Quantity};
 use foxhunt_wire::{
     declination::declination_deg,
     geodesy::{Geodetic, LocalFrame, compass_deg_to_radians, grid_convergence_deg},
@@ -7,6 +7,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::{
     Column, Details, FieldProblem, North, Record, RecordedBearing, RecordingError, Rover,
+    record::Place,
     row::{Reader, whole},
 };
 
@@ -100,7 +101,10 @@ impl Reader<'_> {
                 Some(heading_deg.ok_or_else(missing)? + antenna)
             }
         };
+        let drone = self.text(Column::Drone)?;
         let details = Details {
+            beacon: self.text(Column::Beacon)?.map(|name| self.shared.name(&name)),
+            drone: self.shared.name(drone.as_deref().unwrap_or(self.stem)),
             receiver_sigma_m: self.number(Column::ReceiverSigmaM)?.filter(|sigma| *sigma > 0.0),
             boresight: boresight_deg.map(radians),
             position: self.number(Column::Position)?.map(whole).and_then(|i| i.try_into().ok()),
@@ -115,16 +119,14 @@ impl Reader<'_> {
                 self.number(Column::RangeM)?
             },
             truth: self.truth(frame)?,
+            tilted: None,
         };
-        let drone = self.text(Column::Drone)?;
         Ok(Ok(Record {
             line: self.row.line(),
-            beacon: self.text(Column::Beacon)?.map(|name| self.names.of(&name)),
-            drone: self.names.of(drone.as_deref().unwrap_or(self.stem)),
             time,
-            receiver: position.map(|position| Pose::level(position, heading)),
+            place: position.map(|position| Place { position, heading }),
             rss_dbm,
-            details: details.kept(),
+            details: self.shared.details(details),
         }))
     }
 

@@ -62,7 +62,7 @@ pub(super) struct Jump {
 pub(super) fn jumps(records: &[Record]) -> (Vec<Jump>, usize) {
     let mut fixes: BTreeMap<&str, Vec<Fix>> = BTreeMap::new();
     for (index, record) in records.iter().enumerate() {
-        let (Some(time), Some(receiver)) = (record.time, record.receiver) else { continue };
+        let (Some(time), Some(receiver)) = (record.time, record.receiver()) else { continue };
         let fix = Fix { record: index, time, place: receiver.position.xy() };
         fixes.entry(&*record.drone).or_default().push(fix);
     }

@@ -28,7 +28,7 @@ use super::{
     plain,
     plan::{Melted, Origin, Plan},
     reachable::{Jump, jumps, out_of_time},
-    row::{Names, Reader},
+    row::{Reader, Shared},
     table::{Row, Table, shown, spaces_as_tabs},
     utc::utc,
 };
@@ -316,7 +316,7 @@ impl File<'_> {
         let mut records = Vec::new();
         let mut exclusions = Exclusions::default();
         let mut copies = Copies::default();
-        let names = Names::default();
+        let shared = Shared::default();
         // Times that are not on the track.
         let mut off_track: Option<[f64; 2]> = None;
         for (line, problem) in self.rows.iter().flat_map(|rows| &rows.broken) {
@@ -345,9 +345,9 @@ impl File<'_> {
                 let plan = &plan;
                 let row = &row;
                 let stem = stem.as_str();
-                let names = &names;
+                let shared = &shared;
                 let reader =
-                    Reader { plan, row, melted, stem, north, date_s, rover, astray, names };
+                    Reader { plan, row, melted, stem, north, date_s, rover, astray, shared };
                 // A row that is refused does not set the frame.
                 let mut here = frame;
                 let record = match reader.record(&mut here) {
@@ -428,7 +428,7 @@ impl File<'_> {
         };
         let origin_is_kept = origin_line.is_none_or(|line| records.iter().any(|r| r.line == line));
         let first_place = || {
-            let position = first.receiver?.position;
+            let position = first.receiver()?.position;
             let frame = frame?;
             Some(if plan.has(Column::AltM) {
                 frame.to_geodetic(&position)
@@ -625,7 +625,7 @@ fn leave_out_jumps(
     let (jumps, pathless) = jumps(records);
     for jump in &jumps {
         let Some(record) = records.get(jump.record) else { continue };
-        let place = record.receiver.unwrap_or_default().position;
+        let place = record.receiver().unwrap_or_default().position;
         let value = match frame.map(|frame| on_ground(&frame, place)) {
             Some(place) => format!("{:.6}, {:.6}", place.lat_deg, place.lon_deg),
             None => format!("{}, {}", place.x, place.y),
@@ -706,7 +706,7 @@ fn receivers_at_one_place(file: &str, records: &[Record]) -> Option<Remark> {
     if records.iter().any(|record| record.boresight.is_some()) {
         return None;
     }
-    let mut placed = records.iter().filter_map(|record| Some((&record.drone, record.receiver?)));
+    let mut placed = records.iter().filter_map(|record| Some((&record.drone, record.receiver()?)));
     let (name, first) = placed.next()?;
     let mut names = HashSet::from([name]);
     for (name, receiver) in placed {

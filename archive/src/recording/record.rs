@@ -1,40 +1,54 @@
-use std::{
-    ops::Deref,
-    sync::{Arc, LazyLock},
-};
+use std::{ops::Deref, sync::Arc};
 
 use foxhunt_core::{MeasuredList, Pose, Remark};
 use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
 
 use super::{North, Turns};
 
-/// One row of a recording, in our units and frame. Files may have millions of rows: the values that
-/// most rows lack are [`Details`], which a record has by dereference.
+/// One row of a recording, in our units and frame. Files may have millions of rows: what rows share
+/// or lack are [`Details`], which a record has by dereference.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {
     /// The row's line in its file, from 1.
     pub line: u64,
+    /// Time in seconds since the recording's own origin. All rows of a file have it, or no row.
+    pub time: Option<f64>,
+    /// The receiver's place and heading.
+    pub(super) place: Option<Place>,
+    /// The received power, in dBm, or in dB about an unknown reference: see
+    /// [`Recording::is_calibrated`].
+    pub rss_dbm: Option<f64>,
+    /// Values that rows share.
+    pub(super) details: Arc<Details>,
+}
+
+/// Place of a receiver, East, North and Up in metres, and the direction of its nose in radians
+/// counter-clockwise from East.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Place {
+    pub(super) position: Vector3<f64>,
+    pub(super) heading: f64,
+}
+
+impl Record {
+    /// Returns the receiver's pose. All rows of a file have it, or no row. Up is above the ground
+    /// (or the frame's origin for `alt_m`), 0 where the height is not known; the heading is 0
+    /// where it is not known.
+    #[must_use]
+    pub fn receiver(&self) -> Option<Pose> {
+        let Place { position, heading } = self.place?;
+        Some(self.tilted.unwrap_or_else(|| Pose::level(position, heading)))
+    }
+}
+
+/// Values of a row that many rows share, and those that few recordings have.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Details {
     /// The beacon's name, if the recording names them.
     pub beacon: Option<Arc<str>>,
     /// The receiver's name; the file's where the recording does not name it.
     pub drone: Arc<str>,
-    /// Time in seconds since the recording's own origin. All rows of a file have it, or no row.
-    pub time: Option<f64>,
-    /// The receiver's pose. All rows of a file have it, or no row. Up is above the ground (or the
-    /// frame's origin for `alt_m`), 0 where the height is not known; the heading is 0 where it is
-    /// not known.
-    pub receiver: Option<Pose>,
-    /// The received power, in dBm, or in dB about an unknown reference: see
-    /// [`Recording::is_calibrated`].
-    pub rss_dbm: Option<f64>,
-    /// `None` where the row has none of them.
-    pub(super) details: Option<Box<Details>>,
-}
-
-/// Values of a row that few recordings have.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Details {
     /// σ of the receiver's place on each axis in metres, if the recording has it.
     pub receiver_sigma_m: Option<f64>,
     /// Direction of the antenna, in radians counter-clockwise from East; `None` for an
@@ -58,23 +72,15 @@ pub struct Details {
     pub known_range: Option<f64>,
     /// The beacon's true place, East and North in metres.
     pub truth: Option<Vector2<f64>>,
-}
-
-/// Details of a record without any.
-static WITHOUT: LazyLock<Details> = LazyLock::new(Details::default);
-
-impl Details {
-    /// Keeps details with a value.
-    pub(super) fn kept(self) -> Option<Box<Self>> {
-        (self != *WITHOUT).then(|| Box::new(self))
-    }
+    /// The pose of a receiver that is not level, or whose velocity is known.
+    pub(super) tilted: Option<Pose>,
 }
 
 impl Deref for Record {
     type Target = Details;
 
     fn deref(&self) -> &Details {
-        self.details.as_deref().unwrap_or(&WITHOUT)
+        &self.details
     }
 }
 
@@ -189,7 +195,7 @@ impl Recording {
     /// Returns true if the records have the receiver's place.
     #[must_use]
     pub fn is_located(&self) -> bool {
-        self.records.iter().all(|record| record.receiver.is_some())
+        self.records.iter().all(|record| record.place.is_some())
     }
 
     /// Returns the number of rows of the file, kept or not.
@@ -276,10 +282,8 @@ impl Recording {
     ) {
         for record in &mut self.records {
             let Some(bearing) = record.bearing else { continue };
-            if let Some(corrected) = correct(record, bearing)
-                && let Some(details) = &mut record.details
-            {
-                details.bearing = Some(corrected);
+            if let Some(corrected) = correct(record, bearing) {
+                Arc::make_mut(&mut record.details).bearing = Some(corrected);
             }
         }
     }
@@ -287,7 +291,7 @@ impl Recording {
     /// Returns the receiver's first place on Earth; `None` where the recording has no such places.
     #[must_use]
     pub fn first_place(&self) -> Option<Geodetic> {
-        let receiver = self.records.iter().find_map(|record| record.receiver)?;
+        let receiver = self.records.iter().find_map(Record::receiver)?;
         Some(self.frame?.to_geodetic(&receiver.position))
     }
 }
@@ -301,4 +305,14 @@ fn distinct<T: PartialEq>(items: impl Iterator<Item = T>) -> Vec<T> {
         }
     }
     known
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_of_millions_take_little_memory() {
+        assert!(size_of::<Record>() <= 88, "{}", size_of::<Record>());
+    }
 }

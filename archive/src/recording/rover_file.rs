@@ -56,10 +56,10 @@ impl Rover {
         }
         let in_degrees = recording.frame.filter(|_| recording.in_degrees);
         let frame = in_degrees.ok_or_else(|| no_path("its places are not in degrees"))?;
-        let has_height = recording.records().iter().filter_map(|record| record.receiver);
+        let has_height = recording.records().iter().filter_map(|record| record.receiver());
         let has_height = has_height.clone().any(|pose| pose.position.z.abs() > 0.0);
         let fix = |record: &Record| {
-            let position = record.receiver?.position;
+            let position = record.receiver()?.position;
             let place = match has_height {
                 true => frame.to_geodetic(&position),
                 false => on_ground(&frame, position),

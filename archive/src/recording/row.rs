@@ -1,14 +1,14 @@
 use std::{
     borrow::Cow,
     cell::{Cell, RefCell},
-    collections::BTreeSet,
+    collections::{BTreeMap, BTreeSet, VecDeque},
     sync::Arc,
 };
 
 use foxhunt_wire::geodesy::Geodetic;
 
 use super::{
-    Band, Column, FieldProblem, North, RecordingError, Rover, Source, UtmZone, Value,
+    Band, Column, Details, FieldProblem, North, RecordingError, Rover, Source, UtmZone, Value,
     column::Kind,
     coordinate::degrees,
     dates::clock_seconds,
@@ -32,20 +32,44 @@ pub(super) struct Reader<'r> {
     pub(super) rover: Option<(&'r Rover, f64)>,
     /// The first place of the file that was too far from the frame's origin.
     pub(super) astray: &'r Cell<Option<Geodetic>>,
-    /// Names of the file's receivers and beacons.
-    pub(super) names: &'r Names,
+    /// Names of the file's receivers and beacons, and details, that rows share.
+    pub(super) shared: &'r Shared,
 }
 
-/// Names that rows share: a file has many rows and few names.
+/// Names and details that rows share: a file has many rows and few of them.
 #[derive(Debug, Default)]
-pub(super) struct Names {
+pub(super) struct Shared {
     known: RefCell<BTreeSet<Arc<str>>>,
     last: RefCell<Option<Arc<str>>>,
+    /// Details with nothing but names.
+    named: RefCell<BTreeMap<(Arc<str>, Option<Arc<str>>), Arc<Details>>>,
+    recent: RefCell<VecDeque<Arc<Details>>>,
 }
 
-impl Names {
+/// Details with which the next ones are compared.
+const RECENT_DETAILS: usize = 32;
+
+impl Shared {
+    /// Returns the one copy of details.
+    pub(super) fn details(&self, details: Details) -> Arc<Details> {
+        let mut recent = self.recent.borrow_mut();
+        if let Some(known) = recent.iter().find(|known| ***known == details) {
+            return Arc::clone(known);
+        }
+        let key = (details.drone.clone(), details.beacon.clone());
+        let names = Details { drone: key.0.clone(), beacon: key.1.clone(), ..Details::default() };
+        let shared = if details == names {
+            Arc::clone(self.named.borrow_mut().entry(key).or_insert_with(|| Arc::new(details)))
+        } else {
+            Arc::new(details)
+        };
+        recent.push_front(Arc::clone(&shared));
+        recent.truncate(RECENT_DETAILS);
+        shared
+    }
+
     /// Returns the one copy of a name.
-    pub(super) fn of(&self, name: &str) -> Arc<str> {
+    pub(super) fn name(&self, name: &str) -> Arc<str> {
         if let Some(last) = self.last.borrow().as_ref()
             && **last == *name
         {

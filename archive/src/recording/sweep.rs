@@ -105,7 +105,7 @@ impl Recording {
         let mut place = Vector3::zeros();
         let mut heading = Resultant::default();
         for one in levels {
-            let receiver = one.record.receiver.unwrap_or_default();
+            let receiver = one.record.receiver().unwrap_or_default();
             let position = self.position(one.record, one.boresight, positions, step)?;
             count += 1.0;
             place += (receiver.position - place) / count;
@@ -129,7 +129,7 @@ impl Recording {
             drone: first.map(|record| record.drone.to_string()).unwrap_or_default(),
             turn: first.and_then(|record| record.turn),
             line: first.map_or(0, |record| record.line),
-            located: first.is_some_and(|record| record.receiver.is_some()),
+            located: first.is_some_and(|record| record.receiver().is_some()),
             sweep: OwnedSweep {
                 time: samples.last().map_or(0.0, |sample| sample.time),
                 receiver: Pose::level(place, heading),

@@ -1,6 +1,6 @@
 //! A calibration is known as well as its points tell, whoever locates by it.
 
-use foxhunt_core::{Level, Pose, Reception};
+use foxhunt_core::{Level, Pose, Reception, Receptions};
 use foxhunt_hunt::{
     locate::{CalibratedPower, LocateConfig, Power},
     registry::Registry,
@@ -67,7 +67,9 @@ fn held(estimator: &str, runs: u64) -> [u64; 2] {
         let powers = [Power::Calibrated(calibrated), Power::Known { reference_dbm, exponent }];
         for (power, held) in powers.into_iter().zip(&mut held) {
             let config = LocateConfig { power, margin_m: 500.0, ..LocateConfig::default() };
-            let Ok(located) = entry.locate(&receptions, &config) else { continue };
+            let Ok(located) = entry.locate(&Receptions::from(&*receptions), &config) else {
+                continue;
+            };
             *held += u64::from(located.region_95_holds(&target) == Some(true));
         }
     }

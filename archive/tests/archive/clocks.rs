@@ -117,7 +117,7 @@ fn locate(receptions: &[Reception], clock_offset_s: f64) -> Located {
     let registry = Registry::builtin();
     let entry = registry.estimator("shadowing-grid").expect("it has a name");
     let config = LocateConfig { clock_offset_s, ..LocateConfig::default() };
-    entry.locate(receptions, &config).expect("it is located")
+    entry.locate(&receptions.into(), &config).expect("it is located")
 }
 
 /// Returns the offset that a remark asks for, with its interval.

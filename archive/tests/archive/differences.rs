@@ -135,7 +135,7 @@ impl Geometry {
             ..LocateConfig::default()
         };
         let entry = registry.estimator(kind.name).expect("it has a name");
-        entry.locate(receptions, &config).expect("it is located")
+        entry.locate(&receptions.into(), &config).expect("it is located")
     }
 
     /// The moments of the square that `locate` searches.

@@ -1,6 +1,6 @@
 //! A transmitter whose height is not known.
 
-use foxhunt_core::{Level, Pose, Reception};
+use foxhunt_core::{Level, Pose, Reception, Receptions};
 use foxhunt_hunt::{
     locate::{Height, LocateConfig, LocateError, Located},
     registry::Registry,
@@ -27,7 +27,7 @@ fn flight(up: f64, rng: &mut Xoshiro256PlusPlus) -> (Vector2<f64>, Vec<Reception
 fn locate(receptions: &[Reception], config: &LocateConfig) -> Located {
     let registry = Registry::builtin();
     let entry = registry.estimator("shadowing-grid").expect("it has a name");
-    entry.locate(receptions, config).expect("it is located")
+    entry.locate(&receptions.into(), config).expect("it is located")
 }
 
 /// At least 35 of 40 regions of 95 % hold, with a probability of 95 %. The estimated height is
@@ -57,7 +57,9 @@ fn estimators_that_take_the_height_for_known_refuse() {
     let config = LocateConfig { height: Height::Free, ..LocateConfig::default() };
     for estimator in ["particle", "batch-multistart", "least-absolute", "strongest"] {
         let entry = registry.estimator(estimator).expect("it has a name");
-        let error = entry.locate(&receptions, &config).expect_err("it has no use of it");
+        let error = entry
+            .locate(&Receptions::from(&*receptions), &config)
+            .expect_err("it has no use of it");
         assert!(matches!(error, LocateError::NoFreeHeight { .. }), "{estimator}: {error}");
     }
     let known = locate(&receptions, &LocateConfig { target_up_m: 5.0, ..LocateConfig::default() });

@@ -7,7 +7,7 @@ use foxhunt_archive::{
     recorded::{ReceptionConfig, receptions},
     recording::{ReadOptions, Recording},
 };
-use foxhunt_core::{Bearing, Level, Pose, Reception};
+use foxhunt_core::{Bearing, Level, Pose, Reception, Receptions};
 use foxhunt_filters::BatchError;
 use foxhunt_hunt::{
     locate::{LearnedSigma, LocateConfig, LocateError, Located, Power, learn_bearing_sigma},
@@ -30,7 +30,7 @@ fn locate(
 ) -> Result<Located, LocateError> {
     let registry = Registry::builtin();
     let entry = registry.estimator(estimator).expect("it has a name");
-    entry.locate(receptions, config)
+    entry.locate(&receptions.into(), config)
 }
 
 /// A level and a bearing, free of error, from 30 m above a place; σ 4 dB and 5°.
@@ -460,7 +460,7 @@ fn recordings_lead_to_the_places_that_they_led_to() {
         let recording = Recording::read(&path, &ReadOptions::default()).expect("it can be read");
         let received =
             receptions(&[recording], None, &Pritzl2018::default(), &ReceptionConfig::default());
-        let received = received.expect("they are of use");
+        let received: Vec<_> = received.expect("they are of use").iter().collect();
         let located = locate(&received, name, &LocateConfig::default()).expect("it is located");
         let found = located.estimate;
         let numbers = [found.mean.x, found.mean.y].into_iter();
@@ -483,7 +483,7 @@ fn sigma_of_bearings_is_learned_from_several_transmitters() {
     let receivers = [(0.0, 0.0), (900.0, 100.0), (100.0, 800.0), (800.0, 900.0)];
     let taken = 10.0_f64.to_radians();
     let true_sigma = 3.0_f64.to_radians();
-    let transmitters: Vec<Vec<Reception>> = (0..60)
+    let transmitters: Vec<Receptions> = (0..60)
         .map(|_| {
             let east = 1000.0 * rng.random::<f64>();
             let north = 1000.0 * rng.random::<f64>();
@@ -500,7 +500,7 @@ fn sigma_of_bearings_is_learned_from_several_transmitters() {
         })
         .collect();
     let config = LocateConfig::default();
-    let learned = learn_bearing_sigma(transmitters.iter().map(Vec::as_slice), &config);
+    let learned = learn_bearing_sigma(&transmitters, &config);
     let LearnedSigma { factor, freedom, left_out } = learned;
     assert!(left_out.is_empty(), "{left_out:?}");
     assert!((freedom - 122.0).abs() < 1e-9, "{freedom}");

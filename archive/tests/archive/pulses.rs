@@ -6,7 +6,7 @@ use foxhunt_archive::{
     recorded::{ReceptionConfig, receptions},
     recording::{ReadOptions, Recording},
 };
-use foxhunt_core::{Pose, Reception};
+use foxhunt_core::{Pose, Reception, Receptions};
 use foxhunt_hunt::{
     locate::{LocateConfig, LocateError},
     registry::Registry,
@@ -53,7 +53,10 @@ fn by_sample() -> Vec<Reception> {
     let recording = Recording::from_reader(text.as_bytes(), "flight.csv", &options);
     let config = ReceptionConfig { positions: 9, by_sample: true, ..ReceptionConfig::default() };
     let recordings = [recording.expect("a recording")];
-    receptions(&recordings, None, &Pritzl2018::default(), &config).expect("they are of use")
+    receptions(&recordings, None, &Pritzl2018::default(), &config)
+        .expect("they are of use")
+        .iter()
+        .collect()
 }
 
 #[test]
@@ -67,19 +70,23 @@ fn a_tag_of_unknown_power_is_located_pulse_by_pulse() {
     assert!(estimator.takes_samples());
     let antenna = Some(AntennaConfig::ReferencePatch);
     let config = LocateConfig { antenna, margin_m: 60.0, ..LocateConfig::default() };
-    let located = estimator.locate(&receptions, &config).expect("it is located");
+    let located =
+        estimator.locate(&Receptions::from(&*receptions), &config).expect("it is located");
     let error_m = (located.estimate.mean - Vector2::from(TARGET)).norm();
     let nees = located.estimate.nees(&Vector2::from(TARGET)).expect("a covariance");
     assert!(error_m < 8.0 && nees < 9.2, "{error_m} m, {nees}");
     assert_eq!(located.observations, receptions.len());
 
     let unknown = LocateConfig { antenna: None, ..config };
-    let refused = estimator.locate(&receptions, &unknown).expect_err("no antenna").to_string();
+    let refused = estimator
+        .locate(&Receptions::from(&*receptions), &unknown)
+        .expect_err("no antenna")
+        .to_string();
     assert!(refused.contains("--receiver-antenna"), "{refused}");
     // A turn's level has no boresight.
     let turns: Vec<_> =
         receptions.iter().map(|r| Reception { measured: Default::default(), ..*r }).collect();
     let config = LocateConfig { antenna: Some(AntennaConfig::ReferencePatch), ..unknown };
-    let unused = estimator.locate(&turns, &config);
+    let unused = estimator.locate(&Receptions::from(&*turns), &config);
     assert!(matches!(unused, Err(LocateError::NotUsed { .. })), "{unused:?}");
 }

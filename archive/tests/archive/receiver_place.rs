@@ -21,7 +21,10 @@ fn received(table: &str, config: &ReceptionConfig) -> Vec<Reception> {
     let options = ReadOptions::default();
     let recording = Recording::from_reader(table.as_bytes(), "drawn.csv", &options);
     let recording = recording.expect("a table of ours");
-    receptions(&[recording], None, &Pritzl2018::default(), config).expect("readable")
+    receptions(&[recording], None, &Pritzl2018::default(), config)
+        .expect("readable")
+        .iter()
+        .collect()
 }
 
 fn sigmas(table: &str, receiver_sigma_m: Option<f64>) -> Vec<Option<f64>> {
@@ -68,8 +71,8 @@ fn levels(seed: u64, sigma_m: f64, kept: f64, step_m: f64) -> String {
 
 fn located(received: &[Reception]) -> Located {
     let registry = Registry::builtin();
-    let estimator = registry.suited_to(received).expect("one suits");
-    estimator.locate(received, &LocateConfig::default()).expect("a place")
+    let estimator = registry.suited_to(&received.into()).expect("one suits");
+    estimator.locate(&received.into(), &LocateConfig::default()).expect("a place")
 }
 
 #[test]

@@ -7,7 +7,9 @@ use foxhunt_archive::{
     recorded::{ReceptionConfig, receptions, recorded_truth},
     recording::{ReadOptions, Recording},
 };
-use foxhunt_core::{Bearing, Level, Measured, MeasuredList, Pose, Quantity, Reception, angle};
+use foxhunt_core::{
+    Bearing, Level, Measured, MeasuredList, Pose, Quantity, Reception, Receptions, angle,
+};
 use foxhunt_hunt::{
     calibration::{ConformalFactors, Deviation},
     locate::{LocateConfig, Located, Residual, learn_bearing_sigma},
@@ -27,12 +29,14 @@ fn received(recording: &Recording, beacon: Option<&str>) -> Vec<Reception> {
     let of_one = std::slice::from_ref(recording);
     receptions(of_one, beacon, &Pritzl2018::default(), &ReceptionConfig::default())
         .expect("they are of use")
+        .iter()
+        .collect()
 }
 
 fn locate(receptions: &[Reception], estimator: &str, config: &LocateConfig) -> Located {
     let registry = Registry::builtin();
     let entry = registry.estimator(estimator).expect("it has a name");
-    entry.locate(receptions, config).expect("it is located")
+    entry.locate(&receptions.into(), config).expect("it is located")
 }
 
 fn codes(located: &Located) -> Vec<&str> {
@@ -153,11 +157,13 @@ fn remarks_name_file_and_line_and_each_row_has_its_residual() {
         for (estimator, leaves_out) in [("bearing-grid", true), ("pseudolinear", false)] {
             let entry = registry.estimator(estimator).expect("built in");
             let name = |index: usize| Some(format!("a.csv, line {}", index + 2));
-            let located = entry.locate_named(&received, &config, &name).expect("it is located");
+            let located = entry
+                .locate_named(&Receptions::from(&*received), &config, &name)
+                .expect("it is located");
             let text = text(&located, "outlier");
             let begin = format!("the bearing of a.csv, line {} (", wrong + 2);
             assert!(text.starts_with(&begin), "{text}");
-            let rows = entry.residuals(&located, &received, &config);
+            let rows = entry.residuals(&located, &Receptions::from(&*received), &config);
             assert_eq!(rows.len(), 8);
             if leaves_out {
                 let p = |row: &Residual| row.p.expect("seven others test it");
@@ -199,8 +205,9 @@ fn p_of_clean_rows_is_uniform() {
         let mut values = Vec::new();
         for _ in 0..draws {
             let received = draw(&mut rng);
-            let located = entry.locate(&received, &config).expect("it is located");
-            let rows = entry.residuals(&located, &received, &config);
+            let located =
+                entry.locate(&Receptions::from(&*received), &config).expect("it is located");
+            let rows = entry.residuals(&located, &Receptions::from(&*received), &config);
             assert_eq!(rows.len(), received.len());
             values.extend(rows.iter().filter_map(|row| row.p));
         }
@@ -226,7 +233,9 @@ fn conformal_regions_hold_where_stated_sigma_is_half_the_true_one() {
     let mut draw = || {
         let target = place(&mut rng, 2000.0);
         let received = about(&mut rng, target, (6, 6.0, 3.0));
-        let located = entry.locate(&received, &LocateConfig::default()).expect("it is located");
+        let located = entry
+            .locate(&Receptions::from(&*received), &LocateConfig::default())
+            .expect("it is located");
         let deviation = Deviation::new(&located, &target).expect("it has an ellipse");
         (deviation, located.ellipse_95_holds(&target) == Some(true))
     };
@@ -401,9 +410,9 @@ fn reversed_animals_spoil_no_others() {
     let bad = recorded("groups_2bad.csv");
     let good = recorded("groups_good.csv");
     let learned = |recording: &Recording| {
-        let each: Vec<Vec<Reception>> =
-            recording.beacons().into_iter().map(|beacon| received(recording, beacon)).collect();
-        learn_bearing_sigma(each.iter().map(Vec::as_slice), &with_assumed_sigma())
+        let of = |beacon| Receptions::from(&*received(recording, beacon));
+        let each: Vec<Receptions> = recording.beacons().into_iter().map(of).collect();
+        learn_bearing_sigma(&each, &with_assumed_sigma())
     };
     let names = bad.beacons();
     let of_bad = learned(&bad);
@@ -496,7 +505,9 @@ fn a_filter_that_is_lost_does_not_fit_the_levels() {
             Registry::builtin().estimator("strongest").expect("built in").needs().clone(),
             Corner,
         );
-        let located = lost.locate(&received, &LocateConfig::default()).expect("it is located");
+        let located = lost
+            .locate(&Receptions::from(&*received), &LocateConfig::default())
+            .expect("it is located");
         let said = text(&located, "does-not-fit");
         assert!(said.contains("take another estimator"), "{said}");
     }
@@ -507,7 +518,7 @@ struct Corner;
 impl foxhunt_hunt::locate::Locator for Corner {
     fn locate(
         &self,
-        _: &[Reception],
+        _: &Receptions,
         _: &LocateConfig,
     ) -> Result<Located, foxhunt_hunt::locate::LocateError> {
         Ok(Located::at(foxhunt_core::Estimate::isotropic(Vector2::new(480.0, 470.0), 10.0)))

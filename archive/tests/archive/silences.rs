@@ -77,7 +77,7 @@ fn receptions(levels: &[(Pose, f64)], below: Below) -> Vec<Reception> {
 fn locate(received: &[Reception], estimator: &str, power: Power) -> Result<Located, LocateError> {
     let registry = Registry::builtin();
     let config = LocateConfig { power, ..LocateConfig::default() };
-    registry.estimator(estimator).expect("it has a name").locate(received, &config)
+    registry.estimator(estimator).expect("it has a name").locate(&received.into(), &config)
 }
 
 /// The results of some flights.

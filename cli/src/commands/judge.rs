@@ -2,7 +2,7 @@ use std::{fs, path::PathBuf};
 
 use foxhunt::{
     calibration::{ConformalFactors, ConformalFile, Deviation, LEAST_CONFORMAL_FIXES},
-    core::{Reception, Remark},
+    core::{Receptions, Remark},
     locate::FoundOffset,
     recording::Recording,
     registry::{EstimatorEntry, Registry},
@@ -196,10 +196,10 @@ fn judge(
         ))
     })?;
     let received = prepared.received_of(number, beacon)?;
-    let own = args.locating.estimator(registry, &received.receptions)?;
+    let own = args.locating.estimator(registry, received.receptions())?;
     let usual;
     let beside = if beside.is_empty() {
-        usual = baselines(registry, &received.receptions);
+        usual = baselines(registry, received.receptions());
         usual.as_slice()
     } else {
         beside
@@ -218,14 +218,14 @@ fn judge(
     Ok(Fix {
         file: file.to_owned(),
         beacon: beacon.map(str::to_owned),
-        receptions: received.receptions.len(),
+        receptions: received.receptions().len(),
         answers: each.iter().map(answer).collect(),
     })
 }
 
 /// Returns the default baselines for these receptions.
-fn baselines<'a>(registry: &'a Registry, received: &[Reception]) -> Vec<&'a EstimatorEntry> {
-    let names = if received.iter().any(Reception::has_bearing) {
+fn baselines<'a>(registry: &'a Registry, received: &Receptions) -> Vec<&'a EstimatorEntry> {
+    let names = if received.iter().any(|r| r.has_bearing()) {
         ["lenth1981", "pseudolinear"]
     } else {
         ["strongest", "least-absolute"]

@@ -22,7 +22,7 @@ use self::found::{Estimated, Found, likeliest};
 use super::{
     cot::{CotArgs, Teams},
     fixes::doubts,
-    locating::{Locating, NAMELESS, Prepared, not_located, shared_truth, truth},
+    locating::{Locating, NAMELESS, Prepared, Residuals, not_located, shared_truth, truth},
     recorded::LatLon,
     views::Views,
 };
@@ -124,10 +124,7 @@ struct Report {
     /// Doubts about the recordings and the place, each with what to do about it.
     remarks: Vec<Remark>,
     /// Residual of each measurement that took part, by file and line.
-    rows: Vec<RowResidual>,
-    /// Number of measurements that took part, whose residuals need not all be in `rows`.
-    #[serde(skip)]
-    measured: usize,
+    rows: Residuals,
     /// Number of rows that the table lists; those that do not fit unless given.
     #[serde(skip)]
     listed: Option<usize>,
@@ -193,7 +190,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         output.result(&report, tracked::text)?;
         return show(args, registry, &prepared, vec![found], teams, output);
     }
-    let (report, found) = one(args, registry, &prepared, conformal.as_ref(), beacon, output)?;
+    let (report, found) = one(args, registry, &prepared, conformal.as_ref(), beacon)?;
     to_movebank(args, &prepared, std::slice::from_ref(&report))?;
     output.result(&report, |report| places(std::slice::from_ref(report)))?;
     show(args, registry, &prepared, vec![found], teams, output)
@@ -256,7 +253,7 @@ fn to_movebank(args: &Args, prepared: &Prepared, reports: &[Report]) -> Result<(
     let mut fixes = Vec::new();
     for report in reports {
         let received = prepared.received(report.beacon.as_deref())?;
-        let times = received.receptions.iter().map(|reception| reception.time);
+        let times = received.receptions().iter().map(|reception| reception.time);
         let (first, last) = times
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(first, last), time| {
                 (time.min(first), time.max(last))
@@ -279,24 +276,20 @@ fn one(
     prepared: &Prepared,
     conformal: Option<&ConformalFile>,
     beacon: Option<String>,
-    output: Output,
 ) -> Result<(Report, Found), CliError> {
     let received = prepared.received(beacon.as_deref())?;
-    let estimator = args.locating.estimator(registry, &received.receptions)?;
+    let estimator = args.locating.estimator(registry, received.receptions())?;
     let truth = truth(args.truth, prepared.recordings(), beacon.as_deref())?;
     let located = prepared.locate(estimator, &received).map_err(not_located)?;
     let factors = conformal.map(|file| file.of(&estimator.name)).transpose();
     let factors = factors.map_err(CliError::input)?;
     let own = factors.and_then(|factors| factors.regions(&located));
-    // Millions of rows are kept for those who look at all of them.
-    let all = output.is_json() || args.views.any() || args.rows.is_some();
-    let keep = |of: &Residual, count: usize| all || is_odd(of.p, of.left_out, count);
-    let (rows, measured) = prepared.residuals(estimator, &located, &received, keep);
+    let rows = prepared.residuals(estimator, &located, received);
     let name = estimator.name.to_string();
     let up = located.up_m(prepared.config());
     let called = beacon.clone().unwrap_or_else(|| "transmitter".to_owned());
     // Millions of rows are copied for pages and exports alone.
-    let shown = if args.views.any() { rows.clone() } else { Vec::new() };
+    let shown = rows.chosen(|_| args.views.any()).collect();
     let search = SearchOverview {
         conformal: factors.cloned(),
         ..SearchOverview::located(called, &located, truth, 0.0).with_rows(shown)
@@ -306,7 +299,6 @@ fn one(
     report.clock_offset = prepared.found_clock();
     report.ignored = prepared.ignored(report.beacon.as_deref());
     report.rows = rows;
-    report.measured = measured;
     report.conformal_95 = own;
     report.listed = args.rows;
     Ok((report, found))
@@ -331,7 +323,7 @@ fn every(
     let mut reports = Vec::new();
     let mut failed = None;
     for beacon in beacons {
-        match one(args, registry, prepared, conformal, beacon.map(str::to_owned), output) {
+        match one(args, registry, prepared, conformal, beacon.map(str::to_owned)) {
             Ok(report) => reports.push(report),
             Err(error) => {
                 let name = beacon.unwrap_or(NAMELESS);
@@ -391,8 +383,7 @@ impl Report {
             regions_95: located.regions_95.clone(),
             rivals,
             clock_offset: None,
-            rows: Vec::new(),
-            measured: 0,
+            rows: Residuals::default(),
             listed: None,
             warned: of_recordings.len(),
             remarks: of_recordings.into_iter().chain(&located.remarks).cloned().collect(),
@@ -466,7 +457,7 @@ fn details(report: &Report) -> String {
     let rivals = Some(&report.rivals).filter(|rivals| !rivals.is_empty());
     let rivals = rivals.map(|rivals| rivals_of(rivals, &whose));
     let remarks = remarks_of(report.remarks.get(report.warned..).unwrap_or_default(), &whose);
-    let rows = rows_of(&report.rows, report.measured, report.listed, &whose);
+    let rows = rows_of(&report.rows, report.listed, &whose);
     let conformal = report.conformal_95.as_ref().map(|own| conformal(own, &whose));
     [conformal, Some(remarks), Some(rows), explanation, common, regions, rivals]
         .into_iter()
@@ -505,11 +496,10 @@ fn is_odd(p: Option<f64>, left_out: bool, total: usize) -> bool {
 }
 
 /// Lists the `listed` rows that fit worst, or else the few that do not fit or were left out.
-fn rows_of(rows: &[RowResidual], total: usize, listed: Option<usize>, whose: &str) -> String {
-    let mut worst: Vec<&RowResidual> = rows.iter().collect();
-    if listed.is_none() {
-        worst.retain(|row| is_odd(row.p, row.left_out, total));
-    }
+fn rows_of(rows: &Residuals, listed: Option<usize>, whose: &str) -> String {
+    let total = rows.len();
+    let is_listed = |of: &Residual| listed.is_some() || is_odd(of.p, of.left_out, total);
+    let mut worst: Vec<RowResidual> = rows.chosen(is_listed).collect();
     worst.sort_by(|a, b| a.worst_first(b));
     let odd = worst.len();
     worst.truncate(listed.unwrap_or(LISTED));

@@ -3,21 +3,20 @@
 use std::{
     borrow::Cow,
     path::{Path, PathBuf},
-    sync::Arc,
 };
 
 use foxhunt::{
     calibration::{CalibrationFile, ConformalFile, PathLossSection},
     config::{BoxedExtractor, ExtractorConfig, PulseLevelConfig},
-    core::{EstimatorError, Reception, Remark, nalgebra::Vector2},
+    core::{EstimatorError, Reception, Receptions, Remark, nalgebra::Vector2},
     locate::{
         ClockSearch, FoundOffset, Height, LocateConfig, LocateError, Located, Power, Residual,
     },
     overview::{Overview, SearchOverview},
     page::{NotStrikable, PageLog},
     recorded::{
-        ReceptionConfig, RecordedReception, RowResidual, bearings, correct_arrays,
-        recorded_receptions, recorded_truth, row_name,
+        ReceptionConfig, RecordedReception, RecordedReceptions, RowResidual, bearings,
+        correct_arrays, recorded_receptions, recorded_truth, row_name,
     },
     recording::Recording,
     registry::{EstimatorEntry, Registry, antenna_named},
@@ -30,6 +29,7 @@ use foxhunt::{
     locate::{Listener, Tracked, TrackingConfig, left_out, track_watched},
     recorded::listeners,
 };
+use serde::{Serialize, Serializer};
 
 use super::{
     calibration::{Calibration, Part, Surroundings, calibrated, narrate_corrected, parts},
@@ -41,9 +41,6 @@ use super::{
     views::Antennas,
 };
 use crate::{error::CliError, output::warn_once};
-
-/// Number of receptions whose memory is given back at once.
-const GIVEN_BACK: usize = 1 << 16;
 
 /// Name shown for a beacon without one.
 pub(super) const NAMELESS: &str = "(no name)";
@@ -130,9 +127,58 @@ pub(super) struct Prepared {
 /// Receptions of a beacon as an estimator takes them.
 #[derive(Debug, Default)]
 pub(super) struct Received {
-    pub(super) receptions: Vec<Reception>,
-    /// Number of the recording, line and receiver of each.
-    rows: Vec<(usize, u64, Arc<str>)>,
+    rows: RecordedReceptions,
+    /// Index of the first reception of each recording, and the number of the recording.
+    begins: Vec<(usize, usize)>,
+}
+
+impl Received {
+    /// Returns the receptions.
+    pub(super) fn receptions(&self) -> &Receptions {
+        self.rows.receptions()
+    }
+
+    /// Returns the number of the recording of a reception, its line and its receiver.
+    fn row(&self, index: usize) -> Option<(usize, u64, &str)> {
+        let (line, drone) = self.rows.row(index)?;
+        let (_, number) = self.begins.iter().rev().find(|(begin, _)| *begin <= index)?;
+        Some((*number, line, drone))
+    }
+}
+
+/// Residuals of rows, in little memory.
+#[derive(Debug, Default)]
+pub(super) struct Residuals {
+    residuals: Vec<Residual>,
+    received: Received,
+    /// Names of the recordings.
+    names: Vec<String>,
+}
+
+impl Residuals {
+    /// Returns the number of residuals.
+    pub(super) fn len(&self) -> usize {
+        self.residuals.len()
+    }
+
+    /// Returns the residuals that `keep` chooses.
+    pub(super) fn chosen(
+        &self,
+        keep: impl Fn(&Residual) -> bool,
+    ) -> impl Iterator<Item = RowResidual> {
+        let residual = |of: &Residual| {
+            let (number, line, drone) = self.received.row(of.reception)?;
+            let file = self.names.get(number).cloned().unwrap_or_default();
+            Some(RowResidual::new(&RowId { file, line, beacon: None }, Some(drone), of))
+        };
+        self.residuals.iter().filter(move |of| keep(of)).filter_map(residual)
+    }
+}
+
+impl Serialize for Residuals {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.chosen(|_| true))
+    }
 }
 
 /// Part of a recording, or all of it, that is read with one extractor.
@@ -313,7 +359,7 @@ impl Locating {
     pub(super) fn estimator<'a>(
         &self,
         registry: &'a Registry,
-        received: &[Reception],
+        received: &Receptions,
     ) -> Result<&'a EstimatorEntry, CliError> {
         match &self.estimator {
             Some(name) => choice::estimator(registry, name, "--estimator"),
@@ -407,8 +453,7 @@ impl Prepared {
         }
         self.config.assumed_bearing_sigma = Some(self.reading.bearing_sigma);
         if beacons.len() > 1 {
-            let each = beacons.iter().map(Vec::as_slice);
-            let learned = learn_bearing_sigma(each, &self.config);
+            let learned = learn_bearing_sigma(&beacons, &self.config);
             let odd: Vec<&str> =
                 learned.left_out.iter().filter_map(|index| names.get(*index).copied()).collect();
             let without = if odd.is_empty() {
@@ -465,11 +510,11 @@ impl Prepared {
 
     /// The receptions of every beacon in all recordings, also those struck out.
     #[cfg(feature = "batch")]
-    fn every_reception(&self) -> Result<Vec<Reception>, CliError> {
-        let mut received = Vec::new();
+    fn every_reception(&self) -> Result<Receptions, CliError> {
+        let mut received = Receptions::default();
         for (number, recording) in self.recordings.iter().enumerate() {
             for beacon in recording.beacons() {
-                received.extend(self.rows_of(number, beacon)?.iter().map(|row| row.reception));
+                received.extend(self.rows_of(number, beacon)?.receptions());
             }
         }
         Ok(received)
@@ -478,8 +523,8 @@ impl Prepared {
     /// Returns the receptions of a beacon in all recordings; the ones struck out keep only what a
     /// track needs of them.
     #[cfg(feature = "batch")]
-    fn receptions_of_track(&self, beacon: Option<&str>) -> Result<Vec<Reception>, CliError> {
-        let mut received = Vec::new();
+    fn receptions_of_track(&self, beacon: Option<&str>) -> Result<Receptions, CliError> {
+        let mut received = Receptions::default();
         for (id, reception) in self.identified(beacon)? {
             let is_struck = self.struck.contains(&id);
             received.push(if is_struck { left_out(&reception) } else { reception });
@@ -494,7 +539,7 @@ impl Prepared {
         for number in 0..self.recordings.len() {
             let rows = self.rows_of(number, beacon)?;
             let id = |row: &RecordedReception| self.id(number, row.line, beacon);
-            received.extend(rows.iter().map(|row| (id(row), row.reception)));
+            received.extend(rows.iter().map(|row| (id(&row), row.reception)));
         }
         Ok(received)
     }
@@ -503,13 +548,14 @@ impl Prepared {
     pub(super) fn received(&self, beacon: Option<&str>) -> Result<Received, CliError> {
         let mut all = Received::default();
         for number in 0..self.recordings.len() {
-            let mut received = self.received_of(number, beacon)?;
-            if all.rows.is_empty() {
-                all = received;
-                continue;
+            let received = self.received_of(number, beacon)?;
+            let begin = all.receptions().len();
+            if begin == 0 {
+                all.rows = received.rows;
+            } else {
+                all.rows.extend(received.rows.iter());
             }
-            all.receptions.append(&mut received.receptions);
-            all.rows.append(&mut received.rows);
+            all.begins.push((begin, number));
         }
         Ok(all)
     }
@@ -610,8 +656,8 @@ impl Prepared {
         &self,
         number: usize,
         beacon: Option<&str>,
-    ) -> Result<Vec<Reception>, CliError> {
-        Ok(self.received_of(number, beacon)?.receptions)
+    ) -> Result<Receptions, CliError> {
+        Ok(self.received_of(number, beacon)?.rows.into_receptions())
     }
 
     /// Returns what was received of a beacon in one recording, counted from 0, without what is
@@ -623,25 +669,10 @@ impl Prepared {
     ) -> Result<Received, CliError> {
         let mut rows = self.rows_of(number, beacon)?;
         if self.struck.of_beacon(beacon) > 0 {
-            rows.retain(|row| !self.struck.contains(&self.id(number, row.line, beacon)));
+            let is_struck = |line| self.struck.contains(&self.id(number, line, beacon));
+            rows = rows.iter().filter(|row| !is_struck(row.line)).collect();
         }
-        let mut received = Received {
-            receptions: Vec::with_capacity(rows.len()),
-            rows: Vec::with_capacity(rows.len()),
-        };
-        // From the end, whose memory is given back as it goes: there may be millions.
-        while !rows.is_empty() {
-            for RecordedReception { line, drone, reception } in
-                rows.drain(rows.len().saturating_sub(GIVEN_BACK)..).rev()
-            {
-                received.receptions.push(reception);
-                received.rows.push((number, line, drone));
-            }
-            rows.shrink_to_fit();
-        }
-        received.receptions.reverse();
-        received.rows.reverse();
-        Ok(received)
+        Ok(Received { rows, begins: vec![(0, number)] })
     }
 
     /// Locates a beacon; remarks on single rows name file and line.
@@ -651,10 +682,10 @@ impl Prepared {
         received: &Received,
     ) -> Result<Located, LocateError> {
         let name = |index: usize| {
-            let (number, line, _) = received.rows.get(index)?;
-            Some(row_name(&self.id(*number, *line, None)))
+            let (number, line, _) = received.row(index)?;
+            Some(row_name(&self.id(number, line, None)))
         };
-        let mut located = estimator.locate_named(&received.receptions, &self.config, &name)?;
+        let mut located = estimator.locate_named(received.receptions(), &self.config, &name)?;
         if self.found_clock.is_some() {
             // The remark would ask for an offset besides the one that was found, and the search of
             // both files has more levels and a better law.
@@ -669,46 +700,33 @@ impl Prepared {
         self.found_clock
     }
 
-    /// Returns the residuals of rows from the place that an estimator found: those to keep, and the
-    /// number of all.
+    /// Returns the residuals of rows from the place that an estimator found.
     pub(super) fn residuals(
         &self,
         estimator: &EstimatorEntry,
         located: &Located,
-        received: &Received,
-        keep: impl Fn(&Residual, usize) -> bool,
-    ) -> (Vec<RowResidual>, usize) {
-        let residual = |of: &Residual| {
-            let (number, line, drone) = received.rows.get(of.reception)?;
-            Some(RowResidual::new(&self.id(*number, *line, None), Some(&**drone), of))
-        };
-        let all = estimator.residuals(located, &received.receptions, &self.config);
-        let count = all.len();
-        (all.iter().filter(|of| keep(of, count)).filter_map(residual).collect(), count)
+        received: Received,
+    ) -> Residuals {
+        let residuals = estimator.residuals(located, received.receptions(), &self.config);
+        Residuals { residuals, received, names: self.names.clone() }
     }
 
     /// The receptions of a beacon in one recording with their rows, also those struck out.
-    fn rows_of(
-        &self,
-        number: usize,
-        beacon: Option<&str>,
-    ) -> Result<Vec<RecordedReception>, CliError> {
-        let mut received = Vec::new();
+    fn rows_of(&self, number: usize, beacon: Option<&str>) -> Result<RecordedReceptions, CliError> {
+        let mut received = RecordedReceptions::default();
         let whole = self.recordings.get(number);
         for Extracted { part, extractor } in self.parts.get(number).into_iter().flatten() {
             let Some(part) = part.as_ref().or(whole) else { continue };
             let more = recorded_receptions(part, beacon, extractor.as_ref(), &self.reading);
-            let mut more = more.map_err(CliError::input)?;
-            if received.is_empty() {
+            let more = more.map_err(CliError::input)?;
+            if received.receptions().is_empty() {
                 received = more;
             } else {
-                received.append(&mut more);
+                received.extend(more.iter());
             }
         }
-        if let Some(relief) = &self.relief {
-            received.iter_mut().try_for_each(|row| relief.place(number, row))?;
-        }
-        Ok(received)
+        let Some(relief) = &self.relief else { return Ok(received) };
+        received.iter().map(|row| relief.placed(number, row)).collect()
     }
 }
 

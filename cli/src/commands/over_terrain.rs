@@ -75,7 +75,7 @@ impl OverTerrain {
                           place, where the receiver has to have stood on the ground";
             return Err(CliError::input(reason));
         }
-        let receivers = recordings.iter().flat_map(Recording::records).filter_map(|r| r.receiver);
+        let receivers = recordings.iter().flat_map(Recording::records).filter_map(|r| r.receiver());
         let farthest_m = receivers.map(|pose| pose.position.xy().amax()).fold(0.0, f64::max);
         let mut config = ReliefConfig::default();
         config.folder = Some(folder.clone());
@@ -88,7 +88,7 @@ impl OverTerrain {
         for recording in recordings {
             let mut launches = BTreeMap::new();
             for record in recording.records() {
-                let Some(receiver) = record.receiver else { continue };
+                let Some(receiver) = record.receiver() else { continue };
                 let from = if by_ellipsoid { Vector3::zeros() } else { receiver.position };
                 if !launches.contains_key(&*record.drone) {
                     launches.insert(record.drone.to_string(), relief.ground(&from.xy())?);
@@ -101,19 +101,19 @@ impl OverTerrain {
 }
 
 impl Relief {
-    /// Replaces the Up of a reception of a recording, counted from 0, by its height above the
-    /// ground below.
-    pub(super) fn place(
+    /// Returns a reception of a recording, counted from 0, with its height above the ground below
+    /// as its Up.
+    pub(super) fn placed(
         &self,
         number: usize,
-        received: &mut RecordedReception,
-    ) -> Result<(), CliError> {
+        mut received: RecordedReception,
+    ) -> Result<RecordedReception, CliError> {
         let launch = self.launches.get(number).and_then(|of| of.get(&*received.drone));
         if let (UpFrom::TakeOff, Some(launch)) = (self.up_from, launch) {
             let place = &mut received.reception.receiver.position;
             place.z += launch - self.ground(&place.xy())?;
         }
-        Ok(())
+        Ok(received)
     }
 
     fn ground(&self, place: &Vector2<f64>) -> Result<f64, CliError> {

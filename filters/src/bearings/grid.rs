@@ -1,10 +1,7 @@
 use alloc::vec::Vec;
 use core::f64::consts::PI;
 
-use foxhunt_core::{
-    Pose,
-    parameter::{in_range, positive, require},
-};
+use foxhunt_core::parameter::{in_range, positive, require};
 use nalgebra::Vector2;
 
 use super::{BearingLine, checked};
@@ -105,9 +102,7 @@ impl BearingGrid {
         positive("margin_m", self.margin_m)?;
         require(self.max_cells >= 100, "max_cells", self.max_cells.into(), "at least 100")?;
         let model = self.model(bearings, 2)?;
-        let at = |line: &BearingLine| Pose::at(line.receiver.x, line.receiver.y, 0.0);
-        let receivers: Vec<Pose> = bearings.iter().map(|(line, _)| at(line)).collect();
-        let (low, high) = bounds(&receivers);
+        let (low, high) = bounds(bearings.iter().map(|(line, _)| line.receiver));
         let diagonal_m = (high - low).norm();
         if diagonal_m <= 0.0 {
             return Err(BatchError::Flat { rcond: 0.0 });

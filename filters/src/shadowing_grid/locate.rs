@@ -97,11 +97,11 @@ impl ShadowingGrid {
     /// and coinciding places), or when no cell has a finite likelihood.
     pub fn locate<R, F>(
         &self,
-        readings: &[R],
+        readings: R,
         regressors: F,
     ) -> Result<ShadowingFix, ShadowingGridError>
     where
-        R: Copy + Into<ShadowedReading>,
+        R: IntoIterator<Item: Into<ShadowedReading>>,
         F: Fn(&Vector2<f64>, &Pose) -> [f64; 2],
     {
         let at_height = |cell: &Vector2<f64>, receiver: &Pose, _| regressors(cell, receiver);
@@ -118,13 +118,13 @@ impl ShadowingGrid {
     /// As [`locate`](Self::locate).
     pub fn locate_with<R, F, L>(
         &self,
-        readings: &[R],
+        readings: R,
         regressors: F,
         others: &[Pose],
         log_likelihood: L,
     ) -> Result<ShadowingFix, ShadowingGridError>
     where
-        R: Copy + Into<ShadowedReading>,
+        R: IntoIterator<Item: Into<ShadowedReading>>,
         F: Fn(&Vector2<f64>, &Pose, f64) -> [f64; 2],
         L: Fn(&Vector2<f64>) -> f64,
     {
@@ -138,7 +138,8 @@ impl ShadowingGrid {
         };
         let segments = path.segments(|_| segment_m, most, summary);
         several_places(&path, &segments)?;
-        let (low, high) = bounds(path.receivers().chain(others));
+        let places = path.places().chain(others.iter().map(|other| other.position));
+        let (low, high) = bounds(places.map(|place| place.xy()));
         let mut stretch = segments.stretch;
         let mut likelihood = Likelihood::new(config, segments)?;
 
@@ -262,10 +263,10 @@ const FADING_STRETCH: f64 = 1.4;
 const LEAST_SEGMENTS: usize = 3;
 
 /// The corners of the receivers' bounding box.
-pub(crate) fn bounds<'a>(
-    receivers: impl IntoIterator<Item = &'a Pose>,
+pub(crate) fn bounds(
+    places: impl IntoIterator<Item = Vector2<f64>>,
 ) -> (Vector2<f64>, Vector2<f64>) {
-    let places = receivers.into_iter().map(|receiver| receiver.position.xy());
     let nowhere = (Vector2::repeat(f64::INFINITY), Vector2::repeat(f64::NEG_INFINITY));
+    let places = places.into_iter();
     places.fold(nowhere, |(low, high), place| (low.inf(&place), high.sup(&place)))
 }

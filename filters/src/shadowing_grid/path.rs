@@ -47,12 +47,43 @@ impl From<(Pose, f64)> for ShadowedReading {
     }
 }
 
+impl From<&ShadowedReading> for ShadowedReading {
+    fn from(reading: &ShadowedReading) -> Self {
+        *reading
+    }
+}
+
+impl From<&(Pose, f64)> for ShadowedReading {
+    fn from(reading: &(Pose, f64)) -> Self {
+        (*reading).into()
+    }
+}
+
 /// Readings whose numbers are finite, in the order in which they were taken.
 #[derive(Clone, Debug)]
 pub(crate) struct Path {
-    readings: Vec<ShadowedReading>,
+    readings: Vec<Reading>,
+    /// Poses without place and heading, of which there are few.
+    attitudes: Vec<Pose>,
     /// The readings by their places, once a path is too long for its segments.
     cells: OnceCell<Cells>,
+}
+
+/// A reading of a path in little memory: there may be millions.
+#[derive(Clone, Copy, Debug)]
+struct Reading {
+    position: Vector3<f64>,
+    heading: f64,
+    value: f64,
+    censoring: Censoring,
+    /// Index of the rest of the pose.
+    attitude: u32,
+}
+
+impl Reading {
+    fn is_exact(&self) -> bool {
+        self.censoring == Censoring::None
+    }
 }
 
 /// A path's readings, made one per segment.
@@ -81,15 +112,16 @@ impl Segments {
         }
     }
 
-    /// Adds a segment; `sorted` is scratch space.
+    /// Adds a segment of a path; `sorted` is scratch space.
     fn add(
         &mut self,
-        readings: &[ShadowedReading],
+        path: &Path,
+        readings: &[Reading],
         summary: Summary,
         sorted: &mut Vec<(Censoring, f64)>,
     ) {
         let (value, censoring) = summary.of(readings, sorted);
-        let receiver = mean_pose(readings);
+        let receiver = path.mean_pose(readings);
         if censoring == Censoring::None {
             self.receivers.push(receiver);
             self.values.push(value);
@@ -103,32 +135,51 @@ impl Segments {
 
 impl Path {
     /// Takes readings whose values and places are finite.
-    pub(crate) fn new<R>(readings: &[R]) -> Result<Self, ShadowingGridError>
+    pub(crate) fn new<R>(readings: R) -> Result<Self, ShadowingGridError>
     where
-        R: Copy + Into<ShadowedReading>,
+        R: IntoIterator<Item: Into<ShadowedReading>>,
     {
-        let readings: Vec<ShadowedReading> = readings.iter().map(|r| (*r).into()).collect();
-        for (index, ShadowedReading { receiver, value, .. }) in readings.iter().enumerate() {
+        let given = readings.into_iter();
+        let mut readings = Vec::with_capacity(given.size_hint().0);
+        let mut attitudes: Vec<Pose> = Vec::new();
+        for (index, reading) in given.enumerate() {
+            let ShadowedReading { receiver, value, censoring } = reading.into();
             if !value.is_finite() {
-                return Err(ShadowingGridError::Value { index, value: *value });
+                return Err(ShadowingGridError::Value { index, value });
             }
             if !receiver.is_finite() {
                 return Err(ShadowingGridError::Receiver { index });
             }
+            let Pose { position, heading, .. } = receiver;
+            let rest = Pose { position: Vector3::zeros(), heading: 0.0, ..receiver };
+            if attitudes.last() != Some(&rest) {
+                attitudes.push(rest);
+            }
+            let attitude = u32::try_from(attitudes.len() - 1).unwrap_or(u32::MAX);
+            readings.push(Reading { position, heading, value, censoring, attitude });
         }
-        Ok(Self { readings, cells: OnceCell::new() })
+        Ok(Self { readings, attitudes, cells: OnceCell::new() })
     }
 
     /// The East and North that all readings share; `None` where there are several places.
     pub(crate) fn only_place(&self) -> Option<Vector2<f64>> {
-        let mut places = self.receivers().map(|receiver| receiver.position.xy());
+        let mut places = self.places().map(|place| place.xy());
         let first = places.next()?;
         places.all(|place| place == first).then_some(first)
     }
 
-    /// The receivers' poses.
-    pub(crate) fn receivers(&self) -> impl Iterator<Item = &Pose> {
-        self.readings.iter().map(|reading| &reading.receiver)
+    /// The mean place, and the mean direction of the nose; that of the first where they cancel.
+    fn mean_pose(&self, readings: &[Reading]) -> Pose {
+        if let [Reading { position, heading, attitude, .. }] = *readings {
+            let rest = self.attitudes.get(attitude as usize).copied().unwrap_or_default();
+            return Pose { position, heading, ..rest };
+        }
+        #[expect(clippy::cast_precision_loss, reason = "fewer readings than 2⁵³")]
+        let count = readings.len() as f64;
+        let sum: Vector3<f64> = readings.iter().map(|r| r.position).sum();
+        let headings: Resultant = readings.iter().map(|r| r.heading).collect();
+        let first = readings.first().map_or(0.0, |r| r.heading);
+        Pose::level(sum / count, headings.direction(1e-9).unwrap_or(first))
     }
 
     /// Returns the segments: each ends where the receiver has moved by `length_m` of its first
@@ -147,7 +198,7 @@ impl Path {
         let mut stretch = 1.0;
         let mut sorted = Vec::new();
         let mut groups = self.cut(&length_m);
-        let is_zero = || self.receivers().all(|receiver| length_m(&receiver.position.xy()) <= 0.0);
+        let is_zero = || self.places().all(|place| length_m(&place.xy()) <= 0.0);
         if groups.len() > max_segments && is_zero() {
             // Lengths of 0 do not grow by any factor: the extent of the path replaces them.
             let whole_m = self.extent_m();
@@ -171,14 +222,15 @@ impl Path {
                     held.clear();
                     let indices = cells.indices(leaf);
                     held.extend(indices.iter().filter_map(|index| self.readings.get(*index)));
-                    segments.add(&held, summary, &mut sorted);
+                    segments.add(self, &held, summary, &mut sorted);
                 }
                 return segments;
             }
         }
         let mut segments = Segments::with_capacity(groups.len(), stretch);
         for group in groups {
-            segments.add(self.readings.get(group).unwrap_or_default(), summary, &mut sorted);
+            let readings = self.readings.get(group).unwrap_or_default();
+            segments.add(self, readings, summary, &mut sorted);
         }
         segments
     }
@@ -194,7 +246,7 @@ impl Path {
             let readings = self.readings.get(group).unwrap_or_default();
             for neighbours in readings.windows(3) {
                 if let [before, reading, after] = neighbours
-                    && neighbours.iter().all(ShadowedReading::is_exact)
+                    && neighbours.iter().all(Reading::is_exact)
                 {
                     sizes.push((reading.value - 0.5 * (before.value + after.value)).abs());
                 }
@@ -219,10 +271,10 @@ impl Path {
         let mut groups = Vec::new();
         let Some(first) = self.readings.first() else { return groups };
         let mut begin = 0;
-        let mut from = first.receiver.position;
+        let mut from = first.position;
         let mut length = length_m(&from.xy());
         for (i, reading) in self.readings.iter().enumerate().skip(1) {
-            let here = reading.receiver.position;
+            let here = reading.position;
             if (here - from).norm() >= length {
                 groups.push(begin..i);
                 begin = i;
@@ -235,8 +287,8 @@ impl Path {
     }
 
     /// The receivers' places.
-    fn places(&self) -> impl Iterator<Item = Vector3<f64>> + Clone {
-        self.readings.iter().map(|reading| reading.receiver.position)
+    pub(crate) fn places(&self) -> impl Iterator<Item = Vector3<f64>> + Clone {
+        self.readings.iter().map(|reading| reading.position)
     }
 
     /// The diagonal of the box that holds all receivers, in metres.
@@ -270,11 +322,7 @@ pub(crate) enum Summary {
 
 impl Summary {
     /// The value of a segment, and its censoring; `sorted` is scratch space.
-    fn of(
-        self,
-        readings: &[ShadowedReading],
-        sorted: &mut Vec<(Censoring, f64)>,
-    ) -> (f64, Censoring) {
+    fn of(self, readings: &[Reading], sorted: &mut Vec<(Censoring, f64)>) -> (f64, Censoring) {
         match self {
             Self::Quantile(quantile) => quantile_of(readings, quantile, sorted),
             Self::TrimmedMean => {
@@ -292,24 +340,11 @@ impl Summary {
     }
 
     /// The number of independent readings behind a value.
-    fn independent(self, readings: &[ShadowedReading]) -> f64 {
+    fn independent(self, readings: &[Reading]) -> f64 {
         #[expect(clippy::cast_precision_loss, reason = "fewer readings than 2⁵³")]
         let count = readings.len() as f64;
         if self == Self::TrimmedMean { count } else { 1.0 }
     }
-}
-
-/// The mean place, and the mean direction of the nose; that of the first where they cancel.
-fn mean_pose(readings: &[ShadowedReading]) -> Pose {
-    if let [only] = readings {
-        return only.receiver;
-    }
-    #[expect(clippy::cast_precision_loss, reason = "fewer readings than 2⁵³")]
-    let count = readings.len() as f64;
-    let sum: Vector3<f64> = readings.iter().map(|r| r.receiver.position).sum();
-    let headings: Resultant = readings.iter().map(|r| r.receiver.heading).collect();
-    let first = readings.first().map_or(0.0, |r| r.receiver.heading);
-    Pose::level(sum / count, headings.direction(1e-9).unwrap_or(first))
 }
 
 /// A quantile of the values, between two of them by a straight line (Hyndman & Fan 1996, type 7),
@@ -317,7 +352,7 @@ fn mean_pose(readings: &[ShadowedReading]) -> Pose {
 ///
 /// A value below a limit counts as the least of all, one above a limit as the greatest.
 fn quantile_of(
-    readings: &[ShadowedReading],
+    readings: &[Reading],
     quantile: f64,
     values: &mut Vec<(Censoring, f64)>,
 ) -> (f64, Censoring) {
@@ -351,8 +386,13 @@ mod tests {
         Path::new(&readings).expect("finite")
     }
 
-    fn reading(value: f64, censoring: Censoring) -> ShadowedReading {
-        ShadowedReading { receiver: Pose::default(), value, censoring }
+    fn reading(value: f64, censoring: Censoring) -> Reading {
+        Reading { position: Vector3::zeros(), heading: 0.0, value, censoring, attitude: 0 }
+    }
+
+    #[test]
+    fn a_reading_takes_48_bytes() {
+        assert_eq!(size_of::<Reading>(), 48);
     }
 
     #[test]
@@ -457,7 +497,8 @@ mod tests {
     #[test]
     fn headings_are_averaged_across_the_cut() {
         let pose = |heading| (Pose { heading, ..Pose::default() }, 0.0);
-        let mean = mean_pose(&[pose(3.1).into(), pose(-3.1).into()]);
+        let path = Path::new(&[pose(3.1), pose(-3.1)]).expect("finite");
+        let mean = path.mean_pose(&path.readings);
         assert!(foxhunt_core::angle::distance(mean.heading, core::f64::consts::PI) < 1e-12);
     }
 }

@@ -75,6 +75,18 @@ pub fn to_pretty_json(value: &dyn Serialize) -> Result<String, serde_json::Error
     serde_json::to_string_pretty(value)
 }
 
+/// Writes a value as indented JSON to `out`.
+///
+/// # Errors
+///
+/// The error of `out`, or that of the JSON writer for a value that JSON cannot hold.
+pub fn write_pretty_json(
+    out: &mut dyn io::Write,
+    value: &dyn Serialize,
+) -> Result<(), serde_json::Error> {
+    serde_json::to_writer_pretty(out, value)
+}
+
 /// Writes a value as one line of JSON to `out`.
 ///
 /// # Errors

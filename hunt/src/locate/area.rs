@@ -1,4 +1,4 @@
-use foxhunt_core::{Estimate, Reception};
+use foxhunt_core::{Estimate, Receptions};
 #[cfg(feature = "batch")]
 use foxhunt_sensors::FreePowerRssBearing;
 use foxhunt_sensors::{LogDistance, ParameterError, Propagation};
@@ -25,20 +25,20 @@ pub(crate) struct Area {
 }
 
 /// The south-western and the north-eastern corner of the box about all receivers.
-fn corners(receptions: &[Reception]) -> (Vector2<f64>, Vector2<f64>) {
+fn corners(receptions: &Receptions) -> (Vector2<f64>, Vector2<f64>) {
     let nowhere = Vector2::repeat(f64::INFINITY);
-    let places = receptions.iter().map(|reception| reception.receiver.position.xy());
+    let places = receptions.places().map(|place| place.xy());
     places.fold((nowhere, -nowhere), |(low, high), place| (low.inf(&place), high.sup(&place)))
 }
 
 /// The diagonal of the box about all receivers, in metres.
-pub(crate) fn extent_m(receptions: &[Reception]) -> f64 {
+pub(crate) fn extent_m(receptions: &Receptions) -> f64 {
     let (low, high) = corners(receptions);
     (high - low).norm()
 }
 
 impl Area {
-    pub(crate) fn about(receptions: &[Reception], margin: f64) -> Self {
+    pub(crate) fn about(receptions: &Receptions, margin: f64) -> Self {
         let (low, high) = corners(receptions);
         Self { centre: (low + high) / 2.0, half_side: (high - low).max() / 2.0 + margin }
     }
@@ -80,7 +80,7 @@ impl Area {
 /// within 20 dB.
 #[cfg(feature = "batch")]
 pub(crate) fn free_power(
-    receptions: &[Reception],
+    receptions: &Receptions,
     area: &Area,
     up: f64,
     power: Power,
@@ -102,7 +102,7 @@ pub(crate) fn free_power(
 
 /// The reference power that the levels have on average if the transmitter is at a place.
 pub(crate) fn reference_power(
-    receptions: &[Reception],
+    receptions: &Receptions,
     place: &Vector2<f64>,
     up: f64,
     exponent: f64,
@@ -121,7 +121,7 @@ pub(crate) fn reference_power(
 
 #[cfg(all(test, feature = "batch"))]
 mod tests {
-    use foxhunt_core::Pose;
+    use foxhunt_core::{Pose, Reception};
 
     use super::*;
 
@@ -132,7 +132,7 @@ mod tests {
             ..Reception::default()
         };
         // 100 m wide and a margin of 10 m: a half side of 60 m about (50, 20).
-        let area = Area::about(&[at(0.0, 0.0), at(100.0, 40.0)], 10.0);
+        let area = Area::about(&[at(0.0, 0.0), at(100.0, 40.0)].into_iter().collect(), 10.0);
         let starts: Vec<_> = area.lattice(3).collect();
         assert_eq!(starts.len(), 9);
         for (start, place) in [(0, (10.0, -20.0)), (4, (50.0, 20.0)), (5, (90.0, 20.0))] {

@@ -1,4 +1,4 @@
-use foxhunt_core::{Estimate, MeasurementModel, Observation, Reception, State};
+use foxhunt_core::{Estimate, MeasurementModel, Observation, Receptions, State};
 use foxhunt_filters::{BatchFix, BatchSolver, Loss, independent_share};
 use foxhunt_sensors::{Censored, LogDistance, RssBearing};
 use nalgebra::{DMatrix, Vector2};
@@ -25,7 +25,7 @@ pub(crate) struct MultiStart;
 impl Locator for MultiStart {
     fn locate(
         &self,
-        receptions: &[Reception],
+        receptions: &Receptions,
         config: &LocateConfig,
     ) -> Result<Located, LocateError> {
         let area = Area::about(receptions, config.margin_m);
@@ -33,7 +33,7 @@ impl Locator for MultiStart {
         let starts = area.lattice(3).collect::<Vec<_>>();
         let observations = pairs(receptions)?;
         let has_levels = receptions.iter().any(|r| r.level.is_some());
-        let has_bearings = receptions.iter().any(Reception::has_bearing);
+        let has_bearings = receptions.iter().any(|r| r.has_bearing());
         // A known power makes a range of a level, and a range and a bearing make a place.
         if !(has_levels && has_bearings && config.power.law().is_some()) {
             let what = if has_bearings { "bearings" } else { "levels" };

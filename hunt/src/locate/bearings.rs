@@ -1,4 +1,4 @@
-use foxhunt_core::{Estimate, Reception};
+use foxhunt_core::{Estimate, Reception, Receptions};
 use foxhunt_filters::{
     BatchError, BearingGrid, BearingGridFix, BearingLine, BearingWeights, Lenth1981, Marginal,
     instrumental_variables, pseudolinear, repeated_median, stansfield,
@@ -17,7 +17,7 @@ use super::{
 pub(crate) struct Lenth(pub(crate) BearingWeights);
 
 impl Locator for Lenth {
-    fn locate(&self, receptions: &[Reception], _: &LocateConfig) -> Result<Located, LocateError> {
+    fn locate(&self, receptions: &Receptions, _: &LocateConfig) -> Result<Located, LocateError> {
         let lines = lines(receptions)?;
         let fix = Lenth1981::maximum_likelihood()
             .with_weights(self.0)
@@ -46,7 +46,7 @@ pub(crate) struct Posterior;
 impl Locator for Posterior {
     fn locate(
         &self,
-        receptions: &[Reception],
+        receptions: &Receptions,
         config: &LocateConfig,
     ) -> Result<Located, LocateError> {
         let (fix, count) = posterior(receptions, config)?;
@@ -83,10 +83,10 @@ fn in_degrees(common: foxhunt_filters::CommonErrors) -> CommonErrors {
 }
 
 fn posterior(
-    receptions: &[Reception],
+    receptions: &Receptions,
     config: &LocateConfig,
 ) -> Result<(BearingGridFix, usize), LocateError> {
-    let weighted: Vec<_> = receptions.iter().filter_map(weighted_line).collect();
+    let weighted: Vec<_> = receptions.iter().filter_map(|r| weighted_line(&r)).collect();
     if weighted.is_empty() {
         return Err(LocateError::NoBearings);
     }
@@ -127,7 +127,7 @@ const ODD_P: f64 = 1e-3;
 /// these stay the same.
 #[must_use]
 pub fn learn_bearing_sigma<'a>(
-    transmitters: impl IntoIterator<Item = &'a [Reception]>,
+    transmitters: impl IntoIterator<Item = &'a Receptions>,
     config: &LocateConfig,
 ) -> LearnedSigma {
     let mut taught: Vec<Taught> = Vec::new();
@@ -187,7 +187,7 @@ impl Taught {
 pub(crate) struct RepeatedMedian;
 
 impl Locator for RepeatedMedian {
-    fn locate(&self, receptions: &[Reception], _: &LocateConfig) -> Result<Located, LocateError> {
+    fn locate(&self, receptions: &Receptions, _: &LocateConfig) -> Result<Located, LocateError> {
         let lines = lines(receptions)?;
         let fix = repeated_median(&lines).map_err(LocateError::Bearings)?;
         Ok(Located { observations: lines.len(), ..Located::at(fix.position) })
@@ -206,8 +206,8 @@ pub(crate) enum ClosedForm {
 }
 
 impl Locator for ClosedForm {
-    fn locate(&self, receptions: &[Reception], _: &LocateConfig) -> Result<Located, LocateError> {
-        let weighted: Vec<_> = receptions.iter().filter_map(weighted_line).collect();
+    fn locate(&self, receptions: &Receptions, _: &LocateConfig) -> Result<Located, LocateError> {
+        let weighted: Vec<_> = receptions.iter().filter_map(|r| weighted_line(&r)).collect();
         if weighted.is_empty() {
             return Err(LocateError::NoBearings);
         }
@@ -228,8 +228,8 @@ pub(super) fn weighted_line(reception: &Reception) -> Option<(BearingLine, f64)>
     Some((BearingLine { receiver: reception.receiver.position.xy(), bearing }, sigma))
 }
 
-fn lines(receptions: &[Reception]) -> Result<Vec<BearingLine>, LocateError> {
+fn lines(receptions: &Receptions) -> Result<Vec<BearingLine>, LocateError> {
     let lines: Vec<_> =
-        receptions.iter().filter_map(|r| weighted_line(r).map(|(line, _)| line)).collect();
+        receptions.iter().filter_map(|r| weighted_line(&r).map(|(line, _)| line)).collect();
     if lines.is_empty() { Err(LocateError::NoBearings) } else { Ok(lines) }
 }

@@ -1,4 +1,4 @@
-use foxhunt_core::{Pose, Reception};
+use foxhunt_core::{Pose, Reception, Receptions};
 use foxhunt_sensors::{
     AntennaConfig, ElevationPattern, ParameterError, SharedTerrain, TerrainLoss,
     WithElevationPattern,
@@ -193,8 +193,8 @@ impl Centroid {
 
 impl LocateConfig {
     /// Returns the settings with the height either known or free.
-    pub(crate) fn decided(&self, can_estimate: bool, receptions: &[Reception]) -> Self {
-        let flies = |reception: &Reception| reception.receiver.position.z >= FLIGHT_M;
+    pub(crate) fn decided(&self, can_estimate: bool, receptions: &Receptions) -> Self {
+        let flies = |reception: Reception| reception.receiver.position.z >= FLIGHT_M;
         let height = match self.height {
             Height::FreeInFlight if can_estimate && receptions.iter().any(flies) => Height::Free,
             Height::FreeInFlight => Height::Known,

@@ -1,4 +1,4 @@
-use foxhunt_core::Reception;
+use foxhunt_core::Receptions;
 use foxhunt_filters::{FieldMap, FieldMapConfig};
 use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 
@@ -12,7 +12,7 @@ pub(crate) struct HighestOnMap;
 impl Locator for HighestOnMap {
     fn locate(
         &self,
-        receptions: &[Reception],
+        receptions: &Receptions,
         config: &LocateConfig,
     ) -> Result<Located, LocateError> {
         let levels = levels(receptions)?;

@@ -1,4 +1,4 @@
-use foxhunt_core::{Estimate, Reception};
+use foxhunt_core::{Estimate, Receptions};
 use foxhunt_filters::{BatchError, Censoring, ShadowedReading};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
@@ -118,10 +118,10 @@ fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
 impl Locator for LeastAbsolute {
     fn locate(
         &self,
-        receptions: &[Reception],
+        receptions: &Receptions,
         config: &LocateConfig,
     ) -> Result<Located, LocateError> {
-        let levels = levels_and_silences(receptions)?;
+        let levels: Vec<_> = levels_and_silences(receptions)?.collect();
         let have = levels.iter().filter(|reading| reading.is_exact()).count();
         if have < 5 {
             return Err(BatchError::TooFew { what: "levels", have, need: 5 }.into());

@@ -1,6 +1,6 @@
 #[cfg(any(feature = "batch", feature = "maps"))]
 use foxhunt_core::Pose;
-use foxhunt_core::{Belief, Ellipse, Estimate, Reception, Remark};
+use foxhunt_core::{Belief, Ellipse, Estimate, Reception, Receptions, Remark};
 #[cfg(feature = "batch")]
 use foxhunt_core::{ByQuantity, Intake, Observation, Quantity, State};
 #[cfg(feature = "batch")]
@@ -272,7 +272,7 @@ impl Located {
 /// Locates a transmitter from all receptions at once.
 ///
 /// ```
-/// use foxhunt_core::{Estimate, Reception};
+/// use foxhunt_core::{Estimate, Reception, Receptions};
 /// use foxhunt_hunt::locate::{LocateConfig, LocateError, Located, Locator};
 ///
 /// /// Where the level was highest.
@@ -281,10 +281,10 @@ impl Located {
 /// impl Locator for Strongest {
 ///     fn locate(
 ///         &self,
-///         receptions: &[Reception],
+///         receptions: &Receptions,
 ///         _: &LocateConfig,
 ///     ) -> Result<Located, LocateError> {
-///         let level = |r: &&Reception| r.level.map_or(f64::NEG_INFINITY, |l| l.rss_dbm);
+///         let level = |r: &Reception| r.level.map_or(f64::NEG_INFINITY, |l| l.rss_dbm);
 ///         let strongest = receptions.iter().max_by(|a, b| level(a).total_cmp(&level(b)));
 ///         let strongest = strongest.ok_or(LocateError::Nothing { receptions: 0 })?;
 ///         Ok(Located::at(Estimate::isotropic(strongest.receiver.position.xy(), 50.0)))
@@ -300,7 +300,7 @@ pub trait Locator: Send + Sync {
     /// [`LocateError`] when there is too little to go by, or they cannot be used.
     fn locate(
         &self,
-        receptions: &[Reception],
+        receptions: &Receptions,
         config: &LocateConfig,
     ) -> Result<Located, LocateError>;
 
@@ -324,20 +324,20 @@ pub trait Locator: Send + Sync {
 
 /// σ of the receivers' own positions on each horizontal axis in metres, the root of the mean
 /// variance; 0 where they are known.
-pub(crate) fn receiver_sigma_m(receptions: &[Reception]) -> f64 {
-    let variance = |r: &Reception| r.receiver_sigma_m.map_or(0.0, |s| 0.5 * s.xy().norm_squared());
+pub(crate) fn receiver_sigma_m(receptions: &Receptions) -> f64 {
+    let variance = |r: Reception| r.receiver_sigma_m.map_or(0.0, |s| 0.5 * s.xy().norm_squared());
     let count = u32::try_from(receptions.len()).unwrap_or(u32::MAX).max(1);
     (receptions.iter().map(variance).sum::<f64>() / f64::from(count)).sqrt()
 }
 
 /// Level or silence, and bearing, of each reception.
 #[cfg(feature = "batch")]
-pub(super) fn pairs(receptions: &[Reception]) -> Result<Vec<Observation<2>>, LocateError> {
+pub(super) fn pairs(receptions: &Receptions) -> Result<Vec<Observation<2>>, LocateError> {
     let intake = ByQuantity([Quantity::RSS, Quantity::BEARING]);
     let mut observations = Vec::with_capacity(receptions.len());
     for (index, reception) in receptions.iter().enumerate() {
         // A silence is an observation of the floor, below which the level lay.
-        let stood_in = Reception { level: reception.level.or(reception.silence), ..*reception };
+        let stood_in = Reception { level: reception.level.or(reception.silence), ..reception };
         let made = intake.observation(&stood_in).map_err(|source| LocateError::Reception {
             index,
             time: reception.time,
@@ -352,9 +352,9 @@ pub(super) fn pairs(receptions: &[Reception]) -> Result<Vec<Observation<2>>, Loc
 /// The levels along the path, with the floors of silences and the ceilings of saturated receivers
 /// among them; at least one level.
 pub(super) fn levels_and_silences(
-    receptions: &[Reception],
-) -> Result<Vec<ShadowedReading>, LocateError> {
-    let reading = |r: &Reception| {
+    receptions: &Receptions,
+) -> Result<impl Iterator<Item = ShadowedReading>, LocateError> {
+    let reading = |r: Reception| {
         let level = r.any_level()?;
         let censoring = match (r.level, r.silence) {
             (Some(_), _) => Censoring::None,
@@ -363,9 +363,8 @@ pub(super) fn levels_and_silences(
         };
         Some(ShadowedReading { receiver: r.receiver, value: level.rss_dbm, censoring })
     };
-    let readings: Vec<_> = receptions.iter().filter_map(reading).collect();
-    let has_levels = readings.iter().any(ShadowedReading::is_exact);
-    if has_levels { Ok(readings) } else { Err(LocateError::NoLevels) }
+    let has_levels = receptions.iter().any(|r| r.level.is_some());
+    if has_levels { Ok(receptions.iter().filter_map(reading)) } else { Err(LocateError::NoLevels) }
 }
 
 /// Returns the other optima of a batch, each with the logarithm of its density over the best one's.
@@ -420,8 +419,8 @@ const ONE_PLACE_M: f64 = 0.1;
 
 /// The levels, each with its receiver, along the path.
 #[cfg(feature = "maps")]
-pub(super) fn levels(receptions: &[Reception]) -> Result<Vec<(Pose, f64)>, LocateError> {
-    let level = |r: &Reception| Some((r.receiver, r.level?.rss_dbm));
+pub(super) fn levels(receptions: &Receptions) -> Result<Vec<(Pose, f64)>, LocateError> {
+    let level = |r: Reception| Some((r.receiver, r.level?.rss_dbm));
     let levels: Vec<_> = receptions.iter().filter_map(level).collect();
     if levels.is_empty() { Err(LocateError::NoLevels) } else { Ok(levels) }
 }

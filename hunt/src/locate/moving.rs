@@ -1,8 +1,8 @@
 use core::f64::consts::{LN_10, PI};
 
 use foxhunt_core::{
-    ByQuantity, Intake, MeasurementModel, Observation, Pose, Quantity, Reception, elementary,
-    parameter::positive,
+    ByQuantity, Intake, MeasurementModel, Observation, Pose, Quantity, Reception, Receptions,
+    elementary, parameter::positive,
 };
 use foxhunt_filters::{Places, PosteriorMap, TrackGrid, TrackModel};
 use foxhunt_sensors::BearingOnly;
@@ -59,7 +59,7 @@ pub struct Tracked {
 ///
 /// [`LocateError`] where there is too little to go by, or the receptions cannot be used.
 pub fn track(
-    receptions: &[Reception],
+    receptions: &Receptions,
     listeners: &[Listener],
     locate: &LocateConfig,
     config: &TrackingConfig,
@@ -73,7 +73,7 @@ pub fn track(
 ///
 /// As [`track`].
 pub fn track_watched(
-    receptions: &[Reception],
+    receptions: &Receptions,
     listeners: &[Listener],
     locate: &LocateConfig,
     config: &TrackingConfig,
@@ -206,12 +206,10 @@ impl Received {
 /// by ρ is worth (1 − ρ)/(1 + ρ) of an independent one (Bayley & Hammersley 1946), and half the
 /// mean squared difference of neighbours is σ² (1 − ρ). Zero where too few levels tell, and without
 /// a network: the levels of one or two receivers follow no single law, and count for little.
-fn share_of_repeated_levels(receptions: &[Reception], correlation_s: f64) -> f64 {
+fn share_of_repeated_levels(receptions: &Receptions, correlation_s: f64) -> f64 {
     let mut last: Vec<(Pose, f64, f64)> = Vec::new();
     let mut differences: Vec<f64> = Vec::new();
-    let mut ordered: Vec<&Reception> = receptions.iter().filter(|r| r.level.is_some()).collect();
-    ordered.sort_by(|a, b| a.time.total_cmp(&b.time));
-    for reception in ordered {
+    for (_, reception) in receptions.in_time() {
         let Some(level) = reception.level else { continue };
         let here = reception.receiver;
         let near =
@@ -289,15 +287,13 @@ fn share_out(windows: &mut [Window], correlation_s: f64, repeated: f64) {
 const SAME_SHADOWS_M: f64 = 50.0;
 
 fn windows(
-    receptions: &[Reception],
+    receptions: &Receptions,
     listeners: &[Listener],
     window_s: f64,
 ) -> Result<Vec<Window>, LocateError> {
-    let mut ordered: Vec<(usize, &Reception)> = receptions.iter().enumerate().collect();
-    ordered.sort_by(|a, b| a.1.time.total_cmp(&b.1.time));
     let mut windows: Vec<Window> = Vec::new();
-    let mut of_window: Vec<(usize, &Reception)> = Vec::new();
-    let mut ordered = ordered.into_iter().peekable();
+    let mut of_window: Vec<(usize, Reception)> = Vec::new();
+    let mut ordered = receptions.in_time().peekable();
     while let Some(first) = ordered.peek().map(|(_, reception)| reception.time) {
         of_window.clear();
         while let Some(next) = ordered.next_if(|(_, r)| r.time < first + window_s) {
@@ -316,7 +312,7 @@ fn windows(
 
 impl Window {
     fn of(
-        receptions: &[(usize, &Reception)],
+        receptions: &[(usize, Reception)],
         listeners: &[Listener],
         until: f64,
     ) -> Result<Self, LocateError> {
@@ -326,10 +322,10 @@ impl Window {
         let mut sum_s = 0.0;
         let mut count = 0.0;
         let mut first = f64::INFINITY;
-        for &(index, reception) in receptions {
+        for (index, reception) in receptions {
             let bearing = ByQuantity([Quantity::BEARING]).observation(reception);
             let bearing = bearing.map_err(|source| LocateError::Reception {
-                index,
+                index: *index,
                 time: reception.time,
                 source: source.into(),
             })?;
@@ -645,6 +641,15 @@ mod tests {
         STATIONS.map(listens).to_vec()
     }
 
+    fn follow(
+        received: &[Reception],
+        listeners: &[Listener],
+        locate: &LocateConfig,
+        config: &TrackingConfig,
+    ) -> Result<Tracked, LocateError> {
+        track(&received.into(), listeners, locate, config)
+    }
+
     /// Errors, NEES and whether the ellipse holds the truth, over all places of some tracks.
     fn judged(tracks: u64, memory_s: f64, config: &TrackingConfig) -> (f64, f64, f64) {
         let mut error = 0.0;
@@ -653,7 +658,7 @@ mod tests {
         let mut count = 0.0;
         for seed in 0..tracks {
             let (received, way) = walk(700 + seed, memory_s);
-            let tracked = track(&received, &listeners(), &LocateConfig::default(), config);
+            let tracked = follow(&received, &listeners(), &LocateConfig::default(), config);
             for (time, located) in tracked.expect("a track").places {
                 // A window's time is that of its bursts on average: between two of them.
                 let at = |&&(other, _): &&(f64, Vector2<f64>)| other <= time + 1e-9;
@@ -720,7 +725,7 @@ mod tests {
         let mut held = 0;
         for seed in 0..6 {
             let (received, way) = in_turns(seed);
-            let tracked = track(&received, &[], &LocateConfig::default(), &config);
+            let tracked = follow(&received, &[], &LocateConfig::default(), &config);
             for ((_, located), truth) in tracked.expect("a track").places.iter().zip(&way) {
                 errors.push((located.estimate.mean - truth).norm());
                 majors.push(located.ellipse_95().map_or(f64::INFINITY, |e| e.semi_major));
@@ -748,7 +753,7 @@ mod tests {
         let power = Power::Known { reference_dbm: -25.0, exponent: 2.6 };
         let config = LocateConfig { power, ..LocateConfig::default() };
         let mean_of = |received: &[Reception], listeners: &[Listener]| {
-            let tracked = track(received, listeners, &config, &TrackingConfig::default());
+            let tracked = follow(received, listeners, &config, &TrackingConfig::default());
             let places = tracked.expect("a track").places;
             places.iter().map(|(_, located)| located.estimate.mean.sum()).sum::<f64>() / 6.0_f64
         };
@@ -786,7 +791,7 @@ mod tests {
             });
             let locate = LocateConfig::default();
             let config = TrackingConfig::default();
-            let tracked = track(&received, &[], &locate, &config).expect("a track");
+            let tracked = follow(&received, &[], &locate, &config).expect("a track");
             let (_, first) = &tracked.places[0];
             assert!(first.ellipse_95_holds(&truth) == Some(true), "{first:?}");
             let major = first.ellipse_95().map_or(f64::INFINITY, |ellipse| ellipse.semi_major);
@@ -798,7 +803,7 @@ mod tests {
     fn bad_input_is_named() {
         let config = TrackingConfig::default();
         let refused = |received: &[Reception], config: &TrackingConfig| {
-            let error = track(received, &[], &LocateConfig::default(), config);
+            let error = follow(received, &[], &LocateConfig::default(), config);
             error.expect_err("refused").to_string()
         };
         assert!(refused(&[], &config).contains("0 receptions"));

@@ -1,4 +1,4 @@
-use foxhunt_core::Reception;
+use foxhunt_core::{Reception, Receptions};
 use nalgebra::Vector3;
 
 /// Speed between two receptions above which they are of different paths, in metres per second; less
@@ -8,36 +8,36 @@ const MOST_SPEED_MPS: f64 = 300.0;
 /// Paths of the receivers through their receptions, each in the order of time.
 #[derive(Clone, Debug)]
 pub(crate) struct Paths<'a> {
-    receptions: &'a [Reception],
+    receptions: &'a Receptions,
     /// Index behind the last reception of each path.
     ends: Vec<usize>,
 }
 
 impl<'a> Paths<'a> {
     /// Cuts receptions, one receiver after the other, where time goes back or a receiver jumps.
-    pub(crate) fn new(receptions: &'a [Reception]) -> Self {
+    pub(crate) fn new(receptions: &'a Receptions) -> Self {
         let pairs = receptions.iter().zip(receptions.iter().skip(1)).enumerate();
-        let is_cut = |(before, after): (&Reception, &Reception)| {
+        let is_cut = |(before, after): &(Reception, Reception)| {
             let seconds = after.time - before.time;
             let way = after.receiver.position - before.receiver.position;
             !(seconds >= 0.0 && way.norm() <= MOST_SPEED_MPS * seconds.max(1.0))
         };
-        let ends = pairs.filter(|(_, pair)| is_cut(*pair)).map(|(index, _)| index + 1);
+        let ends = pairs.filter(|(_, pair)| is_cut(pair)).map(|(index, _)| index + 1);
         let ends = ends.chain([receptions.len()]).collect();
         Self { receptions, ends }
     }
 
-    /// Returns the paths.
-    fn each(&self) -> impl Iterator<Item = &'a [Reception]> {
+    /// Returns the indices of the first reception of each path, and behind the last.
+    fn each(&self) -> impl Iterator<Item = [usize; 2]> {
         let begins = std::iter::once(0).chain(self.ends.iter().copied());
-        let parts = begins.zip(self.ends.iter().copied());
-        parts.map(|(begin, end)| self.receptions.get(begin..end).unwrap_or_default())
+        begins.zip(self.ends.iter().copied()).map(|(begin, end)| [begin, end])
     }
 
     /// Length of all paths together, in metres.
     pub(crate) fn length_m(&self) -> f64 {
-        let of = |path: &[Reception]| -> f64 {
-            let pairs = path.iter().zip(path.iter().skip(1));
+        let of = |[begin, end]: [usize; 2]| -> f64 {
+            let path = self.receptions.range(begin, end);
+            let pairs = path.clone().zip(path.skip(1));
             pairs.map(|(a, b)| (b.receiver.position - a.receiver.position).norm()).sum()
         };
         self.each().map(of).sum()
@@ -45,33 +45,32 @@ impl<'a> Paths<'a> {
 
     /// Returns one reception in `stride`, with its receiver where it was `offset_s` later; before
     /// and behind its path it is at the end of it.
-    pub(crate) fn shifted(&self, offset_s: f64, stride: usize) -> Vec<Reception> {
+    pub(crate) fn shifted(&self, offset_s: f64, stride: usize) -> Receptions {
         let stride = stride.max(1);
-        let mut shifted = Vec::with_capacity(self.receptions.len() / stride + 1);
-        let mut begin = 0_usize;
-        for path in self.each() {
-            let skipped = begin.next_multiple_of(stride) - begin;
-            for reception in path.iter().skip(skipped).step_by(stride) {
-                let mut own = *reception;
-                if let Some(position) = at(path, reception.time + offset_s) {
+        let mut shifted = Receptions::with_capacity(self.receptions.len() / stride + 1);
+        for [begin, end] in self.each() {
+            let first = begin.next_multiple_of(stride);
+            for mut own in self.receptions.range(first, end).step_by(stride) {
+                if let Some(position) = self.at([begin, end], own.time + offset_s) {
                     own.receiver.position = position;
                 }
                 shifted.push(own);
             }
-            begin += path.len();
         }
         shifted
     }
-}
 
-/// Returns the place of a receiver at a time; `None` without a path.
-fn at(path: &[Reception], time: f64) -> Option<Vector3<f64>> {
-    let next = path.partition_point(|reception| reception.time < time);
-    let after = path.get(next).or(path.last())?;
-    let before = path.get(next.saturating_sub(1))?;
-    let seconds = after.time - before.time;
-    let share = if seconds > 0.0 { ((time - before.time) / seconds).clamp(0.0, 1.0) } else { 0.0 };
-    Some(before.receiver.position.lerp(&after.receiver.position, share))
+    /// Returns the place of the receiver of a path at a time; `None` without a path.
+    fn at(&self, [begin, end]: [usize; 2], time: f64) -> Option<Vector3<f64>> {
+        let next = self.receptions.not_before([begin, end], time);
+        let last = end.checked_sub(1)?;
+        let after = self.receptions.get(next.min(last))?;
+        let before = self.receptions.get(next.saturating_sub(1).max(begin))?;
+        let seconds = after.time - before.time;
+        let share =
+            if seconds > 0.0 { ((time - before.time) / seconds).clamp(0.0, 1.0) } else { 0.0 };
+        Some(before.receiver.position.lerp(&after.receiver.position, share))
+    }
 }
 
 #[cfg(test)]
@@ -86,9 +85,9 @@ mod tests {
 
     #[test]
     fn a_receiver_is_where_it_was_later() {
-        let walks: Vec<_> =
+        let walks: Receptions =
             (0..5_u8).map(|i| reception(f64::from(i), 2.0 * f64::from(i))).collect();
-        let east = |receptions: &[Reception], offset_s| -> Vec<f64> {
+        let east = |receptions: &Receptions, offset_s| -> Vec<f64> {
             let shifted = Paths::new(receptions).shifted(offset_s, 1);
             shifted.iter().map(|own| own.receiver.position.x).collect()
         };
@@ -96,12 +95,12 @@ mod tests {
         assert_eq!(east(&walks, 1.5), [3.0, 5.0, 7.0, 8.0, 8.0]);
         assert_eq!(east(&walks, -1.0), [0.0, 0.0, 2.0, 4.0, 6.0]);
         // A second receiver has a path of its own.
-        let both: Vec<_> = walks.iter().chain(&[reception(0.0, 50.0)]).copied().collect();
+        let both: Receptions = walks.iter().chain([reception(0.0, 50.0)]).collect();
         assert_eq!(east(&both, 1.0), [2.0, 4.0, 6.0, 8.0, 8.0, 50.0]);
         assert!((Paths::new(&both).length_m() - 8.0).abs() < 1e-12);
-        let apart = [reception(0.0, 0.0), reception(1.0, 5000.0)];
+        let apart: Receptions = [reception(0.0, 0.0), reception(1.0, 5000.0)].into_iter().collect();
         assert_eq!(east(&apart, 0.5), [0.0, 5000.0]);
-        assert!(Paths::new(&[]).shifted(1.0, 1).is_empty());
+        assert!(Paths::new(&Receptions::default()).shifted(1.0, 1).is_empty());
         assert_eq!(Paths::new(&walks).shifted(0.0, 2).len(), 3);
     }
 }

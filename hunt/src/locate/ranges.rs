@@ -1,4 +1,4 @@
-use foxhunt_core::{Estimate, Level, Measured, Quantity, Reception, Remark};
+use foxhunt_core::{Estimate, Level, Measured, Quantity, Reception, Receptions, Remark};
 use foxhunt_filters::{
     BatchError, BatchFix, BatchSolver, Marginal, SlantRange, SlantRangeDifference, multilaterate,
     multilaterate_with_bias, range_bias_sigmas, spherical_intersection,
@@ -20,10 +20,10 @@ pub(crate) struct Multilateration;
 impl Locator for Multilateration {
     fn locate(
         &self,
-        receptions: &[Reception],
+        receptions: &Receptions,
         config: &LocateConfig,
     ) -> Result<Located, LocateError> {
-        let measured = |r: &Reception| {
+        let measured = |r: Reception| {
             let range = r.measured.get(Quantity::RANGE)?;
             let receiver = r.receiver.position;
             Some(SlantRange { receiver, range: range.value, sigma: range.sigma })
@@ -46,8 +46,8 @@ impl Locator for Multilateration {
             let range = |r: &Reception, level: Option<Level>| {
                 Some(range_of(level?, r.receiver.position, &law, of_law))
             };
-            ranges = receptions.iter().filter_map(|r| range(r, r.level)).collect();
-            beyond = receptions.iter().filter_map(|r| range(r, r.silence)).collect();
+            ranges = receptions.iter().filter_map(|r| range(&r, r.level)).collect();
+            beyond = receptions.iter().filter_map(|r| range(&r, r.silence)).collect();
         }
         if ranges.is_empty() {
             return Err(LocateError::NoLevels);
@@ -245,7 +245,7 @@ pub(crate) struct RangeDifferences;
 impl Locator for RangeDifferences {
     fn locate(
         &self,
-        receptions: &[Reception],
+        receptions: &Receptions,
         config: &LocateConfig,
     ) -> Result<Located, LocateError> {
         let quantity = Quantity::RANGE_DIFFERENCE;

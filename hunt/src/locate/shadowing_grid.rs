@@ -1,4 +1,4 @@
-use foxhunt_core::{Pose, Reception, elementary::ln};
+use foxhunt_core::{Pose, Receptions, elementary::ln};
 use foxhunt_filters::{Intercept, PlacePrior, ShadowingGrid, ShadowingGridConfig, Slope};
 use nalgebra::Vector2;
 
@@ -52,7 +52,7 @@ const HEIGHTS: [(f64, f64); 5] =
 const LEAST_MOST_M: f64 = 6.0;
 
 /// Returns the prior of the transmitter's height: below the highest receiver, or near the ground.
-fn heights(receptions: &[Reception]) -> Slope {
+fn heights(receptions: &Receptions) -> Slope {
     let ups = receptions.iter().map(|reception| reception.receiver.position.z);
     let most = ups.fold(LEAST_MOST_M, f64::max);
     let below = HEIGHTS.iter().filter(|(height, _)| *height <= most);
@@ -79,10 +79,11 @@ fn prior_of(calibrated: &CalibratedPower) -> Result<(Intercept, Slope), LocateEr
 impl Locator for CorrelatedShadowing {
     fn locate(
         &self,
-        receptions: &[Reception],
+        receptions: &Receptions,
         config: &LocateConfig,
     ) -> Result<Located, LocateError> {
         let readings = levels_and_silences(receptions)?;
+        let observations = receptions.iter().filter(|r| r.any_level().is_some()).count();
         let defaults = ShadowingGridConfig::over(extent_m(receptions));
         let receiver_sigma_m = receiver_sigma_m(receptions);
         let (intercept, slope) = match config.power {
@@ -130,19 +131,19 @@ impl Locator for CorrelatedShadowing {
         };
         #[cfg(feature = "batch")]
         let fix = {
-            let lines: Vec<_> = receptions.iter().filter_map(weighted_line).collect();
+            let lines: Vec<_> = receptions.iter().filter_map(|r| weighted_line(&r)).collect();
             let bearings = bearing_grid(config).log_likelihood(&lines);
             let bearings = bearings.map_err(LocateError::Bearings)?;
             let others = receptions.iter().filter(|reception| reception.has_bearing());
             let others: Vec<Pose> = others.map(|reception| reception.receiver).collect();
-            grid.locate_with(&readings, regressors, &others, bearings)?
+            grid.locate_with(readings, regressors, &others, bearings)?
         };
         #[cfg(not(feature = "batch"))]
-        let fix = grid.locate_with(&readings, regressors, &[], |_| 0.0)?;
+        let fix = grid.locate_with(readings, regressors, &[], |_| 0.0)?;
         let map = fix.finest();
         let estimate = map.about(map.median());
         Ok(Located {
-            observations: readings.len(),
+            observations,
             border_mass: Some(fix.border_mass),
             regions_95: regions(map, 0.95),
             explanation: Some(Explanation {

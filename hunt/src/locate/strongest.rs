@@ -1,4 +1,4 @@
-use foxhunt_core::{Estimate, Reception};
+use foxhunt_core::{Estimate, Receptions};
 use foxhunt_filters::{Censoring, ShadowedReading};
 use nalgebra::{Matrix2, Vector2};
 
@@ -11,8 +11,8 @@ use super::{LocateConfig, LocateError, Located, Locator, located::levels_and_sil
 pub(crate) struct Strongest;
 
 impl Locator for Strongest {
-    fn locate(&self, receptions: &[Reception], _: &LocateConfig) -> Result<Located, LocateError> {
-        let mut levels = levels_and_silences(receptions)?;
+    fn locate(&self, receptions: &Receptions, _: &LocateConfig) -> Result<Located, LocateError> {
+        let mut levels: Vec<_> = levels_and_silences(receptions)?.collect();
         let place = |at: &ShadowedReading| at.receiver.position.xy();
         levels.sort_by(|a, b| b.censoring.cmp(&a.censoring).then(b.value.total_cmp(&a.value)));
         let strongest = place(levels.first().ok_or(LocateError::NoLevels)?);
@@ -40,11 +40,9 @@ impl Locator for Strongest {
 pub(crate) struct WeightedCentroid;
 
 impl Locator for WeightedCentroid {
-    fn locate(&self, receptions: &[Reception], _: &LocateConfig) -> Result<Located, LocateError> {
-        let levels: Vec<ShadowedReading> = levels_and_silences(receptions)?
-            .into_iter()
-            .filter(|r| r.censoring != Censoring::Below)
-            .collect();
+    fn locate(&self, receptions: &Receptions, _: &LocateConfig) -> Result<Located, LocateError> {
+        let levels: Vec<ShadowedReading> =
+            levels_and_silences(receptions)?.filter(|r| r.censoring != Censoring::Below).collect();
         let most = levels.iter().map(|r| r.value).fold(f64::NEG_INFINITY, f64::max);
         let weighed = |r: &ShadowedReading| {
             (libm::pow(10.0_f64, (r.value - most) / 20.0), r.receiver.position.xy())

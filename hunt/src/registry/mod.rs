@@ -310,7 +310,7 @@ mod tests {
             assert!(menu.contains(&&*scenario.estimator), "{}", scenario.name);
         }
         let suited = |receptions: &[Reception]| {
-            registry.suited_to(receptions).expect("an estimator").name.clone()
+            registry.suited_to(&receptions.into()).expect("an estimator").name.clone()
         };
         let bearing = Bearing { angle: 0.5, sigma: 0.1, confidence: 0.9 };
         let level = Level { rss_dbm: -60.0, sigma_db: 4.0 };

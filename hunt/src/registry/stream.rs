@@ -2,7 +2,7 @@ use std::borrow::Cow;
 
 use foxhunt_core::{
     BeaconId, BearingModes, Correction, Estimate, Level, MeasuredList, Pose, Quantity, Reception,
-    Remark,
+    Receptions, Remark,
 };
 use foxhunt_filters::ShadowingGridConfig;
 use foxhunt_sensors::{AntennaError, LogDistance, OverTerrain, RssBearing};
@@ -30,7 +30,7 @@ impl EstimatorEntry {
     /// [`LocateError`] when there is too little to go by, or the estimator cannot use it.
     pub fn locate(
         &self,
-        receptions: &[Reception],
+        receptions: &Receptions,
         config: &LocateConfig,
     ) -> Result<Located, LocateError> {
         self.locate_named(receptions, config, &|_| None)
@@ -44,11 +44,11 @@ impl EstimatorEntry {
     /// [`LocateError`] when there is too little to go by, or the estimator cannot use it.
     pub fn locate_named(
         &self,
-        receptions: &[Reception],
+        receptions: &Receptions,
         config: &LocateConfig,
         name: &dyn Fn(usize) -> Option<String>,
     ) -> Result<Located, LocateError> {
-        let holds = |r: &Reception| r.level.is_some() || r.has_bearing() || !r.measured.is_empty();
+        let holds = |r: Reception| r.level.is_some() || r.has_bearing() || !r.measured.is_empty();
         if !receptions.iter().any(holds) {
             return Err(LocateError::Nothing { receptions: receptions.len() });
         }
@@ -71,12 +71,10 @@ impl EstimatorEntry {
         if outliers.is_empty() {
             return Ok(located);
         }
-        let mut kept = receptions.to_vec();
-        for index in &outliers {
-            if let Some(reception) = kept.get_mut(*index) {
-                *reception = without_geometry(reception);
-            }
-        }
+        let kept = receptions.iter().enumerate().map(|(index, reception)| {
+            if outliers.contains(&index) { without_geometry(reception) } else { reception }
+        });
+        let kept: Receptions = kept.collect();
         let without = self.unexamined(&kept, config);
         match without {
             Ok(mut without) if self.leaves_out_outliers() => {
@@ -115,7 +113,7 @@ impl EstimatorEntry {
     pub fn remarks_in_flight(
         &self,
         estimate: &Estimate<2>,
-        receptions: &[Reception],
+        receptions: &Receptions,
         model: &ModelConfig,
     ) -> Vec<Remark> {
         let knows_power = self.settings().is_none_or(|s| s.power_sigma_db.is_none());
@@ -146,7 +144,7 @@ impl EstimatorEntry {
     pub fn residuals(
         &self,
         located: &Located,
-        receptions: &[Reception],
+        receptions: &Receptions,
         config: &LocateConfig,
     ) -> Vec<Residual> {
         let config = LocateConfig { target_up_m: located.up_m(config), ..config.clone() };
@@ -156,7 +154,7 @@ impl EstimatorEntry {
     /// Locates a transmitter without a look at how well the receptions fit.
     fn unexamined(
         &self,
-        receptions: &[Reception],
+        receptions: &Receptions,
         config: &LocateConfig,
     ) -> Result<Located, LocateError> {
         let receptions = &*about_law(receptions, config.power);
@@ -212,10 +210,10 @@ impl Registry {
     /// # Errors
     ///
     /// [`RegistryError`] where it is not in the registry.
-    pub fn suited_to(&self, receptions: &[Reception]) -> Result<&EstimatorEntry, RegistryError> {
-        let bearings = receptions.iter().any(Reception::has_bearing);
+    pub fn suited_to(&self, receptions: &Receptions) -> Result<&EstimatorEntry, RegistryError> {
+        let bearings = receptions.iter().any(|r| r.has_bearing());
         let plain =
-            |r: &Reception| r.level.is_none() && r.bearing.is_some() && r.measured.is_empty();
+            |r: Reception| r.level.is_none() && r.bearing.is_some() && r.measured.is_empty();
         let levels = || {
             receptions.iter().all(|r| r.measured.is_empty()) && have_levels_of_places(receptions)
         };
@@ -229,7 +227,7 @@ impl Registry {
 }
 
 /// Returns the receptions with the receivers where they were by the measurements' clock.
-fn on_clock<'a>(receptions: &'a [Reception], config: &LocateConfig) -> Cow<'a, [Reception]> {
+fn on_clock<'a>(receptions: &'a Receptions, config: &LocateConfig) -> Cow<'a, Receptions> {
     if config.clock_offset_s.abs() > 0.0 {
         Cow::Owned(Paths::new(receptions).shifted(config.clock_offset_s, 1))
     } else {
@@ -238,32 +236,32 @@ fn on_clock<'a>(receptions: &'a [Reception], config: &LocateConfig) -> Cow<'a, [
 }
 
 /// Returns the receptions with at least the calibration's σ of levels.
-fn about_law(receptions: &[Reception], power: Power) -> Cow<'_, [Reception]> {
+fn about_law(receptions: &Receptions, power: Power) -> Cow<'_, Receptions> {
     let Power::Calibrated(CalibratedPower { sigma_db, .. }) = power else {
         return Cow::Borrowed(receptions);
     };
     let widened = |level: &mut Level| level.sigma_db = level.sigma_db.max(sigma_db);
-    let mut own = receptions.to_vec();
-    for reception in &mut own {
+    let own = receptions.iter().map(|mut reception| {
         let levels = [&mut reception.level, &mut reception.silence, &mut reception.saturation];
         levels.into_iter().flatten().for_each(widened);
-    }
-    Cow::Owned(own)
+        reception
+    });
+    Cow::Owned(own.collect())
 }
 
 /// Returns a reception without its bearing and its other measurements; the level stays.
-fn without_geometry(reception: &Reception) -> Reception {
+fn without_geometry(reception: Reception) -> Reception {
     Reception {
         bearing: None,
         modes: BearingModes::default(),
         covariance: 0.0,
         measured: MeasuredList::default(),
-        ..*reception
+        ..reception
     }
 }
 
 /// Returns true if there are levels of the three places that `shadowing-grid` needs.
-fn have_levels_of_places(receptions: &[Reception]) -> bool {
+fn have_levels_of_places(receptions: &Receptions) -> bool {
     let extent_m = extent_m(receptions);
     let apart_m = ShadowingGridConfig::over(extent_m).segment_m;
     let mut last: Option<Pose> = None;
@@ -281,7 +279,7 @@ fn have_levels_of_places(receptions: &[Reception]) -> bool {
 
 /// One reception after the other, in the order of time.
 fn in_time(
-    receptions: &[Reception],
+    receptions: &Receptions,
     estimator: &EstimatorEntry,
     config: &LocateConfig,
 ) -> Result<Located, LocateError> {
@@ -341,11 +339,9 @@ fn in_time(
     let mut track = estimator.track(&request, false).map_err(LocateError::Start)?;
     let mut used = 0;
     let mut left_out = Vec::new();
-    let mut in_time: Vec<(usize, &Reception)> = receptions.iter().enumerate().collect();
-    in_time.sort_by(|(_, a), (_, b)| a.time.total_cmp(&b.time));
-    for (index, reception) in in_time {
+    for (index, reception) in receptions.in_time() {
         // A recording has no formation positions.
-        match track.update(reception, false) {
+        match track.update(&reception, false) {
             Ok(TrackStep::Updated { correction: Correction::Fused { .. }, .. }) => used += 1,
             Ok(TrackStep::Updated { correction: Correction::Rejected { .. }, .. }) => {
                 left_out.push(index);

@@ -217,7 +217,7 @@ fn files_share_a_frame_or_none() {
     let both = Recording::read_all(["r.csv", "d.csv", "r.csv", "l.csv"].map(path), &default);
     let both = both.expect("ranges have no frame, degrees share one");
     assert_eq!(both[3].frame(), both[1].frame());
-    let north = both[3].records()[0].receiver.expect("located").position;
+    let north = both[3].records()[0].receiver().expect("located").position;
     // pymap3d 3.2.0: geodetic2enu(50.001, 14, 0, 50, 14, 0)
     assert!((north - nalgebra::Vector3::new(0.0, 111.229_073_619_5, 0.0)).norm() < 1e-6, "{north}");
     assert_eq!((both[3].dropped()[0].rule.as_str(), both[3].dropped()[0].rows), ("a position", 1));
@@ -226,7 +226,7 @@ fn files_share_a_frame_or_none() {
     let given = default.with_frame(frame.expect("a place"));
     let both = Recording::read_all(["m.csv", "d.csv"].map(path), &given).expect("one frame");
     assert!(both.iter().all(|recording| recording.frame() == given.frame));
-    let west = both[1].records()[0].receiver.expect("located").position;
+    let west = both[1].records()[0].receiver().expect("located").position;
     assert!(west.x < -70.0 && west.x > -73.0, "{west}");
 }
 

@@ -65,11 +65,11 @@ fn levels_without_places_are_joined_by_time() {
     for name in LOGS {
         let recording = along(name, "levels.csv", 0.0).expect(name);
         assert_eq!(recording.records().len(), 118, "{name}");
-        let place = recording.records()[40].receiver.expect("a place").position;
+        let place = recording.records()[40].receiver().expect("a place").position;
         places.push((place.x, place.y));
         // A clock of its own, and what it showed: 20 s at the path's begin.
         let own = along(name, "levels-own-clock.csv", BEGIN - 20.0).expect(name);
-        let other = own.records()[40].receiver.expect("a place").position;
+        let other = own.records()[40].receiver().expect("a place").position;
         assert!((other - place).norm() < 0.01, "{name}");
     }
     for (x, y) in &places {
@@ -198,12 +198,12 @@ fn levels_in_a_log_are_read_at_its_places() {
         // The log's clock in UTC is good to a message, and the last second may have no place.
         assert!(records.len() >= 149, "{name}: {}", records.len());
         // −40 − 25 log₁₀ of the distance, at 30 m of height over the first place.
-        let first = records[0].receiver.expect("a place").position;
+        let first = records[0].receiver().expect("a place").position;
         let off = |(east, north): (f64, f64)| (first.x - east).hypot(first.y - north);
         assert!(off((0.0, 0.0)) < 1.0, "{name}: {first}");
         let strongest =
             records.iter().max_by(|a, b| a.rss_dbm.partial_cmp(&b.rss_dbm).expect("numbers"));
-        let place = strongest.and_then(|record| record.receiver).expect("a place").position;
+        let place = strongest.and_then(|record| record.receiver()).expect("a place").position;
         assert!((place.x - 60.0).hypot(place.y - 45.0) < 40.0, "{name} {level:?}: {place}");
         let level = records[0].rss_dbm.expect("a level");
         let law = -40.0 - 25.0 * 80.8_f64.log10();

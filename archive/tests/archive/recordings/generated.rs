@@ -396,12 +396,15 @@ fn located(receptions: &[Reception], estimator: &str) -> Located {
     let entry = registry.estimator(estimator).expect("it has a name");
     let config =
         LocateConfig { reference_m: Some(REFERENCE), margin_m: 100.0, ..LocateConfig::default() };
-    entry.locate(receptions, &config).expect("it is located")
+    entry.locate(&receptions.into(), &config).expect("it is located")
 }
 
 fn received(file: &str, beacon: Option<&str>) -> Vec<Reception> {
     let config = ReceptionConfig { rss_sigma_db: 2.0, positions: 32, ..ReceptionConfig::default() };
-    receptions(&[read(file)], beacon, &Pritzl2018::default(), &config).expect("they are of use")
+    receptions(&[read(file)], beacon, &Pritzl2018::default(), &config)
+        .expect("they are of use")
+        .iter()
+        .collect()
 }
 
 fn miss(located: &Located) -> f64 {
@@ -509,7 +512,7 @@ fn a_flight_over_a_tower_without_the_ground() {
     let dropped: Vec<_> = recording.dropped().iter().map(|d| (d.rule.as_str(), d.rows)).collect();
     assert_eq!(dropped, [("alt_agl_m ≥ 2", 2)]);
     assert_eq!(recording.ignored_columns(), ["pitch_deg", "roll_deg"]);
-    assert!(recording.records().iter().all(|r| r.receiver.is_some_and(|p| p.position.z >= 8.0)));
+    assert!(recording.records().iter().all(|r| r.receiver().is_some_and(|p| p.position.z >= 8.0)));
 }
 
 #[test]
@@ -523,7 +526,7 @@ fn animals_and_days_are_beacons_with_a_truth_each() {
         assert_eq!(recorded_truth(&recordings, Some(name)), Some(otter(number)), "{name}");
         let config = ReceptionConfig::default();
         let received = receptions(&recordings, Some(name), &Pritzl2018::default(), &config);
-        let received = received.expect("they are of use");
+        let received: Vec<_> = received.expect("they are of use").iter().collect();
         assert_eq!(received.len(), 4);
         // Of 3° at 800 m; the place comes out in the file's own metres.
         let located = located(&received, "lenth1981");
@@ -557,7 +560,7 @@ fn directions_of_an_array_are_relative_to_the_heading() {
     assert_eq!((recording.beacons(), recording.drones()), (vec![Some("433920000")], vec!["rover"]));
     // Errors of 3° and of the rounding.
     for record in recording.records() {
-        let place = record.receiver.expect("it has places").position;
+        let place = record.receiver().expect("it has places").position;
         let origin = recording.frame().expect("in degrees").to_geodetic(&place);
         let place = frame().to_local(&origin);
         let bearing = record.bearing.expect("each row has one");

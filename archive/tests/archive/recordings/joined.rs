@@ -73,7 +73,7 @@ fn stations_and_truths_are_joined_by_name() {
     assert_eq!(recording.drones(), ["north", "south"]);
     let [north, south] = recording.records() else { panic!("{recording:?}") };
     let place = |record: &foxhunt_archive::recording::Record| {
-        record.receiver.map(|receiver| receiver.position)
+        record.receiver().map(|receiver| receiver.position)
     };
     assert_eq!(place(north), Some(Vector3::new(1500.0, 2000.0, 0.0)));
     assert_eq!(place(south), Some(Vector3::new(1000.0, -2000.0, 0.0)));

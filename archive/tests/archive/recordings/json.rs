@@ -47,7 +47,7 @@ fn bearings_of_other_programs_meet_at_the_transmitter() {
         assert_eq!(recording.records().len(), records, "{name}");
         let truth = recording.frame().expect("degrees").to_local(&TRUTH);
         for record in recording.records() {
-            let way = truth - record.receiver.expect("a place").position;
+            let way = truth - record.receiver().expect("a place").position;
             let bearing = record.bearing.expect("a bearing").angle;
             let off = foxhunt_core::angle::distance(bearing, way.y.atan2(way.x)).to_degrees();
             assert!(off.abs() < most_deg, "{name}, line {}: {off}°", record.line);
@@ -64,7 +64,7 @@ fn nodes_that_move_and_rooms_with_nodes_are_places() {
     let recording = file("espresense.txt");
     assert_eq!((recording.records().len(), recording.drones().len()), (50, 5));
     let kitchen = recording.records().iter().find(|record| &*record.drone == "kitchen");
-    let place = kitchen.expect("a room").receiver.expect("a place").position;
+    let place = kitchen.expect("a room").receiver().expect("a place").position;
     assert!((place - nalgebra::Vector3::new(8.0, 0.0, 2.0)).norm() < 1e-12, "{place}");
 }
 

@@ -13,7 +13,10 @@ fn read(text: &str, options: &ReadOptions) -> Result<Recording, RecordingError> 
 
 fn received(recording: Recording) -> Vec<Reception> {
     let config = ReceptionConfig::default();
-    receptions(&[recording], None, &Pritzl2018::default(), &config).expect("they are of use")
+    receptions(&[recording], None, &Pritzl2018::default(), &config)
+        .expect("they are of use")
+        .iter()
+        .collect()
 }
 
 #[test]

@@ -55,7 +55,7 @@ fn aerpaw_flights_are_read_in_one_frame() {
         );
         assert!(recording.sweeps(128).expect("none").is_empty(), "the antenna has no direction");
         for record in recording.records() {
-            let place = record.receiver.expect("located").position;
+            let place = record.receiver().expect("located").position;
             // The flights stay within the site, some hundred metres wide.
             assert!((15.0..120.0).contains(&place.z) && place.norm() < 1_000.0, "{place}");
         }
@@ -71,7 +71,7 @@ fn an_aerpaw_row_keeps_its_values() {
     let first = &recording.records()[0];
     let line = text.lines().nth(usize::try_from(first.line).expect("small") - 1).expect("a line");
     let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().expect("a number")).collect();
-    let receiver = first.receiver.expect("located");
+    let receiver = first.receiver().expect("located");
     assert_eq!(first.time, Some(cells[0]));
     assert_eq!(first.rss_dbm, Some(cells[9]));
     assert!((receiver.position.z - cells[3]).abs() < 1e-12);
@@ -100,7 +100,7 @@ fn lenths_bearings_bring_their_truth() {
     ];
     assert_eq!(recording.records().len(), stations.len());
     for (record, (x, y, bearing)) in recording.records().iter().zip(stations) {
-        let place = record.receiver.expect("located").position;
+        let place = record.receiver().expect("located").position;
         assert!((place.xy() - Vector2::new(x, y)).norm() < 1e-12 && place.z.abs() < 1e-12);
         let read = record.bearing.expect("a bearing");
         assert_compass(read.angle, bearing);
@@ -164,7 +164,7 @@ fn uavrt_rotations_are_one_turn_a_tag() {
     let first = &recording.records()[0];
     assert_eq!(first.rss_dbm, Some(36.843_531));
     assert_compass(first.boresight.expect("directional"), 43.326);
-    let receiver = first.receiver.expect("located");
+    let receiver = first.receiver().expect("located");
     assert!((receiver.position.z - 9.693_001).abs() < 1e-12, "relative to the take-off");
     assert_compass(receiver.heading, 43.326);
 }

@@ -100,7 +100,7 @@ proptest! {
         if let Ok(read) = Recording::from_reader(text.as_bytes(), "noise", &ReadOptions::default()) {
             prop_assert!(!read.records().is_empty());
             for record in read.records() {
-                prop_assert!(record.receiver.is_none_or(|pose| pose.is_finite()));
+                prop_assert!(record.receiver().is_none_or(|pose| pose.is_finite()));
                 prop_assert!(record.rss_dbm.is_none_or(f64::is_finite));
                 prop_assert!(record.boresight.is_none_or(f64::is_finite));
             }
@@ -122,7 +122,7 @@ proptest! {
             place.lat_deg, place.lon_deg
         );
         let read = read_back(text.as_bytes());
-        let local = read.records()[1].receiver.expect("located").position;
+        let local = read.records()[1].receiver().expect("located").position;
         // Dropped by up to 4 m onto the ellipsoid, East and North shrink by 4 m × 7 km / R.
         prop_assert!((local - Vector3::new(east, north, agl)).norm() < 1e-2, "{}", local);
         prop_assert_eq!(read.frame().map(|frame| frame.origin()), Some(origin));

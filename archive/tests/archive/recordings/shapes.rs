@@ -39,7 +39,7 @@ fn off_m(recording: &Recording, second: f64, east: f64, north: f64) -> (f64, f64
         lon_deg: 16.37,
         alt_m: frame.origin().alt_m,
     });
-    let place = record.receiver.expect("a place").position;
+    let place = record.receiver().expect("a place").position;
     let local = begin.expect("a place").to_local(&frame.to_geodetic(&place));
     // A degree of the script's sphere is not that of the ellipsoid to 0.4 %.
     ((local.x - east).hypot(local.y - north), record.rss_dbm.expect("a level"))
@@ -165,7 +165,8 @@ fn detections_of_nodes_have_the_places_of_the_nodes() {
     let recording = read("../ctt/detections.csv", &ReadOptions::default());
     let recording = recording.expect("detections");
     assert_eq!((recording.format(), recording.records().len()), ("ctt", 2));
-    let places: Vec<_> = recording.records().iter().map(|r| r.receiver.expect("a place")).collect();
+    let places: Vec<_> =
+        recording.records().iter().map(|r| r.receiver().expect("a place")).collect();
     let apart = (places[1].position - places[0].position).norm();
     assert!((apart - 222.2).abs() < 0.3, "{apart}");
     assert_eq!(recording.beacons(), [Some("78664C33")]);

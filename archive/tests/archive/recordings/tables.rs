@@ -35,7 +35,7 @@ fn a_preamble_is_skipped_and_two_fixes_that_jump_are_named() {
     let farthest = recording
         .records()
         .iter()
-        .map(|record| record.receiver.expect("located").position.xy().norm());
+        .map(|record| record.receiver().expect("located").position.xy().norm());
     assert!(farthest.fold(0.0, f64::max) < 600.0, "nobody is 1.7 km away");
 }
 

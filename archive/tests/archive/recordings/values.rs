@@ -12,7 +12,7 @@ fn read(text: &str) -> Recording {
 }
 
 fn place(record: &Record) -> Vector3<f64> {
-    record.receiver.expect("located").position
+    record.receiver().expect("located").position
 }
 
 #[test]
@@ -111,7 +111,7 @@ fn turned(text: &str, options: &ReadOptions) -> Result<Vec<[f64; 3]>, String> {
     let compass = |radians: f64| (FRAC_PI_2 - radians).to_degrees().rem_euclid(360.0);
     let angles = |record: &Record| {
         let bearing = record.bearing.map_or(f64::NAN, |bearing| compass(bearing.angle));
-        let heading = compass(record.receiver.expect("located").heading);
+        let heading = compass(record.receiver().expect("located").heading);
         [bearing, heading, record.boresight.map_or(f64::NAN, compass)]
     };
     Ok(recording.records().iter().map(angles).collect())

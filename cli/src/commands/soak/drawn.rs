@@ -8,7 +8,7 @@ use std::{
 use clap::Parser;
 use foxhunt::{
     Experiment,
-    core::{Reception, Remark, nalgebra::Vector2},
+    core::{Reception, Receptions, Remark, nalgebra::Vector2},
     drawn::{Bound, Class, DrawnRecording},
     recording::Recording,
     registry::{EstimatorEntry, Need, Registry},
@@ -258,10 +258,10 @@ fn fixes(
 }
 
 /// Returns true if an estimator can use what was received.
-fn uses(entry: &EstimatorEntry, received: &[Reception]) -> bool {
+fn uses(entry: &EstimatorEntry, received: &Receptions) -> bool {
     let needs = entry.needs();
     let has_levels = received.iter().any(|reception| reception.level.is_some());
-    let has_bearings = received.iter().any(Reception::has_bearing);
+    let has_bearings = received.iter().any(|r| r.has_bearing());
     let has = |need: Need, is_there: bool| (need != Need::Required || is_there, need, is_there);
     let parts = [has(needs.level, has_levels), has(needs.bearing, has_bearings)];
     let uses_some = parts.iter().any(|(_, need, is_there)| *need != Need::Unused && *is_there);
@@ -272,7 +272,7 @@ fn uses(entry: &EstimatorEntry, received: &[Reception]) -> bool {
 
 fn timed(
     entry: &EstimatorEntry,
-    received: &[Reception],
+    received: &Receptions,
     prepared: &Prepared,
     known: Option<&Vector2<f64>>,
     recording: &Recording,
@@ -309,7 +309,7 @@ fn windows(
     for (time_s, located) in tracked.places.iter().skip(every / 2).step_by(every) {
         let known = truth_at(&way, *time_s, super::super::locating::TRUTH_GAP_S);
         let answer = Answer::new("track", located, known.as_ref());
-        let about = |r: &&Reception| (r.time - time_s).abs() <= 0.5 * tracking.window_s;
+        let about = |r: &Reception| (r.time - time_s).abs() <= 0.5 * tracking.window_s;
         let level = |r: &Reception| r.level.map_or(f64::NEG_INFINITY, |level| level.rss_dbm);
         let levels = received.iter().filter(about).filter(|r| r.level.is_some());
         let strongest = levels.max_by(|a, b| level(a).total_cmp(&level(b)));

@@ -1,29 +1,52 @@
-use foxhunt_core::Reception;
-use nalgebra::{Matrix2, Vector2};
+use foxhunt_core::{Reception, Receptions};
+use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::{
     super::{Area, LocateConfig, Located, Power},
     shared::UNSTATED_SIGMA_M,
 };
 
-/// Levels by which places are compared, each with the index of its reception.
-pub(super) struct Levels<'a>(Vec<(usize, &'a Reception)>);
+/// Level by which places are compared.
+#[derive(Clone, Copy)]
+pub(super) struct LevelAt {
+    /// Index of the reception.
+    pub(super) reception: usize,
+    pub(super) level: f64,
+    receiver: Vector3<f64>,
+    /// σ of the receiver's own place on each axis, in metres.
+    receiver_sigma_m: f64,
+}
 
-impl<'a> Levels<'a> {
-    /// Takes one level in `stride`.
-    pub(super) fn new(receptions: &'a [Reception], stride: usize) -> Self {
-        let levels = receptions.iter().enumerate().filter(|(_, received)| received.level.is_some());
-        Self(levels.step_by(stride).collect())
+impl LevelAt {
+    pub(super) fn new(reception: usize, received: &Reception, level: f64) -> Self {
+        let sigma = received.receiver_sigma_m;
+        Self {
+            reception,
+            level,
+            receiver: received.receiver.position,
+            receiver_sigma_m: sigma.map_or(UNSTATED_SIGMA_M, |sigma| sigma.x.max(sigma.y)),
+        }
     }
 
-    /// Returns the levels as they are for a transmitter at a place.
-    pub(super) fn rows(&self, place: &Vector2<f64>, config: &LocateConfig) -> Vec<Row> {
-        let row = |(reception, received): &(usize, &Reception)| {
-            let level = received.level?.rss_dbm;
-            Some(Row::new(*reception, received, level, place, config))
+    /// Returns one level in `stride`.
+    pub(super) fn of(
+        receptions: &Receptions,
+        stride: usize,
+    ) -> impl Iterator<Item = Self> + use<'_> {
+        let level = |(reception, received): (usize, Reception)| {
+            Some(Self::new(reception, &received, received.level?.rss_dbm))
         };
-        self.0.iter().filter_map(row).collect()
+        receptions.iter().enumerate().filter_map(level).step_by(stride)
     }
+}
+
+/// Returns levels as they are for a transmitter at a place.
+pub(super) fn rows_at<'a>(
+    levels: impl IntoIterator<Item = &'a LevelAt>,
+    place: &Vector2<f64>,
+    config: &LocateConfig,
+) -> Vec<Row> {
+    levels.into_iter().map(|level| Row::new(level, place, config)).collect()
 }
 
 /// Fewer levels than this do not show that another place fits better.
@@ -81,35 +104,17 @@ pub(super) fn gain(here: &[f64], elsewhere: &[f64], sigma_db: f64) -> (f64, f64)
     (ratio, count * (1.0 - alike) / (1.0 + alike) * libm::log(ratio))
 }
 
+/// Level as it is for a transmitter at a place.
 pub(super) struct Row {
-    pub(super) reception: usize,
-    pub(super) level: f64,
+    level: f64,
     /// Level of a transmitter of 0 dBm at one metre with an exponent of 1, in dB.
     loss: f64,
-    /// Gradient of that over the transmitter's place, with the sign changed.
-    slope: Vector2<f64>,
-    /// σ of the receiver's own place on each axis, in metres.
-    receiver_sigma_m: f64,
 }
 
 impl Row {
-    pub(super) fn new(
-        reception: usize,
-        received: &Reception,
-        level: f64,
-        place: &Vector2<f64>,
-        config: &LocateConfig,
-    ) -> Self {
-        let way = place.push(config.target_up_m) - received.receiver.position;
-        let range = way.norm().max(1.0);
-        let sigma = received.receiver_sigma_m;
-        Self {
-            reception,
-            level,
-            loss: -10.0 * libm::log10(range),
-            slope: way.xy() * (10.0 / (std::f64::consts::LN_10 * range * range)),
-            receiver_sigma_m: sigma.map_or(UNSTATED_SIGMA_M, |sigma| sigma.x.max(sigma.y)),
-        }
+    pub(super) fn new(at: &LevelAt, place: &Vector2<f64>, config: &LocateConfig) -> Self {
+        let range = (place.push(config.target_up_m) - at.receiver).norm().max(1.0);
+        Self { level: at.level, loss: -10.0 * libm::log10(range) }
     }
 }
 
@@ -128,10 +133,17 @@ impl Law {
     }
 
     /// Returns σ of a level with the errors of the transmitter's and the receiver's places.
-    pub(super) fn sigma_with_place(&self, row: &Row, located: &Located) -> f64 {
+    pub(super) fn sigma_with_place(
+        &self,
+        at: &LevelAt,
+        located: &Located,
+        config: &LocateConfig,
+    ) -> f64 {
         // Near the transmitter a small error of its place is a large one of the level.
-        let slope = row.slope * self.exponent;
-        let own = row.receiver_sigma_m.powi(2) * slope.norm_squared();
+        let way = located.estimate.mean.push(config.target_up_m) - at.receiver;
+        let range = way.norm().max(1.0);
+        let slope = way.xy() * (10.0 / (std::f64::consts::LN_10 * range * range)) * self.exponent;
+        let own = at.receiver_sigma_m.powi(2) * slope.norm_squared();
         let of_place = slope.dot(&(located.estimate.covariance * slope)).max(0.0) + own;
         (self.sigma_db.powi(2) + of_place).sqrt()
     }

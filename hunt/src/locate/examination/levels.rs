@@ -1,13 +1,15 @@
 use std::{borrow::Cow, collections::BTreeSet};
 
-use foxhunt_core::{Reception, Remark};
+use foxhunt_core::{Reception, Receptions, Remark};
 use nalgebra::Vector2;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::{
     super::{Area, LocateConfig, Located, Power, config::Centroid},
     clocks,
-    law::{LEAST_TO_COMPARE, Law, Levels, MOST_TO_COMPARE, Row, best_place, gain, residuals},
+    law::{
+        LEAST_TO_COMPARE, Law, LevelAt, MOST_TO_COMPARE, Row, best_place, gain, residuals, rows_at,
+    },
     motion,
     paths::Hypotheses,
     residuals::{Measurand, Residual, one_sided, two_sided},
@@ -33,12 +35,12 @@ const LEAST_EXPONENT: f64 = 0.7;
 /// Examines the residuals of levels from the log-distance law that fits them best at the place.
 pub(super) fn examine(
     located: &Located,
-    receptions: &[Reception],
+    receptions: &Receptions,
     config: &LocateConfig,
     name: Name<'_>,
 ) -> Vec<Remark> {
     let place = located.estimate.mean;
-    let rows = Levels::new(receptions, 1).rows(&place, config);
+    let rows = every_row(receptions, &place, config);
     if rows.len() < LEAST {
         return Vec::new();
     }
@@ -58,13 +60,13 @@ pub(super) fn examine(
         )];
     }
     // Residuals from a place that is wrong are no outliers.
-    let of_row = elsewhere.or_else(|| outlier(&rows, &law, located, name));
+    let of_row = elsewhere.or_else(|| outlier(receptions, &law, located, config, name));
     let is_placed_by_levels = receptions.iter().all(|r| !r.has_bearing() && r.measured.is_empty());
     let open = range_open(located, receptions, config, rows.len()).filter(|_| is_placed_by_levels);
-    let levels: Cow<'_, [Reception]> = if rows.len() == receptions.len() {
+    let levels: Cow<'_, Receptions> = if rows.len() == receptions.len() {
         Cow::Borrowed(receptions)
     } else {
-        receptions.iter().filter(|r| r.level.is_some()).copied().collect()
+        Cow::Owned(receptions.iter().filter(|r| r.level.is_some()).collect())
     };
     let of_path = Hypotheses::new(located, &levels, config).and_then(|hypotheses| {
         clocks::differ(located, &hypotheses).or_else(|| motion::moves(&hypotheses))
@@ -72,26 +74,33 @@ pub(super) fn examine(
     of_path.into_iter().chain(of_row).chain(open).collect()
 }
 
+/// Returns all levels as they are for a transmitter at a place.
+fn every_row(receptions: &Receptions, place: &Vector2<f64>, config: &LocateConfig) -> Vec<Row> {
+    LevelAt::of(receptions, 1).map(|level| Row::new(&level, place, config)).collect()
+}
+
 /// Returns the residuals of the levels that took part, of silences and of levels at a ceiling, from
 /// the log-distance law that fits them best at the place. Empty for fewer than eight levels, which
 /// show no law.
 pub(super) fn residuals_of_rows(
     located: &Located,
-    receptions: &[Reception],
+    receptions: &Receptions,
     config: &LocateConfig,
     left_out: &BTreeSet<usize>,
 ) -> Vec<Residual> {
     let place = located.estimate.mean;
-    let kept = Levels::new(receptions, 1).rows(&place, config);
+    let kept = every_row(receptions, &place, config);
     if kept.len() < LEAST {
         return Vec::new();
     }
     let Some(law) = Law::of(&kept, config) else { return Vec::new() };
-    let row = |(reception, received): (usize, &Reception)| {
+    // There may be millions.
+    drop(kept);
+    let row = |(reception, received): (usize, Reception)| {
         let level = received.any_level()?.rss_dbm;
-        let row = Row::new(reception, received, level, &place, config);
-        let apart = law.residual(&row);
-        let sigma = law.sigma_with_place(&row, located);
+        let at = LevelAt::new(reception, &received, level);
+        let apart = law.residual(&Row::new(&at, &place, config));
+        let sigma = law.sigma_with_place(&at, located, config);
         let (kind, residual, p) = if received.level.is_some() {
             (Measurand::Level, apart, two_sided(apart / sigma))
         } else if received.silence.is_some() {
@@ -111,16 +120,16 @@ const WIDER: f64 = 1.2;
 /// Returns a remark if the levels scatter far less about the law of another place.
 fn does_not_fit(
     located: &Located,
-    receptions: &[Reception],
+    receptions: &Receptions,
     config: &LocateConfig,
     count: usize,
 ) -> Option<Remark> {
     if count < LEAST_TO_COMPARE {
         return None;
     }
-    let compared = Levels::new(receptions, count.div_ceil(MOST_TO_COMPARE));
+    let compared: Vec<_> = LevelAt::of(receptions, count.div_ceil(MOST_TO_COMPARE)).collect();
     let spread_at = |place: &Vector2<f64>| {
-        let rows = compared.rows(place, config);
+        let rows = rows_at(&compared, place, config);
         let law = Law::of(&rows, config)?;
         (law.exponent > 0.0).then_some(law.sigma_db)
     };
@@ -129,9 +138,8 @@ fn does_not_fit(
     let away = best.0 - located.estimate.mean;
     let factor = located.estimate.covariance.cholesky();
     let apart = factor.map_or(f64::INFINITY, |factor| away.dot(&factor.solve(&away)));
-    let rows_at = |place: &Vector2<f64>| compared.rows(place, config);
-    let there = residuals(&rows_at(&best.0), config)?;
-    let here = residuals(&rows_at(&located.estimate.mean), config)?;
+    let there = residuals(&rows_at(&compared, &best.0, config), config)?;
+    let here = residuals(&rows_at(&compared, &located.estimate.mean, config), config)?;
     let (ratio, gain) = gain(&there, &here, best.1);
     (ratio > WIDER && gain > 2.0 * APART && apart > APART).then(|| {
         Remark::new(
@@ -158,7 +166,7 @@ const LIKELY: f64 = 9.21;
 /// Returns a remark if levels fit a transmitter far away nearly as well as one at the place.
 fn range_open(
     located: &Located,
-    receptions: &[Reception],
+    receptions: &Receptions,
     config: &LocateConfig,
     count: usize,
 ) -> Option<Remark> {
@@ -168,9 +176,8 @@ fn range_open(
     if has_law(config) && config.power.centroid().is_none_or(is_known) {
         return None;
     }
-    let compared = Levels::new(receptions, count.div_ceil(MOST_TO_COMPARE));
-    let rows_at = |place: &Vector2<f64>| compared.rows(place, config);
-    let near = rows_at(&located.estimate.mean);
+    let compared: Vec<_> = LevelAt::of(receptions, count.div_ceil(MOST_TO_COMPARE)).collect();
+    let near = rows_at(&compared, &located.estimate.mean, config);
     let sigma_db = Law::of(&near, config)?.sigma_db;
     let here = residuals(&near, config)?;
     let (centre, half) = Area::about(receptions, 0.0).square();
@@ -178,7 +185,7 @@ fn range_open(
         let (sin, cos) = libm::sincos(std::f64::consts::TAU * f64::from(number) / 16.0);
         let place = centre + Vector2::new(cos, sin) * (FAR * half);
         let law = |power| LocateConfig { power, ..config.clone() };
-        let rows = rows_at(&place);
+        let rows = rows_at(&compared, &place, config);
         let exponent = match config.power {
             Power::Free => Law::of(&rows, config).map_or(0.0, |law| law.exponent),
             Power::FreeReference { .. } | Power::Known { .. } | Power::Calibrated(_) => {
@@ -207,13 +214,22 @@ const KNOWN_LAW_DB: f64 = 3.0;
 const FAR: f64 = 6.0;
 
 /// Returns a remark on the level that lies farthest from all others, if no fading does that.
-fn outlier(rows: &[Row], law: &Law, located: &Located, name: Name<'_>) -> Option<Remark> {
-    let count = f64::from(u32::try_from(rows.len()).unwrap_or(u32::MAX));
+fn outlier(
+    receptions: &Receptions,
+    law: &Law,
+    located: &Located,
+    config: &LocateConfig,
+    name: Name<'_>,
+) -> Option<Remark> {
+    let levels = || LevelAt::of(receptions, 1);
+    let count = f64::from(u32::try_from(levels().count()).unwrap_or(u32::MAX));
     let normal = Normal::new(0.0, 1.0).ok()?;
     let most = -normal.inverse_cdf(OUTLIER_P / count);
-    let excess = |row: &Row| {
-        let residual = law.residual(row);
-        let sigma = law.sigma_with_place(row, located);
+    let place = &located.estimate.mean;
+    let residual = |level: &LevelAt| law.residual(&Row::new(level, place, config));
+    let excess = |level: &LevelAt| {
+        let residual = residual(level);
+        let sigma = law.sigma_with_place(level, located, config);
         let limit = if residual > 0.0 {
             (most * sigma).max(LEAST_DB)
         } else {
@@ -221,11 +237,12 @@ fn outlier(rows: &[Row], law: &Law, located: &Located, name: Name<'_>) -> Option
         };
         residual.abs() / limit
     };
-    let worst = rows.iter().max_by(|a, b| excess(a).total_cmp(&excess(b)))?;
-    if excess(worst) <= 1.0 {
+    let excesses = levels().map(|level| (excess(&level), level));
+    let (most, worst) = excesses.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    if most <= 1.0 {
         return None;
     }
-    let residual = law.residual(worst);
+    let residual = residual(&worst);
     let side = if residual > 0.0 { "above" } else { "below" };
     let named = name(worst.reception).map(|row| format!("the level of {row}"));
     let subject = named.unwrap_or_else(|| format!("reception {}", worst.reception + 1));

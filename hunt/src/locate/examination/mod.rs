@@ -16,7 +16,7 @@ mod shared;
 
 use std::collections::BTreeSet;
 
-use foxhunt_core::{Reception, Remark, angle};
+use foxhunt_core::{Reception, Receptions, Remark, angle};
 use foxhunt_wire::geodesy::radians_to_compass_deg;
 
 pub(crate) use self::fit::{Datum, Kind, Outliers, Scale, misfit_p, outliers, reversals};
@@ -46,7 +46,7 @@ const SCATTER: f64 = 1.5;
 /// the receptions whose bearing, range or difference the others contradict.
 pub(crate) fn examine(
     located: &mut Located,
-    receptions: &[Reception],
+    receptions: &Receptions,
     config: &LocateConfig,
     uses: Uses,
     name: Name<'_>,
@@ -81,7 +81,7 @@ pub(crate) fn examine(
 /// receptions. Level differences have none.
 pub(crate) fn residuals(
     located: &Located,
-    receptions: &[Reception],
+    receptions: &Receptions,
     config: &LocateConfig,
     uses: Uses,
 ) -> Vec<Residual> {
@@ -102,39 +102,49 @@ pub(crate) fn residuals(
         }));
     }
     if uses.levels {
-        residuals.extend(levels::residuals_of_rows(located, receptions, config, &left_out));
+        let mut of_levels = levels::residuals_of_rows(located, receptions, config, &left_out);
+        // There may be millions.
+        if residuals.is_empty() {
+            residuals = of_levels;
+        } else {
+            residuals.append(&mut of_levels);
+        }
     }
-    residuals.sort_by_key(|residual| residual.reception);
+    if !residuals.is_sorted_by_key(|residual| residual.reception) {
+        residuals.sort_by_key(|residual| residual.reception);
+    }
     residuals
 }
 
 /// Returns the receptions without the bearings that the others contradict, but for bearings that
 /// meet where all are reversed.
 #[cfg(feature = "batch")]
-pub(super) fn without_outliers(receptions: &[Reception], config: &LocateConfig) -> Vec<Reception> {
+pub(super) fn without_outliers(receptions: &Receptions, config: &LocateConfig) -> Receptions {
     let uses = Uses { levels: false, bearings: true, differences: false, searches_area: false };
     let mut data = data(receptions, config, uses, None);
     data.retain(|datum| datum.kind == Kind::Bearing);
     let up = config.target_up_m;
-    let mut kept = receptions.to_vec();
     let wide = most_uncertain(&data, config);
     let misfit = meeting(&wide, up).map_or(0.0, |meeting| meeting.misfit);
     let turned = misfit_p(misfit, wide.len()) < MISFIT_P
         && reversals(&wide, up, MEETS_P).iter().any(|way| way.positions.len() > 1);
     let found = outliers(&data, up, scale(&data, config)).filter(|_| !turned);
-    for outlier in found.iter().flat_map(|found| &found.outliers) {
-        let reception = data.get(outlier.position).map(|datum| datum.reception);
-        if let Some(reception) = reception.and_then(|index| kept.get_mut(index)) {
-            reception.bearing = None;
-        }
-    }
-    kept
+    let outliers = found.iter().flat_map(|found| &found.outliers);
+    let outliers: BTreeSet<usize> = outliers
+        .filter_map(|outlier| data.get(outlier.position).map(|datum| datum.reception))
+        .collect();
+    let kept =
+        receptions.iter().enumerate().map(|(index, reception)| match outliers.contains(&index) {
+            true => Reception { bearing: None, ..reception },
+            false => reception,
+        });
+    kept.collect()
 }
 
 /// Returns the remarks on border, regions and rivals.
 fn of_answer(
     located: &Located,
-    receptions: &[Reception],
+    receptions: &Receptions,
     config: &LocateConfig,
     uses: Uses,
 ) -> Vec<Remark> {

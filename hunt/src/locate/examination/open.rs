@@ -1,4 +1,4 @@
-use foxhunt_core::{Reception, Remark};
+use foxhunt_core::{Receptions, Remark};
 use foxhunt_wire::geodesy::radians_to_compass_deg;
 use nalgebra::Vector2;
 
@@ -24,7 +24,7 @@ const ONE_SIDE: f64 = 2.0;
 /// Returns a remark if all measurements were made in one place and none is of a distance.
 pub(super) fn one_place(
     located: &Located,
-    receptions: &[Reception],
+    receptions: &Receptions,
     data: &[Datum],
     config: &LocateConfig,
     has_levels: bool,
@@ -105,7 +105,7 @@ const MOST_JITTER_M: f64 = 15.0;
 /// Returns a remark if the measurements do not bound the distance.
 pub(super) fn range_open(
     located: &Located,
-    receptions: &[Reception],
+    receptions: &Receptions,
     data: &[Datum],
     config: &LocateConfig,
     has_levels: bool,

@@ -1,9 +1,9 @@
-use foxhunt_core::Reception;
+use foxhunt_core::{Reception, Receptions};
 use nalgebra::Vector2;
 
 use super::{
     super::{Area, LocateConfig, Located, Paths},
-    law::{LEAST_TO_COMPARE, Law, Levels, Row, best_place, residuals},
+    law::{LEAST_TO_COMPARE, Law, LevelAt, Row, best_place, residuals, rows_at},
 };
 
 /// Largest number of levels at which hypotheses are compared.
@@ -20,7 +20,7 @@ const REACH: i32 = 5;
 
 /// Levels along paths of receivers, for hypotheses on where the receivers or the transmitter were.
 pub(super) struct Hypotheses<'a> {
-    levels: &'a [Reception],
+    levels: &'a Receptions,
     paths: Paths<'a>,
     config: &'a LocateConfig,
     start: Vector2<f64>,
@@ -48,7 +48,7 @@ impl<'a> Hypotheses<'a> {
     /// no receiver moves. All of `levels` have a level.
     pub(super) fn new(
         located: &Located,
-        levels: &'a [Reception],
+        levels: &'a Receptions,
         config: &'a LocateConfig,
     ) -> Option<Self> {
         if levels.len() < LEAST_TO_COMPARE || !config.is_timed {
@@ -84,23 +84,21 @@ impl<'a> Hypotheses<'a> {
         most: usize,
     ) -> Option<Fit<Vector2<f64>>> {
         let stride = self.levels.len().div_ceil(most);
-        let begin = self.levels.first()?.time;
-        let drifted = |reception: &Reception| {
-            let mut own = *reception;
+        let begin = self.levels.get(0)?.time;
+        let drifted = |mut own: Reception| {
             own.receiver.position -= (velocity * (own.time - begin)).push(0.0);
             own
         };
-        let drifted: Vec<_> = self.levels.iter().step_by(stride).map(drifted).collect();
+        let drifted: Receptions = self.levels.iter().step_by(stride).map(drifted).collect();
         self.fit(velocity, &drifted)
     }
 
-    fn fit<T>(&self, hypothesis: T, receptions: &[Reception]) -> Option<Fit<T>> {
+    fn fit<T>(&self, hypothesis: T, receptions: &Receptions) -> Option<Fit<T>> {
         let config = self.config;
-        let compared = Levels::new(receptions, 1);
-        let rows_at = |place: &Vector2<f64>| compared.rows(place, config);
-        let cost = |place: &Vector2<f64>| cost(&rows_at(place), config);
+        let compared: Vec<_> = LevelAt::of(receptions, 1).collect();
+        let cost = |place: &Vector2<f64>| cost(&rows_at(&compared, place, config), config);
         let (place, cost) = best_place(&self.area, &self.start, REACH, cost);
-        let rows = rows_at(&place);
+        let rows = rows_at(&compared, &place, config);
         let residuals = residuals(&rows, config)?;
         let sigma_db = Law::of(&rows, config)?.sigma_db;
         cost.is_finite().then_some(Fit { hypothesis, place, residuals, sigma_db, cost })

@@ -1,6 +1,6 @@
 use std::collections::BTreeSet;
 
-use foxhunt_core::Reception;
+use foxhunt_core::Receptions;
 use nalgebra::Vector2;
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
@@ -63,7 +63,7 @@ const LEAST_SPARE: f64 = 0.05;
 /// externally studentised residual: Cook & Weisberg 1982, ch. 2).
 pub(super) fn of_geometry(
     located: &Located,
-    receptions: &[Reception],
+    receptions: &Receptions,
     config: &LocateConfig,
     uses: Uses,
     left_out: &BTreeSet<usize>,

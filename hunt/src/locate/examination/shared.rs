@@ -1,6 +1,6 @@
 //! Terms that all examinations share.
 
-use foxhunt_core::{Bearing, Quantity, Reception};
+use foxhunt_core::{Bearing, Quantity, Receptions};
 use nalgebra::Vector2;
 
 use super::{
@@ -51,7 +51,7 @@ pub(super) fn is_assumed(datum: &Datum, config: &LocateConfig) -> bool {
 /// Returns the measurements with a geometry that an estimator uses; `bias` is taken off the
 /// ranges.
 pub(super) fn data(
-    receptions: &[Reception],
+    receptions: &Receptions,
     config: &LocateConfig,
     uses: Uses,
     bias: Option<RangeBias>,
