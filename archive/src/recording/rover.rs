@@ -7,10 +7,13 @@ use quick_xml::{
 };
 
 use super::{
-    FieldProblem, RecordingError,
+    FieldProblem, RecordingError, decompress,
     flight_log::{Fix, Kind},
     utc::{utc, utc_seconds},
 };
+
+/// Bytes by which a kind of file is recognised.
+const BEGIN: usize = 4096;
 
 /// Bytes in which the first element of a GPX file is looked for.
 const LOOKED_AT: usize = 1024;
@@ -44,8 +47,10 @@ struct Point {
 
 impl Rover {
     /// Returns true for bytes that [`Self::parse`] reads: a GPX or KML file, or an autopilot's log.
+    /// The first 4096 bytes are enough, but for a KMZ file.
     #[must_use]
     pub fn is_track(bytes: &[u8]) -> bool {
+        let bytes = &*decompress::begin(bytes, BEGIN);
         let begin = bytes.get(..LOOKED_AT).unwrap_or(bytes);
         let is_xml = begin.starts_with(b"<") || begin.starts_with(b"\xef\xbb\xbf<");
         let is_track = is_xml && begin.windows(4).any(|word| word == b"<gpx" || word == b"<kml");

@@ -10,7 +10,7 @@ use super::{
 };
 
 impl Rover {
-    /// Reads a GPX or KML file, compressed with gzip or not, an autopilot's log, or a table.
+    /// Reads a GPX, KML or KMZ file, an autopilot's log, or a table, compressed with gzip or not.
     ///
     /// # Errors
     ///
@@ -20,15 +20,17 @@ impl Rover {
         let file = path.as_ref().display().to_string();
         let wrong = |source| RecordingError::Read { file: file.clone(), source };
         let bytes = fs::read(path).map_err(wrong)?;
-        Self::parse(&decompressed(&bytes, &file)?, &file)
+        Self::parse(&bytes, &file)
     }
 
-    /// Reads a track from GPX, KML, an autopilot's log or a table; `file` is its name in errors.
+    /// Reads a track from the contents of such a file; `file` is its name in errors.
     ///
     /// # Errors
     ///
     /// As [`Self::read`].
-    pub fn parse(xml: &[u8], file: &str) -> Result<Self, RecordingError> {
+    pub fn parse(bytes: &[u8], file: &str) -> Result<Self, RecordingError> {
+        let contents = decompressed(bytes, file)?;
+        let xml = &*contents;
         if let Some(kind) = Kind::of(xml) {
             return Self::of_log(kind, xml, file);
         }

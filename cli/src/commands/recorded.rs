@@ -1,7 +1,7 @@
 //! Shared parts of the subcommands that read recordings.
 
 use std::{
-    fs::File,
+    fs::{self, File},
     io::Read as _,
     path::{Path, PathBuf},
     str::FromStr,
@@ -358,6 +358,10 @@ impl Reading {
 fn is_track(file: &Path) -> bool {
     let mut begin = Vec::new();
     let read = File::open(file).and_then(|file| file.take(4096).read_to_end(&mut begin));
+    // The directory of an archive, which a KMZ file is, stands at its end.
+    if begin.starts_with(b"PK") {
+        return fs::read(file).is_ok_and(|whole| Rover::is_track(&whole));
+    }
     read.is_ok() && Rover::is_track(&begin)
 }
 

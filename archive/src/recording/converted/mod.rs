@@ -1,5 +1,5 @@
 //! Files of other shapes than a table, as a table: objects of JSON, detections of tags, packets,
-//! spreadsheets.
+//! lines on a map, spreadsheets.
 
 mod aprs;
 mod flight;
@@ -7,6 +7,7 @@ mod gpx;
 mod json;
 #[cfg(feature = "sqlite")]
 mod kismet;
+mod kml;
 mod rows;
 mod sensorgnome;
 #[cfg(feature = "spreadsheets")]
@@ -42,6 +43,9 @@ pub(super) fn convert(
     if let Some(level) = level {
         let level = level.to_owned();
         return Err(RecordingError::NotALog { file: file.to_owned(), level });
+    }
+    if let Some(converted) = kml::convert(bytes, file)? {
+        return Ok(Some(converted));
     }
     #[cfg(feature = "sqlite")]
     if let Some(converted) = kismet::convert(bytes, file)? {

@@ -1,4 +1,5 @@
-"""Writes the files of this folder: one walk as a spreadsheet of Excel and of OpenDocument, and as a log of Kismet.
+"""Writes the files of this folder: one walk as a spreadsheet of Excel and of OpenDocument, as a log of Kismet and as
+a KMZ track.
 
 Needs openpyxl and odfpy. The transmitter is at 48.2009 N, 16.3715 E; the walk goes around it at 1 Hz.
 """
@@ -6,6 +7,7 @@ Needs openpyxl and odfpy. The transmitter is at 48.2009 N, 16.3715 E; the walk g
 import datetime
 import math
 import sqlite3
+import zipfile
 from pathlib import Path
 
 import openpyxl
@@ -86,6 +88,22 @@ def kismet():
             )
 
 
-excel()
-opendocument()
-kismet()
+def kmz():
+    """A track of Google's extension beside a picture, which stands first."""
+    track = "".join(f"<when>{time.isoformat()}Z</when>\n" for time, *_ in walk())
+    track += "".join(f"<gx:coord>{lon!r} {lat!r} {180 + 0.1 * n}</gx:coord>\n" for n, (_, lat, lon, _) in enumerate(walk()))
+    document = (
+        '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2" '
+        'xmlns:gx="http://www.google.com/kml/ext/2.2">\n<Document><Placemark><gx:Track>\n'
+        f"{track}</gx:Track></Placemark></Document></kml>\n"
+    )
+    with zipfile.ZipFile(FOLDER / "walk.kmz", "w") as archive:
+        archive.writestr(zipfile.ZipInfo("files/a.png"), b"\x89PNG\r\n\x1a\n")
+        archive.writestr(zipfile.ZipInfo("doc.kml"), document, zipfile.ZIP_DEFLATED)
+
+
+if __name__ == "__main__":
+    excel()
+    opendocument()
+    kismet()
+    kmz()
