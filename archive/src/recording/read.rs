@@ -140,8 +140,12 @@ impl Recording {
         if let Some(tabs) = spaces_as_tabs(&bytes, options.columns.len()) {
             bytes = Cow::Owned(tabs);
         }
+        let mut options = Cow::Borrowed(options);
+        if rows.as_ref().is_some_and(|rows| rows.has_named_level) {
+            options.to_mut().level = None;
+        }
         let file = File { bytes: &bytes, rows, name, folder };
-        let mut recording = file.located(options)?;
+        let mut recording = file.located(&options)?;
         if !taken_for.is_empty() {
             recording.remarks.push(Remark::new("converted", format!("{name}: {taken_for}")));
         }

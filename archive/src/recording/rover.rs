@@ -9,11 +9,9 @@ use quick_xml::{
 use super::{
     FieldProblem, RecordingError, decompress,
     flight_log::{Fix, Kind},
+    formats,
     utc::{utc, utc_seconds},
 };
-
-/// Bytes by which a kind of file is recognised.
-const BEGIN: usize = 4096;
 
 /// Bytes in which the first element of a GPX file is looked for.
 const LOOKED_AT: usize = 1024;
@@ -46,15 +44,20 @@ struct Point {
 }
 
 impl Rover {
-    /// Returns true for bytes that [`Self::parse`] reads: a GPX or KML file, or an autopilot's log.
-    /// The first 4096 bytes are enough, but for a KMZ file.
+    /// Number of bytes by which a file is recognised; tables of autopilots have headers of some
+    /// thousand.
+    pub const BEGIN: usize = 1 << 15;
+
+    /// Returns true for bytes that [`Self::parse`] reads: a GPX or KML file, an autopilot's log, or
+    /// a table with times and places but nothing that was measured. The first [`Self::BEGIN`] bytes
+    /// are enough, but for a KMZ file.
     #[must_use]
     pub fn is_track(bytes: &[u8]) -> bool {
-        let bytes = &*decompress::begin(bytes, BEGIN);
+        let bytes = &*decompress::begin(bytes, Self::BEGIN);
         let begin = bytes.get(..LOOKED_AT).unwrap_or(bytes);
         let is_xml = begin.starts_with(b"<") || begin.starts_with(b"\xef\xbb\xbf<");
         let is_track = is_xml && begin.windows(4).any(|word| word == b"<gpx" || word == b"<kml");
-        is_track || Kind::of(bytes).is_some()
+        is_track || Kind::of(bytes).is_some() || formats::is_path(bytes)
     }
 
     /// Reads a track from GPX or KML; `file` is its name in errors.

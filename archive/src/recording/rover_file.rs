@@ -17,10 +17,23 @@ impl Rover {
     /// [`RecordingError`] names the file, and the line, field and value of an invalid point: out of
     /// range, at 0, 0, or earlier than the one before; for a log without places in UTC, the reason.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, RecordingError> {
+        Self::read_with(path, &ReadOptions::default())
+    }
+
+    /// Reads a file as [`Self::read`] does. The options' zone and order of day and month hold for
+    /// the times of a table.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::read`].
+    pub fn read_with(
+        path: impl AsRef<Path>,
+        options: &ReadOptions,
+    ) -> Result<Self, RecordingError> {
         let file = path.as_ref().display().to_string();
         let wrong = |source| RecordingError::Read { file: file.clone(), source };
         let bytes = fs::read(path).map_err(wrong)?;
-        Self::parse(&bytes, &file)
+        Self::parse_with(&bytes, &file, options)
     }
 
     /// Reads a track from the contents of such a file; `file` is its name in errors.
@@ -29,6 +42,10 @@ impl Rover {
     ///
     /// As [`Self::read`].
     pub fn parse(bytes: &[u8], file: &str) -> Result<Self, RecordingError> {
+        Self::parse_with(bytes, file, &ReadOptions::default())
+    }
+
+    fn parse_with(bytes: &[u8], file: &str, options: &ReadOptions) -> Result<Self, RecordingError> {
         let contents = decompressed(bytes, file)?;
         let xml = &*contents;
         if let Some(kind) = Kind::of(xml) {
@@ -39,14 +56,16 @@ impl Rover {
         let begin = xml.strip_prefix(b"\xef\xbb\xbf").unwrap_or(xml);
         let first = begin.iter().find(|byte| !byte.is_ascii_whitespace());
         if first.is_some_and(|byte| *byte != b'<') {
-            return Self::of_table(xml, file);
+            return Self::of_table(xml, file, options);
         }
         Self::of_xml(xml, file)
     }
 
     /// A table is a recording whose level is the same everywhere.
-    fn of_table(bytes: &[u8], file: &str) -> Result<Self, RecordingError> {
-        let options = ReadOptions::default().with_constant(Column::RssDb, 0.0);
+    fn of_table(bytes: &[u8], file: &str, stated: &ReadOptions) -> Result<Self, RecordingError> {
+        let mut options = ReadOptions::default().with_constant(Column::RssDb, 0.0);
+        options.time_format = stated.time_format;
+        options.time_zone = stated.time_zone;
         let recording = Recording::from_reader(bytes, file, &options)?;
         let no_path = |problem: &str| RecordingError::NoPath {
             file: file.to_owned(),
@@ -70,6 +89,8 @@ impl Rover {
         };
         let mut fixes: Vec<Fix> = recording.records().iter().filter_map(fix).collect();
         fixes.sort_by(|a, b| a.time.total_cmp(&b.time));
+        // Of the places of a whole second the first one is nearest to its begin.
+        fixes.dedup_by(|next, last| next.time <= last.time);
         Self::of_fixes(fixes, file)
     }
 }

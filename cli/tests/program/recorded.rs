@@ -917,6 +917,40 @@ fn three_lines_without_a_header_are_a_fix() {
     foxhunt(["locate", &file]).failed(2, &["no header", "0, 0, 45", &command]);
 }
 
+/// Levels of a walk without their places, beside the walk as other programs write it.
+#[test]
+fn paths_of_other_programs_are_recognised_beside_levels() {
+    let folder = folder("paths_of_programs");
+    let shapes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../archive/tests/data/shapes");
+    let kmz = shapes.join("walk.kmz");
+    let kmz = kmz.to_str().expect("UTF-8");
+    let mut levels = "time,rssi\n".to_owned();
+    let mut airdata = "time(millisecond),datetime(utc),latitude,longitude,\
+                       height_above_takeoff(feet),satellites\n"
+        .to_owned();
+    for second in 0..200_u32 {
+        let along = 4.0 * f64::from(second % 100);
+        let (east, north) = if second < 100 { (along, 0.0) } else { (400.0 - along, 150.0) };
+        let level = -40.0 - 25.0 * (north - 100.0_f64).hypot(east - 111.0).max(1.0).log10();
+        let time = format!("2026-06-21 14:{:02}:{:02}", 3 + second / 60, second % 60);
+        writeln!(levels, "{time},{level:.1}").expect("memory");
+        let lat = 48.2 + north / 111_200.0;
+        let lon = 16.37 + east / (111_200.0 * 48.2_f64.to_radians().cos());
+        writeln!(airdata, "{},{time},{lat:.7},{lon:.7},6.6,14", second * 1000).expect("memory");
+    }
+    let levels = write(&folder, "levels.csv", &levels);
+    let airdata = write(&folder, "flight.csv", &airdata);
+    for path in [kmz, airdata.as_str()] {
+        let told = ["--json", "--truth", "48.200899,16.371498"];
+        let run = foxhunt(["locate", path, &levels].iter().chain(&told));
+        let error = run.json()["error_m"].as_f64().expect("a number");
+        assert!(error < 15.0, "{path}: {error} m");
+        assert!(run.stderr.contains(&format!("{path}: the receiver's path")), "{}", run.stderr);
+    }
+    foxhunt(["locate", &airdata]).failed(2, &["flight.csv", "no levels", "LEVELS.csv"]);
+    foxhunt(["locate", &airdata, kmz, &levels]).failed(2, &["walk.kmz", "both paths"]);
+}
+
 #[test]
 fn an_autopilots_log_is_the_path_of_the_levels() {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../archive/tests/data/flight-logs");

@@ -19,7 +19,7 @@ use super::RecordingError;
 
 /// Makes a table of a file, by its contents; `None` for any other. `sheet` is the name of the sheet
 /// to read of a spreadsheet, `level` that of the levels to read of an autopilot's log or a GPX
-/// track.
+/// track; of a table its column is read later.
 pub(super) fn convert(
     bytes: &[u8],
     file: &str,
@@ -39,10 +39,6 @@ pub(super) fn convert(
     }
     if let Some(converted) = gpx::convert(bytes, file, level)? {
         return Ok(Some(converted));
-    }
-    if let Some(level) = level {
-        let level = level.to_owned();
-        return Err(RecordingError::NotALog { file: file.to_owned(), level });
     }
     if let Some(converted) = kml::convert(bytes, file)? {
         return Ok(Some(converted));

@@ -386,7 +386,8 @@ fn every_shipped_format_has_a_recording() {
             formats.push(recording.format().to_owned());
         }
     }
-    for mapping in builtin_mappings() {
+    // Paths are tables of tests of their own.
+    for mapping in builtin_mappings().iter().filter(|mapping| !mapping.path) {
         assert!(formats.contains(&mapping.name), "{} has none", mapping.name);
     }
 }
