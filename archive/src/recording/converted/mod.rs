@@ -2,6 +2,8 @@
 //! lines on a map, spreadsheets.
 
 mod aprs;
+#[cfg(feature = "sqlite")]
+mod df_aggregator;
 mod flight;
 mod gpx;
 mod json;
@@ -12,6 +14,8 @@ mod rows;
 mod sensorgnome;
 #[cfg(feature = "spreadsheets")]
 mod spreadsheet;
+#[cfg(feature = "sqlite")]
+mod sqlite;
 
 use self::rows::not_written;
 pub(super) use self::rows::{Converted, Made, Rows};
@@ -45,6 +49,10 @@ pub(super) fn convert(
     }
     #[cfg(feature = "sqlite")]
     if let Some(converted) = kismet::convert(bytes, file)? {
+        return Ok(Some(converted));
+    }
+    #[cfg(feature = "sqlite")]
+    if let Some(converted) = df_aggregator::convert(bytes, file)? {
         return Ok(Some(converted));
     }
     if let Some(rows) = json::convert(bytes, file)? {

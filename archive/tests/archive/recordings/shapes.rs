@@ -86,6 +86,28 @@ fn packets_of_kismet_with_level_and_place_are_rows() {
     assert!(shape(&recording).contains("180 of 200"), "{}", shape(&recording));
 }
 
+/// The file is as a program leaves it that writes ahead.
+#[test]
+fn lines_of_bearing_of_df_aggregator_are_bearings_of_its_stations() {
+    let recording = read("bearings.db", &ReadOptions::default()).expect("a database");
+    assert!(shape(&recording).contains("18 of 24"), "{}", shape(&recording));
+    assert_eq!(recording.drones(), ["hill", "mast", "car"]);
+    assert_eq!(recording.beacons(), [Some("433.92")]);
+    let frame = recording.frame().expect("places in degrees");
+    let fox = Geodetic { lat_deg: 48.2009, lon_deg: 16.3715, alt_m: 0.0 };
+    let fox = frame.to_local(&fox);
+    for (record, number) in recording.records().iter().zip((0..).filter(|n| n % 4 != 3)) {
+        assert!((record.time.expect("a time") - BEGIN - f64::from(number)).abs() < 1e-6);
+        let place = record.receiver.expect("a place").position;
+        let bearing = record.bearing.as_ref().expect("a bearing").angle;
+        let off = bearing - (fox.y - place.y).atan2(fox.x - place.x);
+        // The script's errors are clockwise; its sphere is off by 0.1°.
+        let expected = -2.0 * (2.3 * f64::from(number)).sin();
+        let off_deg = off.sin().asin().to_degrees() - expected;
+        assert!(off_deg.abs() < 0.25, "line {number}: {off_deg}°");
+    }
+}
+
 #[test]
 fn tags_of_a_sensorgnome_are_rows_of_its_place() {
     let recording = text(
