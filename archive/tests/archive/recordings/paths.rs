@@ -182,6 +182,27 @@ fn a_level_of_a_path_is_read_by_its_name() {
     assert!(error.contains("without levels \"snr\"") && error.contains("rssi, link"), "{error}");
 }
 
+/// The log that an Android phone with Google's GNSS Logger writes beside the levels of a receiver.
+#[test]
+fn a_log_of_gnss_logger_is_a_path() {
+    let mut log = "# \n# Header Description:\n# \n# Raw,utcTimeMillis,TimeNanos,Svid\n# \n\
+                   # Fix,Provider,LatitudeDegrees,LongitudeDegrees,AltitudeMeters,SpeedMps,\
+                   AccuracyMeters,BearingDegrees,UnixTimeMillis\n"
+        .to_owned();
+    for second in 0..60 {
+        let lat = 48.2 + 10.0 * f64::from(second) / 111_200.0;
+        let time = 1_782_050_580_000_i64 + 1000 * i64::from(second);
+        log += &format!("Raw,{time},1,5\nFix,GPS,{lat:.8},16.37,273.5,1.4,3.8,0.0,{time}\n");
+    }
+    assert!(Rover::is_track(log.as_bytes()));
+    let rover = Rover::parse(log.as_bytes(), "gnss_log.txt").expect("a path");
+    let frame = LocalFrame::new(rover.begin()).expect("a place");
+    let local = frame.to_local(&rover.place(BEGIN + 30.5).expect("on the path"));
+    assert!((local.y - 305.0).abs() < 0.2 && local.x.abs() < 0.01, "{local}");
+    let error = read("gnss_log.txt", &log, &ReadOptions::default()).expect_err("no levels");
+    assert!(error.to_string().contains("a log of Android's GNSS Logger"), "{error}");
+}
+
 #[test]
 fn tables_with_measurements_are_no_paths() {
     for table in [
