@@ -5,13 +5,15 @@ const LOOKED_AT: usize = 4096;
 
 /// Contents that are no table, by their first bytes: the name, and the command that would work,
 /// in which `{}` is the file.
-const CONTENTS: [(&[u8], &str, &str); 12] = [
+const CONTENTS: [(&[u8], &str, &str); 14] = [
     (b"SQLite format 3\0", "an SQLite database", BAG),
     (b"\x89MCAP", "a bag of ROS 2", BAG),
     (b"PK\x03\x04", "a spreadsheet or another ZIP archive", SPREADSHEET),
     (b"\xd0\xcf\x11\xe0", "a spreadsheet of Excel 97", SPREADSHEET),
     (b"RIFF", "a file of samples", SAMPLES),
     (b"RF64", "a file of samples", SAMPLES),
+    (b"BW64", "a file of samples", SAMPLES),
+    (b"riff\x2e\x91\xcf\x11", "a file of samples", SAMPLES),
     (b"<?xml", "an XML file", TRACK),
     (b"<gpx", "a GPX track", TRACK),
     (b"<kml", "a KML file", TRACK),

@@ -1176,16 +1176,17 @@ def pulses(
 
     Searches complex samples for pulses of any frequency, and of widths between 2.5 and 40 ms
     unless others are given, at the rate of false alarms that you allow. Reads raw samples (.cu8
-    of an RTL-SDR, .cs8, .cs16, .cf32), SigMF, WAV with two channels, and raw samples on standard
-    input. Files may be longer than the memory. With --fold it finds tags whose single pulses are
-    too weak: it adds up the energies of several at every start, interval, frequency and drift.
+    of an RTL-SDR, .cs8, .cs16, .cf32), SigMF and its archives, WAV with two channels (also RF64
+    and W64), recordings of SDRangel and gqrx, and raw samples on standard input. Files may be
+    longer than the memory. With --fold it finds tags whose single pulses are too weak: it adds
+    up the energies of several at every start, interval, frequency and drift.
 
     Args:
         files: Files of samples; - for standard input
         csv: Print each pulse as soon as it is found, as CSV
-        rate_hz: Samples per second; SigMF and WAV have their own
+        rate_hz: Samples per second of raw samples; files with a header have their own
         center_hz: The centre frequency in hertz; without it frequencies are about the middle,
-            unless SigMF has it
+            unless the file has it
         format: The format of raw samples, if the extension does not give it: cu8, cs8, cs16,
             cf32
         band_hz: The lowest and the highest frequency to search, in hertz [default: the whole
@@ -1461,9 +1462,9 @@ def listen(
         source: The source of samples: tcp:HOST:PORT of rtl_tcp, soapy:ARGUMENTS of `SoapySDR`, a
             file, or - for standard input
         csv: Print each pulse as soon as it is found, as CSV
-        rate_hz: Samples per second; SigMF and WAV have their own
+        rate_hz: Samples per second of raw samples; files with a header have their own
         center_hz: The centre frequency in hertz; without it frequencies are about the middle,
-            unless SigMF has it
+            unless the file has it
         format: The format of raw samples, if the extension does not give it: cu8, cs8, cs16,
             cf32
         band_hz: The lowest and the highest frequency to search, in hertz [default: the whole
