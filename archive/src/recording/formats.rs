@@ -10,7 +10,7 @@ use super::{
 };
 
 /// Our own format first: it is preferred where two fit equally well.
-const TEXTS: [&str; 29] = [
+const TEXTS: [&str; 31] = [
     include_str!("../../formats/foxhunt.toml"),
     include_str!("../../formats/aerpaw-afar.toml"),
     include_str!("../../formats/aerpaw-tower.toml"),
@@ -29,6 +29,7 @@ const TEXTS: [&str; 29] = [
     include_str!("../../formats/krakensdr.toml"),
     include_str!("../../formats/krakensdr-json.toml"),
     include_str!("../../formats/lenth1981.toml"),
+    include_str!("../../formats/lotek-srx1200.toml"),
     include_str!("../../formats/meshtastic.toml"),
     include_str!("../../formats/motus.toml"),
     include_str!("../../formats/movebank.toml"),
@@ -36,6 +37,7 @@ const TEXTS: [&str; 29] = [
     include_str!("../../formats/qgroundcontrol.toml"),
     include_str!("../../formats/rssi-distance.toml"),
     include_str!("../../formats/rtl-power.toml"),
+    include_str!("../../formats/sigloc.toml"),
     include_str!("../../formats/ttn.toml"),
     include_str!("../../formats/uavrt-rotation.toml"),
     include_str!("../../formats/ucsd-collars.toml"),

@@ -23,6 +23,7 @@ mod recordings {
     mod sweeps;
     mod tables;
     mod values;
+    mod wildlife;
 }
 mod pulses;
 mod ranges;

@@ -10,6 +10,7 @@ mod json;
 #[cfg(feature = "sqlite")]
 mod kismet;
 mod kml;
+mod lotek;
 mod rows;
 mod sensorgnome;
 #[cfg(feature = "spreadsheets")]
@@ -59,6 +60,8 @@ pub(super) fn convert(
         return Ok(Some(Converted { table: Made::Rows(rows), what: String::new() }));
     }
     let text = String::from_utf8_lossy(bytes);
-    let converted = sensorgnome::convert(&text).or_else(|| aprs::convert(&text));
+    let converted = sensorgnome::convert(&text)
+        .or_else(|| aprs::convert(&text))
+        .or_else(|| lotek::convert(&text));
     converted.map(|made| made.map_err(|error| not_written(file, error))).transpose()
 }
