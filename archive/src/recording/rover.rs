@@ -57,6 +57,9 @@ impl Rover {
         let begin = bytes.get(..LOOKED_AT).unwrap_or(bytes);
         let is_xml = begin.starts_with(b"<") || begin.starts_with(b"\xef\xbb\xbf<");
         let is_track = is_xml && begin.windows(4).any(|word| word == b"<gpx" || word == b"<kml");
+        // Lines in KML without a track have no times: they are bearings, or drawn.
+        let has = |element: &[u8]| bytes.windows(element.len()).any(|word| word == element);
+        let is_track = is_track && (!has(b"<LineString") || has(b"Track>"));
         is_track || Kind::of(bytes).is_some() || formats::is_path(bytes)
     }
 

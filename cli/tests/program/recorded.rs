@@ -951,6 +951,28 @@ fn paths_of_other_programs_are_recognised_beside_levels() {
     foxhunt(["locate", &airdata, kmz, &levels]).failed(2, &["walk.kmz", "both paths"]);
 }
 
+/// Files of other programs as they are, with the truth of the scripts that made them.
+#[test]
+fn files_of_other_programs_are_located() {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../archive/tests/data");
+    let file = |name: &str| data.join(name).to_str().expect("UTF-8").to_owned();
+    let located = |files: &[&str], within_m: f64, said: &str| {
+        let files: Vec<String> = files.iter().map(|name| file(name)).collect();
+        let told = ["--json", "--truth", "48.200899,16.371498"].map(str::to_owned);
+        let run = foxhunt(["locate".to_owned()].iter().chain(&files).chain(&told));
+        let error = run.json()["error_m"].as_f64().expect("a number");
+        assert!(error < within_m, "{files:?}: {error} m");
+        assert!(run.stderr.contains(said), "{}", run.stderr);
+    };
+    located(&["shapes/bearings.db"], 15.0, "a database of df-aggregator");
+    located(&["shapes/walk.kmz", "wildlife/srx800.DTA"], 25.0, "a Lotek receiver");
+    located(&["wildlife/srx1200.csv"], 25.0, "format lotek-srx1200");
+    let bears = file("wildlife/bear.csv");
+    let animals = foxhunt(["locate", "--json", &bears, "--every-beacon"]).json();
+    let text = animals.to_string();
+    assert!(text.contains("602") && text.matches("\"estimate\"").count() == 2, "{text}");
+}
+
 #[test]
 fn an_autopilots_log_is_the_path_of_the_levels() {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../archive/tests/data/flight-logs");

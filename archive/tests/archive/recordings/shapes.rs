@@ -222,6 +222,7 @@ fn lines_of_two_points_are_bearings() {
         })
         .collect();
     let whole = format!("<?xml version=\"1.0\"?><kml><Document>{lines}</Document></kml>");
+    assert!(!Rover::is_track(whole.as_bytes()), "several such files are several recordings");
     let recording = text("map.kml", &whole).expect("bearings");
     assert!(shape(&recording).contains("3 lines 3 have two points"), "{}", shape(&recording));
     let frame = recording.frame().expect("places in degrees");
