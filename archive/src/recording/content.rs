@@ -38,6 +38,14 @@ pub(super) fn check(bytes: &[u8], file: &str) -> Result<(), RecordingError> {
     let known = CONTENTS.iter().find(|(magic, ..)| bytes.starts_with(magic));
     let log = Kind::of(bytes).map(|kind| (kind.name(), TRACK));
     let known = known.map(|(_, what, advice)| (*what, *advice)).or(log);
+    // The first element stands behind the declaration of XML.
+    let begin = bytes.get(..LOOKED_AT).unwrap_or(bytes);
+    let has = |element: &[u8]| begin.windows(element.len()).any(|word| word == element);
+    let known = known.map(|(what, advice)| match what {
+        "an XML file" if has(b"<kml") => ("a KML file", advice),
+        "an XML file" if has(b"<gpx") => ("a GPX track", advice),
+        what => (what, advice),
+    });
     let (what, advice) = match known {
         Some(known) => known,
         None if bytes.iter().take(LOOKED_AT).any(|byte| *byte == 0) => ("a binary file", NOTHING),

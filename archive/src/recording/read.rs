@@ -442,13 +442,14 @@ impl File<'_> {
         };
         let better_origin = if origin_is_kept { None } else { first_place() };
         let mut remarks = exclusions.remarks(name, rows);
-        if mapping.name == plain::PLAIN && options.format.is_none() {
+        let described = plain::described(mapping);
+        if mapping.name == plain::PLAIN && options.format.is_none() && !described.is_empty() {
             let how = if options.columns.is_empty() {
                 "no format has such a header; its columns are read by their names"
             } else {
                 "its columns are read by the names that were given"
             };
-            let text = format!("{name}: {how}: {}", plain::described(mapping));
+            let text = format!("{name}: {how}: {described}");
             remarks.push(Remark::new("columns-by-name", text));
         }
         if table.preamble() > 0 {

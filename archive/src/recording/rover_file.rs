@@ -4,12 +4,35 @@ use std::{fs, path::Path};
 
 use super::{
     Column, ReadOptions, Record, Recording, RecordingError, Rover,
-    decompress::decompressed,
+    decompress::{self, decompressed},
     flight_log::{Fix, Kind},
+    formats,
     read::on_ground,
 };
 
+/// Bytes in which the first element of a GPX file is looked for.
+const LOOKED_AT: usize = 1024;
+
 impl Rover {
+    /// Number of bytes by which a file is recognised; tables of autopilots have headers of some
+    /// thousand.
+    pub const BEGIN: usize = 1 << 15;
+
+    /// Returns true for bytes that [`Self::parse`] reads: a GPX or KML file, an autopilot's log, or
+    /// a table with times and places but nothing that was measured. The first [`Self::BEGIN`] bytes
+    /// are enough, but for a KMZ file.
+    #[must_use]
+    pub fn is_track(bytes: &[u8]) -> bool {
+        let bytes = &*decompress::begin(bytes, Self::BEGIN);
+        let begin = bytes.get(..LOOKED_AT).unwrap_or(bytes);
+        let is_xml = begin.starts_with(b"<") || begin.starts_with(b"\xef\xbb\xbf<");
+        let is_track = is_xml && begin.windows(4).any(|word| word == b"<gpx" || word == b"<kml");
+        // Lines in KML without a track have no times: they are bearings, or drawn.
+        let has = |element: &[u8]| bytes.windows(element.len()).any(|word| word == element);
+        let is_track = is_track && (!has(b"<LineString") || has(b"Track>"));
+        is_track || Kind::of(bytes).is_some() || formats::is_path(bytes)
+    }
+
     /// Reads a GPX, KML or KMZ file, an autopilot's log, or a table, compressed with gzip or not.
     ///
     /// # Errors

@@ -23,7 +23,7 @@ pub(super) fn is_archive(begin: &[u8]) -> bool {
     begin.get(257..262) == Some(b"ustar")
 }
 
-/// The files of an archive; those of another kind, as folders are, are left out.
+/// The files of an archive, without its folders and links.
 pub(super) fn members(archive: &mut (impl Read + Seek)) -> io::Result<Vec<Member>> {
     let mut members = Vec::new();
     let mut at = 0;
@@ -76,7 +76,7 @@ fn member(header: &[u8], at: u64) -> Option<Member> {
     Some(Member { name: text(header.get(..100)?), begin: at.checked_add(BLOCK)?, bytes })
 }
 
-/// A number in octal digits, or as GNU writes those of 8 GiB and more, in bytes behind 0x80.
+/// A number in octal digits, or in bytes behind 0x80, as GNU writes 8 GiB and more.
 fn number(field: &[u8]) -> Option<u64> {
     if field.first() == Some(&0x80) {
         return field.last_chunk().map(|last| u64::from_be_bytes(*last));

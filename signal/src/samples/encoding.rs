@@ -66,7 +66,7 @@ impl Encoding {
     }
 }
 
-/// A word of so many bits, over full scale.
+/// A word over the full scale of its bits.
 #[expect(clippy::cast_precision_loss, reason = "receivers have at most 24 bits")]
 fn scaled(word: i32, bits: u16) -> f32 {
     word as f32 * 2f32.powi(1 - i32::from(bits))

@@ -140,7 +140,7 @@ fn ends(coordinates: &str) -> Option<[Geodetic; 2]> {
 /// for two places that are one.
 fn direction(from: Geodetic, to: Geodetic) -> Option<f64> {
     let local = LocalFrame::new(from).ok()?.to_local(&to);
-    let is_far = local.x.hypot(local.y) >= LEAST_M;
+    let is_far = libm::hypot(local.x, local.y) >= LEAST_M;
     is_far.then(|| radians_to_compass_deg(libm::atan2(local.y, local.x)))
 }
 

@@ -13,7 +13,7 @@ use super::{
 /// Bytes in which the comment that names a fix's columns is looked for.
 const LOOKED_AT: usize = 1 << 15;
 
-/// Providers of places, the best first; those of earlier versions beside those of later ones.
+/// Providers of places, the best first, under the names of earlier and of later versions.
 const PROVIDERS: [[&str; 2]; 2] = [["gps", "gps"], ["flp", "fused"]];
 
 /// Columns of a fix, by their places in a line.

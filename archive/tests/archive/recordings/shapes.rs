@@ -191,7 +191,7 @@ fn the_track_in_a_kmz_file_is_a_path() {
         assert!(off < 2.0 && (local.z - 0.1 * second).abs() < 0.05, "{second} s: {local}");
     }
     let error = read("walk.kmz", &ReadOptions::default()).expect_err("no levels").to_string();
-    assert!(error.contains("an XML file") && error.contains("LEVELS.csv"), "{error}");
+    assert!(error.contains("a KML file") && error.contains("LEVELS.csv"), "{error}");
     let cut = Rover::parse(&bytes[..bytes.len() - 30], "walk.kmz").expect_err("no directory");
     assert!(cut.to_string().contains("walk.kmz"), "{cut}");
 }

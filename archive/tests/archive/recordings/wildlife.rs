@@ -48,6 +48,8 @@ fn detections_of_a_lotek_receiver_are_levels_along_a_path() {
     let said = recording.remarks().iter().find(|remark| remark.code == "converted");
     let said = said.expect("the kind of the file").text.to_string();
     assert!(said.contains("a Lotek receiver") && said.contains("left out: 4"), "{said}");
+    let by_name = recording.remarks().iter().any(|remark| remark.code == "columns-by-name");
+    assert!(!by_name, "its columns have our names");
     let alone = Recording::read(path("wildlife/srx800.DTA"), &ReadOptions::default());
     let error = alone.expect_err("no places").to_string();
     assert!(error.contains("but no places") && error.contains("srx800.DTA PATH"), "{error}");
