@@ -196,7 +196,7 @@ pub(super) fn recognise(
 }
 
 /// A path's mapping with a column of levels.
-fn with_level(
+pub(super) fn with_level(
     path: Option<Mapping>,
     table: &Table<'_>,
     level: &str,

@@ -282,7 +282,12 @@ impl File<'_> {
         let name = self.name;
         let mut table = self.table(options)?;
         let mapping = match &options.format {
-            Some(mapping) => Cow::Borrowed(mapping),
+            Some(mapping) => match &options.level {
+                Some(level) => {
+                    Cow::Owned(formats::with_level(Some(mapping.clone()), &table, level)?)
+                }
+                None => Cow::Borrowed(mapping),
+            },
             None => {
                 let first = |column: &str| self.first_cell(options, column);
                 formats::recognise(&table, options, first)?

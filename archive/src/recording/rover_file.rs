@@ -18,9 +18,8 @@ impl Rover {
     /// thousand.
     pub const BEGIN: usize = 1 << 15;
 
-    /// Returns true for bytes that [`Self::parse`] reads: a GPX or KML file, an autopilot's log, or
-    /// a table with times and places but nothing that was measured. The first [`Self::BEGIN`] bytes
-    /// are enough, but for a KMZ file.
+    /// Returns true for a GPX or KML file or an autopilot's log, which [`Self::parse`] reads. The
+    /// first [`Self::BEGIN`] bytes are enough, but for a KMZ file.
     #[must_use]
     pub fn is_track(bytes: &[u8]) -> bool {
         let bytes = &*decompress::begin(bytes, Self::BEGIN);
@@ -30,7 +29,14 @@ impl Rover {
         // Lines in KML without a track have no times: they are bearings, or drawn.
         let has = |element: &[u8]| bytes.windows(element.len()).any(|word| word == element);
         let is_track = is_track && (!has(b"<LineString") || has(b"Track>"));
-        is_track || Kind::of(bytes).is_some() || formats::is_path(bytes)
+        is_track || Kind::of(bytes).is_some()
+    }
+
+    /// Returns true for a table with times and places but nothing that was measured, which
+    /// [`Self::parse`] reads as well, by its first [`Self::BEGIN`] bytes.
+    #[must_use]
+    pub fn is_path_table(bytes: &[u8]) -> bool {
+        formats::is_path(&decompress::begin(bytes, Self::BEGIN))
     }
 
     /// Reads a GPX, KML or KMZ file, an autopilot's log, or a table, compressed with gzip or not.

@@ -328,7 +328,10 @@ impl Reading {
         if files.len() < 2 || self.rover.is_some() || self.level.is_some() {
             return Ok((Vec::new(), files.collect()));
         }
-        let (tracks, recordings): (Vec<_>, Vec<_>) = files.partition(|file| is_track(file));
+        // Columns that are mapped or named may be levels, whatever they are called.
+        let has_columns = self.format.is_some() || !self.columns.is_empty();
+        let (tracks, recordings): (Vec<_>, Vec<_>) =
+            files.partition(|file| is_track(file, !has_columns));
         if let [first, second, ..] = tracks.as_slice() {
             return Err(CliError::input(format!(
                 "{} and {} are both paths of a receiver; give each recording with its own path: \
@@ -356,9 +359,9 @@ impl Reading {
     }
 }
 
-/// Returns true for a file that holds the path of a receiver; false for one that cannot be read,
-/// which is for the reader to say.
-fn is_track(file: &Path) -> bool {
+/// Returns true for a file that holds the path of a receiver, which a table is where
+/// `table_may_be`; false for one that cannot be read, which is for the reader to say.
+fn is_track(file: &Path, table_may_be: bool) -> bool {
     let mut begin = Vec::new();
     let read =
         File::open(file).and_then(|file| file.take(Rover::BEGIN as u64).read_to_end(&mut begin));
@@ -366,7 +369,8 @@ fn is_track(file: &Path) -> bool {
     if begin.starts_with(b"PK") {
         return fs::read(file).is_ok_and(|whole| Rover::is_track(&whole));
     }
-    read.is_ok() && Rover::is_track(&begin)
+    let is_path = || table_may_be && Rover::is_path_table(&begin);
+    read.is_ok() && (Rover::is_track(&begin) || is_path())
 }
 
 /// Remark on the clocks of levels and of the receiver's path in another file, or the line that says

@@ -948,6 +948,14 @@ fn paths_of_other_programs_are_recognised_beside_levels() {
         assert!(run.stderr.contains(&format!("{path}: the receiver's path")), "{}", run.stderr);
     }
     foxhunt(["locate", &airdata]).failed(2, &["flight.csv", "no levels", "LEVELS.csv"]);
+    // A mapping says that a column of a name of its own is the level.
+    let mapping = "name = \"mine\"\ndescription = \"d\"\nheader = [\"satellites\"]\n[columns]\n\
+                   time_utc = \"datetime(utc)\"\nlat_deg = \"latitude\"\n\
+                   lon_deg = \"longitude\"\nrss_db = \"satellites\"\n";
+    let mapping = write(&folder, "mine.toml", mapping);
+    let twice = foxhunt(["locate", &airdata, &airdata, "--format", &mapping]);
+    assert!(!twice.stderr.contains("the receiver's path"), "{}", twice.stderr);
+    assert!(twice.stderr.contains("format mine, 200 of 200 rows"), "{}", twice.stderr);
     foxhunt(["locate", &airdata, kmz, &levels]).failed(2, &["walk.kmz", "both paths"]);
 }
 

@@ -1,7 +1,7 @@
 //! Tables of programs that hold a receiver's path. Their columns are the published ones.
 
 use foxhunt_archive::recording::{
-    Column, ReadOptions, Recording, RecordingError, Rover, builtin_mappings,
+    Column, Mapping, ReadOptions, Recording, RecordingError, Rover, builtin_mappings,
 };
 use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
 
@@ -125,7 +125,7 @@ fn each_table_is_recognised_as_a_path_in_metres_and_utc() {
     std::fs::create_dir_all(&folder).expect("a folder");
     for (name, table, zone) in tables() {
         let begin = &table.as_bytes()[..table.len().min(Rover::BEGIN)];
-        assert!(Rover::is_track(begin), "{name}");
+        assert!(Rover::is_path_table(begin) && !Rover::is_track(begin), "{name}");
         let level = ReadOptions::default().with_constant(Column::RssDb, 0.0);
         let level = level.with_time_format("mdy".parse().expect("a format"));
         assert_eq!(read(name, &table, &level).expect(name).format(), name);
@@ -170,6 +170,10 @@ fn a_level_of_a_path_is_read_by_its_name() {
     let last = recording.records().last().expect("a row");
     assert_eq!(last.rss_dbm, Some(61.0));
     assert!((last.receiver.expect("a place").position.z - 30.0).abs() < 1e-9);
+    // A format that is stated has the level, too.
+    let stated = options.with_format(Mapping::find("dji-log-parser").expect("it is shipped"));
+    let recording = read("flight.csv", &dji, &stated).expect("a path with levels");
+    assert_eq!(recording.records().last().and_then(|record| record.rss_dbm), Some(61.0));
     // Any table with times and places has levels by name, in dBm where the name says so.
     let table = "time,lat,lon,rssi,link [dBm]\n\
                  2026-06-21 14:03:00,48.2,16.37,-60,-71\n2026-06-21 14:03:01,48.2,16.37,-60,-72\n";
@@ -213,9 +217,10 @@ fn tables_with_measurements_are_no_paths() {
         "noise\n",
         "",
     ] {
-        assert!(!Rover::is_track(table.as_bytes()), "{table}");
+        assert!(!Rover::is_path_table(table.as_bytes()), "{table}");
     }
-    assert!(Rover::is_track(b"# a logger\ndate,lat,lon,satellites\n2026-06-21 14:03,48,16,9\n"));
+    let logger = b"# a logger\ndate,lat,lon,satellites\n2026-06-21 14:03,48,16,9\n";
+    assert!(Rover::is_path_table(logger));
 }
 
 /// The path is in UTC whatever zone the levels are in.
