@@ -5,7 +5,7 @@ use std::{
 
 use flate2::read::MultiGzDecoder;
 
-use super::{RecordingError, content};
+use super::{RecordingError, content, zip};
 
 /// The first bytes of a gzip file (RFC 1952, §2.3.1).
 const GZIP: [u8; 2] = [0x1f, 0x8b];
@@ -13,15 +13,19 @@ const GZIP: [u8; 2] = [0x1f, 0x8b];
 /// Largest decompressed size in bytes: a small file may expand to any size.
 const LIMIT_BYTES: u64 = 2 << 30;
 
-/// Contents of a file in UTF-8: the file itself, or the text that gzip compressed.
+/// Contents of a file in UTF-8: the file itself, the text that gzip compressed, or the document
+/// of a KMZ file.
 pub(super) fn decompressed<'b>(
     bytes: &'b [u8],
     file: &str,
 ) -> Result<Cow<'b, [u8]>, RecordingError> {
+    let wrong = |source| RecordingError::Read { file: file.to_owned(), source };
+    if let Some(kml) = zip::kml(bytes, LIMIT_BYTES).map_err(wrong)? {
+        return Ok(Cow::Owned(kml));
+    }
     if !bytes.starts_with(&GZIP) {
         return Ok(in_utf8(bytes).map_or(Cow::Borrowed(bytes), Cow::Owned));
     }
-    let wrong = |source| RecordingError::Read { file: file.to_owned(), source };
     let mut held = Vec::new();
     MultiGzDecoder::new(bytes).take(LIMIT_BYTES + 1).read_to_end(&mut held).map_err(wrong)?;
     if held.len() as u64 > LIMIT_BYTES {
@@ -29,6 +33,24 @@ pub(super) fn decompressed<'b>(
         return Err(wrong(io::Error::other(message)));
     }
     Ok(Cow::Owned(in_utf8(&held).unwrap_or(held)))
+}
+
+/// The first bytes of a file's contents, for one whose begin alone may be given: damage is for the
+/// reader to say. A KMZ file must be whole.
+pub(super) fn begin(bytes: &[u8], length: usize) -> Cow<'_, [u8]> {
+    if bytes.starts_with(&GZIP) {
+        let mut held = Vec::new();
+        // What came before the end, or before damage, is held.
+        let _ = MultiGzDecoder::new(bytes).take(length as u64).read_to_end(&mut held);
+        return Cow::Owned(held);
+    }
+    match zip::kml(bytes, LIMIT_BYTES) {
+        Ok(Some(mut kml)) => {
+            kml.truncate(length);
+            Cow::Owned(kml)
+        }
+        _ => Cow::Borrowed(bytes.get(..length).unwrap_or(bytes)),
+    }
 }
 
 /// A text in UTF-16, which begins with a byte order mark, or in Windows-1252, in UTF-8; `None` for

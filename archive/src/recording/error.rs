@@ -364,18 +364,7 @@ pub enum RecordingError {
         /// The missing part.
         problem: String,
     },
-    /// Levels are named for a file that is no log.
-    #[error(
-        "{file}: --level {level} is of use for an autopilot's log or a GPX track with levels; this \
-         is another file"
-    )]
-    NotALog {
-        /// The file.
-        file: String,
-        /// The name of the levels.
-        level: String,
-    },
-    /// An autopilot's log holds several levels, or not the one that was asked for.
+    /// A log or a path holds several levels, or not the one that was asked for.
     #[error(
         "{file}: this is {what} {}; {}",
         match named {
@@ -394,7 +383,7 @@ pub enum RecordingError {
         what: &'static str,
         /// The name that was asked for.
         named: Option<String>,
-        /// The names that there are, each with its number of levels; empty without levels.
+        /// The names that there are, in a log each with its number of levels; empty without levels.
         levels: String,
     },
     /// A recording and the track of its receiver have no time in common.

@@ -1,7 +1,7 @@
 use std::{borrow::Cow, fs, path::Path, sync::LazyLock};
 
 use super::{
-    Mapping, ReadOptions, RecordingError,
+    Column, Mapping, ReadOptions, RecordingError, Source,
     error::argument,
     guess,
     near_miss::near_miss,
@@ -10,25 +10,34 @@ use super::{
 };
 
 /// Our own format first: it is preferred where two fit equally well.
-const TEXTS: [&str; 22] = [
+const TEXTS: [&str; 31] = [
     include_str!("../../formats/foxhunt.toml"),
     include_str!("../../formats/aerpaw-afar.toml"),
     include_str!("../../formats/aerpaw-tower.toml"),
+    include_str!("../../formats/airdata.toml"),
+    include_str!("../../formats/airdata-metric.toml"),
     include_str!("../../formats/chasemapper.toml"),
     include_str!("../../formats/chirpstack.toml"),
     include_str!("../../formats/chirpstack3.toml"),
     include_str!("../../formats/ctt.toml"),
+    include_str!("../../formats/dji.toml"),
+    include_str!("../../formats/dji-metric.toml"),
+    include_str!("../../formats/dji-log-parser.toml"),
+    include_str!("../../formats/dji-txtlog.toml"),
     include_str!("../../formats/espresense.toml"),
     include_str!("../../formats/hackrf-sweep.toml"),
     include_str!("../../formats/krakensdr.toml"),
     include_str!("../../formats/krakensdr-json.toml"),
     include_str!("../../formats/lenth1981.toml"),
+    include_str!("../../formats/lotek-srx1200.toml"),
     include_str!("../../formats/meshtastic.toml"),
     include_str!("../../formats/motus.toml"),
     include_str!("../../formats/movebank.toml"),
     include_str!("../../formats/otter-telemetry.toml"),
+    include_str!("../../formats/qgroundcontrol.toml"),
     include_str!("../../formats/rssi-distance.toml"),
     include_str!("../../formats/rtl-power.toml"),
+    include_str!("../../formats/sigloc.toml"),
     include_str!("../../formats/ttn.toml"),
     include_str!("../../formats/uavrt-rotation.toml"),
     include_str!("../../formats/ucsd-collars.toml"),
@@ -111,7 +120,19 @@ pub(super) fn recognise(
     let fits = with_header().filter(|mapping| mapping.lacks(columns).is_empty());
     // `rev`, for of equals the last one would win.
     let fits: Vec<_> = fits.collect();
-    if let Some(best) = fits.into_iter().rev().max_by_key(|mapping| mapping.header.len()) {
+    let best = fits.into_iter().rev().max_by_key(|mapping| mapping.header.len());
+    if let Some(level) = &options.level {
+        let is_path = |mapping: &&Mapping| mapping.path;
+        let path = match best.filter(is_path) {
+            Some(path) => Some(path.clone()),
+            None => plain::mapping(table, options, first)?,
+        };
+        return with_level(path, table, level).map(Cow::Owned);
+    }
+    if let Some(best) = best {
+        if best.path && !plain::has_stated_level(options) {
+            return Err(path_alone(table));
+        }
         return Ok(Cow::Borrowed(best));
     }
     if let Some(plain) = plain::mapping(table, options, first)? {
@@ -145,27 +166,23 @@ pub(super) fn recognise(
         Some(Box::new([found.to_owned(), name.to_owned()]))
     });
     // A slip in a name of ours is the likelier reason.
-    if let Some(half) = plain::half(columns).filter(|_| meant.is_none()) {
-        let is_path = half == Half::Path;
-        return Err(RecordingError::Half {
-            file: file.to_owned(),
-            line,
-            header: shown(&columns.join(", ")),
-            held: if is_path { "times and places" } else { "times and levels or bearings" },
-            missing: if is_path { "levels and no bearings" } else { "places" },
-            advice: if is_path {
-                format!(
-                    "call the column of levels rssi, or give the file as the path of others: \
-                     foxhunt locate LEVELS.csv --rover {file}"
-                )
-            } else {
-                format!(
-                    "give the receiver's path beside it, as GPX or a log of ArduPilot, PX4 or \
-                     MAVLink: foxhunt locate {} PATH",
+    match plain::half(columns).filter(|_| meant.is_none()) {
+        Some(Half::Path) => return Err(path_alone(table)),
+        Some(Half::Measurements) => {
+            return Err(RecordingError::Half {
+                file: file.to_owned(),
+                line,
+                header: shown(&columns.join(", ")),
+                held: "times and levels or bearings",
+                missing: "places",
+                advice: format!(
+                    "give the receiver's path beside it, as GPX, a table with times and places or \
+                     a log of ArduPilot, PX4 or MAVLink: foxhunt locate {} PATH",
                     argument(file)
-                )
-            },
-        });
+                ),
+            });
+        }
+        None => {}
     }
     Err(RecordingError::UnknownFormat {
         file: file.to_owned(),
@@ -175,6 +192,71 @@ pub(super) fn recognise(
         lacks,
         meant,
         known: known().into(),
+    })
+}
+
+/// A path's mapping with a column of levels.
+pub(super) fn with_level(
+    path: Option<Mapping>,
+    table: &Table<'_>,
+    level: &str,
+) -> Result<Mapping, RecordingError> {
+    let column = table.header().iter().find(|name| name.eq_ignore_ascii_case(level));
+    let (Some(mut path), Some(column)) = (path, column) else {
+        return Err(RecordingError::ChooseLevel {
+            file: table.file().to_owned(),
+            what: "a table",
+            named: Some(level.to_owned()),
+            levels: plain::levels(table.header()),
+        });
+    };
+    path.columns.retain(|column, _| ![Column::RssDb, Column::RssDbm].contains(column));
+    path.columns.insert(plain::level_column(column), Source::column(column));
+    Ok(path)
+}
+
+/// The error that a table is a path alone, with the levels that may be read of it.
+fn path_alone(table: &Table<'_>) -> RecordingError {
+    let file = table.file().to_owned();
+    let levels = plain::levels(table.header());
+    if !levels.is_empty() {
+        let what = "a receiver's path";
+        return RecordingError::ChooseLevel { file, what, named: None, levels };
+    }
+    let advice = format!(
+        "call the column of levels rssi, or give the file as the path of others: foxhunt locate \
+         LEVELS.csv {}",
+        argument(&file)
+    );
+    RecordingError::Half {
+        line: table.header_line(),
+        header: shown(&table.header().join(", ")),
+        held: "times and places",
+        missing: "levels and no bearings",
+        advice,
+        file,
+    }
+}
+
+/// Returns true for the begin of a table that holds a receiver's path: its header names times and
+/// places, and no levels or bearings, or is of a format of paths.
+pub(super) fn is_path(begin: &[u8]) -> bool {
+    // Without the line that is cut, but for a header alone.
+    let end = begin.iter().rposition(|byte| *byte == b'\n').unwrap_or(begin.len());
+    let begin = begin.get(..end).unwrap_or(begin);
+    if begin.contains(&0) || begin.starts_with(b"<") {
+        return false;
+    }
+    let fits_path = |header: &[String]| {
+        let mut paths = SHIPPED.iter().filter(|mapping| mapping.path);
+        paths.any(|mapping| mapping.lacks(header).is_empty())
+    };
+    let options = ReadOptions::default();
+    let is_header = |header: &[String]| is_known(header, &options) || plain::is_path(header);
+    let table = Table::open_fitting("", begin, None, is_header);
+    table.is_ok_and(|table| {
+        let header = table.header();
+        fits_path(header) || (plain::is_path(header) && !is_known(header, &options))
     })
 }
 

@@ -52,6 +52,12 @@ pub struct Mapping {
     pub utm_zone: Option<String>,
     /// Separator of the cells, one character; found by the header unless given.
     pub separator: Option<char>,
+    /// True if files hold the path of a receiver. Of their levels one is read, by its name.
+    #[serde(default)]
+    pub path: bool,
+    /// True if dates without an offset are in UTC, whatever zone is stated for others.
+    #[serde(default)]
+    pub utc: bool,
 }
 
 /// A rule that a row must pass to be kept.

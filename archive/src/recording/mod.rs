@@ -44,6 +44,7 @@ pub(crate) mod utc;
 mod utm;
 mod value;
 mod write;
+mod zip;
 
 pub use clock_offset::{ClockOffset, ClockOffsetError};
 pub use column::Column;

@@ -364,10 +364,30 @@ fn is_one(names: &[&str], column: &str) -> bool {
     names.contains(&parts(column).0.as_str())
 }
 
-/// Returns true if the level is the same for all rows: the table is a path.
-fn has_stated_level(options: &ReadOptions) -> bool {
+/// Returns true if the table is a path: the level is the same for all rows, or of a column that is
+/// named.
+pub(super) fn has_stated_level(options: &ReadOptions) -> bool {
     let levels = [Column::RssDb, Column::RssDbm];
-    levels.iter().any(|level| options.constants.contains_key(level))
+    let is_constant = levels.iter().any(|level| options.constants.contains_key(level));
+    is_constant || options.level.is_some()
+}
+
+/// Words in the names of columns that hold levels.
+const LEVEL_WORDS: [&str; 5] = ["rssi", "signal", "dbm", "rsrp", "snr"];
+
+/// The names of the columns that may hold levels, as the end of a sentence.
+pub(super) fn levels(header: &[String]) -> String {
+    let is_level = |name: &&String| {
+        let lower = name.to_lowercase();
+        LEVEL_WORDS.iter().any(|word| lower.contains(word))
+    };
+    header.iter().filter(is_level).map(String::as_str).collect::<Vec<_>>().join(", ")
+}
+
+/// The column of ours that a column with levels is, by its unit.
+pub(super) fn level_column(name: &str) -> Column {
+    let (name, unit) = parts(name);
+    if unit == "dbm" || name.ends_with("dbm") { Column::RssDbm } else { Column::RssDb }
 }
 
 /// Returns true if a line names places, or times where a track has the places, and what was
@@ -389,6 +409,11 @@ pub(super) enum Half {
     Path,
     /// Times and measurements.
     Measurements,
+}
+
+/// Returns true if a line names times and places, and nothing that was measured or may be.
+pub(super) fn is_path(header: &[String]) -> bool {
+    half(header) == Some(Half::Path) && Recognised::of(header).doubtful.is_none()
 }
 
 /// The half that a header names; `None` if it names both or neither.
@@ -484,6 +509,8 @@ pub(super) fn mapping(
         };
         columns.insert(column, source);
     }
+    let time = columns.get(&Column::TimeUtc).map(Source::label).unwrap_or_default();
+    let is_utc = time != Column::TimeUtc.name() && time.to_lowercase().contains("utc");
     let north = if found.is_magnetic { North::Magnetic } else { North::True };
     Ok(Some(Mapping {
         name: PLAIN.to_owned(),
@@ -501,6 +528,8 @@ pub(super) fn mapping(
         melt: None,
         utm_zone: found.zone.filter(|_| !in_degrees).map(str::to_owned),
         separator: None,
+        path: false,
+        utc: is_utc,
     }))
 }
 

@@ -1,8 +1,8 @@
 use std::{borrow::Cow, collections::BTreeMap};
 
 use super::{
-    Band, Column, Keep, Mapping, ReadOptions, RecordingError, Source, UtmZone, beside::Joined,
-    column::Kind, dates::Times, table::Table,
+    Band, Column, Keep, Mapping, ReadOptions, RecordingError, Source, TimeZone, UtmZone,
+    beside::Joined, column::Kind, dates::Times, table::Table,
 };
 
 /// A mapping fitted to one file's header.
@@ -231,7 +231,8 @@ impl Plan {
         let ignored = ignored(table.header(), &origins, &rules, &melted);
         let names = table.header().to_vec();
         let negate_levels = options.negate_levels;
-        let times = Times { format: options.time_format, zone: options.time_zone };
+        let zone = if mapping.utc { TimeZone::default() } else { options.time_zone };
+        let times = Times { format: options.time_format, zone };
         let present = origins.keys().fold(0, |bits, column| bits | 1 << *column as u32);
         let plan =
             Self { origins, present, rules, joined, melted, negate_levels, times, ignored, names };

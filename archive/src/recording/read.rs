@@ -140,8 +140,12 @@ impl Recording {
         if let Some(tabs) = spaces_as_tabs(&bytes, options.columns.len()) {
             bytes = Cow::Owned(tabs);
         }
+        let mut options = Cow::Borrowed(options);
+        if rows.as_ref().is_some_and(|rows| rows.has_named_level) {
+            options.to_mut().level = None;
+        }
         let file = File { bytes: &bytes, rows, name, folder };
-        let mut recording = file.located(options)?;
+        let mut recording = file.located(&options)?;
         if !taken_for.is_empty() {
             recording.remarks.push(Remark::new("converted", format!("{name}: {taken_for}")));
         }
@@ -278,7 +282,12 @@ impl File<'_> {
         let name = self.name;
         let mut table = self.table(options)?;
         let mapping = match &options.format {
-            Some(mapping) => Cow::Borrowed(mapping),
+            Some(mapping) => match &options.level {
+                Some(level) => {
+                    Cow::Owned(formats::with_level(Some(mapping.clone()), &table, level)?)
+                }
+                None => Cow::Borrowed(mapping),
+            },
             None => {
                 let first = |column: &str| self.first_cell(options, column);
                 formats::recognise(&table, options, first)?
@@ -438,13 +447,14 @@ impl File<'_> {
         };
         let better_origin = if origin_is_kept { None } else { first_place() };
         let mut remarks = exclusions.remarks(name, rows);
-        if mapping.name == plain::PLAIN && options.format.is_none() {
+        let described = plain::described(mapping);
+        if mapping.name == plain::PLAIN && options.format.is_none() && !described.is_empty() {
             let how = if options.columns.is_empty() {
                 "no format has such a header; its columns are read by their names"
             } else {
                 "its columns are read by the names that were given"
             };
-            let text = format!("{name}: {how}: {}", plain::described(mapping));
+            let text = format!("{name}: {how}: {described}");
             remarks.push(Remark::new("columns-by-name", text));
         }
         if table.preamble() > 0 {

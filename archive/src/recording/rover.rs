@@ -12,9 +12,6 @@ use super::{
     utc::{utc, utc_seconds},
 };
 
-/// Bytes in which the first element of a GPX file is looked for.
-const LOOKED_AT: usize = 1024;
-
 /// Two points of a track farther apart in seconds are not joined: the receiver may have been
 /// anywhere between them.
 const LONGEST_GAP_S: f64 = 30.0;
@@ -43,15 +40,6 @@ struct Point {
 }
 
 impl Rover {
-    /// Returns true for bytes that [`Self::parse`] reads: a GPX or KML file, or an autopilot's log.
-    #[must_use]
-    pub fn is_track(bytes: &[u8]) -> bool {
-        let begin = bytes.get(..LOOKED_AT).unwrap_or(bytes);
-        let is_xml = begin.starts_with(b"<") || begin.starts_with(b"\xef\xbb\xbf<");
-        let is_track = is_xml && begin.windows(4).any(|word| word == b"<gpx" || word == b"<kml");
-        is_track || Kind::of(bytes).is_some()
-    }
-
     /// Reads a track from GPX or KML; `file` is its name in errors.
     pub(super) fn of_xml(xml: &[u8], file: &str) -> Result<Self, RecordingError> {
         let mut track = Track { file, xml, points: Vec::new(), starts: true };

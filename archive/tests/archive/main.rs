@@ -14,6 +14,7 @@ mod recordings {
     mod generated;
     mod joined;
     mod json;
+    mod paths;
     mod quantities;
     mod real;
     mod round_trip;
@@ -22,6 +23,7 @@ mod recordings {
     mod sweeps;
     mod tables;
     mod values;
+    mod wildlife;
 }
 mod pulses;
 mod ranges;

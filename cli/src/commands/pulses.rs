@@ -20,9 +20,10 @@ use crate::{
 ///
 /// Searches complex samples for pulses of any frequency, and of widths between 2.5 and 40 ms unless
 /// others are given, at the rate of false alarms that you allow. Reads raw samples (.cu8 of an
-/// RTL-SDR, .cs8, .cs16, .cf32), SigMF, WAV with two channels, and raw samples on standard input.
-/// Files may be longer than the memory. With --fold it finds tags whose single pulses are too weak:
-/// it adds up the energies of several at every start, interval, frequency and drift.
+/// RTL-SDR, .cs8, .cs16, .cf32), SigMF and its archives, WAV with two channels (also RF64 and W64),
+/// recordings of SDRangel and gqrx, and raw samples on standard input. Files may be longer than the
+/// memory. With --fold it finds tags whose single pulses are too weak: it adds up the energies of
+/// several at every start, interval, frequency and drift.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
                         foxhunt pulses tag.cu8 --rate-hz 250000 --center-hz 150.1e6\n  \
@@ -55,11 +56,11 @@ pub(crate) struct Args {
 /// Settings of the search for pulses.
 #[derive(Debug, clap::Args)]
 pub(super) struct Search {
-    /// Samples per second; SigMF and WAV have their own
+    /// Samples per second of raw samples; files with a header have their own
     #[arg(long, value_name = "HZ")]
     pub(super) rate_hz: Option<f64>,
-    /// The centre frequency in hertz; without it frequencies are about the middle, unless SigMF has
-    /// it
+    /// The centre frequency in hertz; without it frequencies are about the middle, unless the file
+    /// has it
     #[arg(long, value_name = "HZ", allow_hyphen_values = true)]
     pub(super) center_hz: Option<f64>,
     /// The format of raw samples, if the extension does not give it: cu8, cs8, cs16, cf32

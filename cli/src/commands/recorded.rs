@@ -1,7 +1,7 @@
 //! Shared parts of the subcommands that read recordings.
 
 use std::{
-    fs::File,
+    fs::{self, File},
     io::Read as _,
     path::{Path, PathBuf},
     str::FromStr,
@@ -40,9 +40,9 @@ pub(crate) struct Reading {
     #[arg(long, value_name = "NAME")]
     sheet: Option<String>,
     /// The levels to read of an autopilot's log that is located alone, such as RADIO_STATUS.rssi,
-    /// RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the element with the level in a
-    /// GPX track; needed where it has several. No file is then taken for a path, but that of
-    /// --rover
+    /// RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, the element with the level in a GPX
+    /// track, or the column with the level in a table of places; needed where it has several. No
+    /// file is then taken for a path, but that of --rover
     #[arg(long, value_name = "NAME")]
     level: Option<String>,
     /// The beacon, where the recording holds several
@@ -52,7 +52,8 @@ pub(crate) struct Reading {
     /// March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
     #[arg(long, value_name = "dmy|mdy|ymd|excel|seconds")]
     time_format: Option<TimeFormat>,
-    /// The offset from UTC of dates that state none, such as +02:00 [default: UTC]
+    /// The offset from UTC of dates that state none, such as +02:00, in recordings and in a table
+    /// with their path [default: UTC]
     #[arg(long, value_name = "OFFSET", allow_hyphen_values = true)]
     tz: Option<TimeZone>,
     /// The zone of UTM of places in metres, with its band or hemisphere, such as 33U or "33 north";
@@ -85,9 +86,9 @@ pub(crate) struct Reading {
     /// level is higher; found by itself where the highest level repeats
     #[arg(long, value_name = "DBM", allow_hyphen_values = true)]
     ceiling_dbm: Option<f64>,
-    /// The receiver's path, instead of the recording's own places: a GPX file or an
-    /// autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log, which may
-    /// be among the recordings instead, or a table with dates and places
+    /// The receiver's path, instead of the recording's own places: a GPX, KML or KMZ file, an
+    /// autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), an NMEA log or a table
+    /// with dates and places. It may be among the recordings instead
     #[arg(long, value_name = "FILE")]
     rover: Option<PathBuf>,
     /// Seconds added to the times of the measurements for the receiver's path: `rtl_power` and
@@ -243,7 +244,9 @@ impl Reading {
     ) -> Result<Clocked, CliError> {
         let (tracks, recordings) = self.tracks(files)?;
         let track = self.rover.as_deref().or(tracks.first().copied());
-        let rover = track.map(Rover::read).transpose().map_err(CliError::input)?;
+        let times = self.options(None)?;
+        let rover = track.map(|track| Rover::read_with(track, &times));
+        let rover = rover.transpose().map_err(CliError::input)?;
         let options = self.options(rover.as_ref())?;
         let mut read = Recording::read_all(&recordings, &options).map_err(CliError::input)?;
         let mut found = None;
@@ -325,7 +328,10 @@ impl Reading {
         if files.len() < 2 || self.rover.is_some() || self.level.is_some() {
             return Ok((Vec::new(), files.collect()));
         }
-        let (tracks, recordings): (Vec<_>, Vec<_>) = files.partition(|file| is_track(file));
+        // Columns that are mapped or named may be levels, whatever they are called.
+        let has_columns = self.format.is_some() || !self.columns.is_empty();
+        let (tracks, recordings): (Vec<_>, Vec<_>) =
+            files.partition(|file| is_track(file, !has_columns));
         if let [first, second, ..] = tracks.as_slice() {
             return Err(CliError::input(format!(
                 "{} and {} are both paths of a receiver; give each recording with its own path: \
@@ -353,12 +359,18 @@ impl Reading {
     }
 }
 
-/// Returns true for a file that holds the path of a receiver; false for one that cannot be read,
-/// which is for the reader to say.
-fn is_track(file: &Path) -> bool {
+/// Returns true for a file that holds the path of a receiver, which a table is where
+/// `table_may_be`; false for one that cannot be read, which is for the reader to say.
+fn is_track(file: &Path, table_may_be: bool) -> bool {
     let mut begin = Vec::new();
-    let read = File::open(file).and_then(|file| file.take(4096).read_to_end(&mut begin));
-    read.is_ok() && Rover::is_track(&begin)
+    let read =
+        File::open(file).and_then(|file| file.take(Rover::BEGIN as u64).read_to_end(&mut begin));
+    // The directory of an archive, which a KMZ file is, stands at its end.
+    if begin.starts_with(b"PK") {
+        return fs::read(file).is_ok_and(|whole| Rover::is_track(&whole));
+    }
+    let is_path = || table_may_be && Rover::is_path_table(&begin);
+    read.is_ok() && (Rover::is_track(&begin) || is_path())
 }
 
 /// Remark on the clocks of levels and of the receiver's path in another file, or the line that says

@@ -917,6 +917,70 @@ fn three_lines_without_a_header_are_a_fix() {
     foxhunt(["locate", &file]).failed(2, &["no header", "0, 0, 45", &command]);
 }
 
+/// Levels of a walk without their places, beside the walk as other programs write it.
+#[test]
+fn paths_of_other_programs_are_recognised_beside_levels() {
+    let folder = folder("paths_of_programs");
+    let shapes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../archive/tests/data/shapes");
+    let kmz = shapes.join("walk.kmz");
+    let kmz = kmz.to_str().expect("UTF-8");
+    let mut levels = "time,rssi\n".to_owned();
+    let mut airdata = "time(millisecond),datetime(utc),latitude,longitude,\
+                       height_above_takeoff(feet),satellites\n"
+        .to_owned();
+    for second in 0..200_u32 {
+        let along = 4.0 * f64::from(second % 100);
+        let (east, north) = if second < 100 { (along, 0.0) } else { (400.0 - along, 150.0) };
+        let level = -40.0 - 25.0 * (north - 100.0_f64).hypot(east - 111.0).max(1.0).log10();
+        let time = format!("2026-06-21 14:{:02}:{:02}", 3 + second / 60, second % 60);
+        writeln!(levels, "{time},{level:.1}").expect("memory");
+        let lat = 48.2 + north / 111_200.0;
+        let lon = 16.37 + east / (111_200.0 * 48.2_f64.to_radians().cos());
+        writeln!(airdata, "{},{time},{lat:.7},{lon:.7},6.6,14", second * 1000).expect("memory");
+    }
+    let levels = write(&folder, "levels.csv", &levels);
+    let airdata = write(&folder, "flight.csv", &airdata);
+    for path in [kmz, airdata.as_str()] {
+        let told = ["--json", "--truth", "48.200899,16.371498"];
+        let run = foxhunt(["locate", path, &levels].iter().chain(&told));
+        let error = run.json()["error_m"].as_f64().expect("a number");
+        assert!(error < 15.0, "{path}: {error} m");
+        assert!(run.stderr.contains(&format!("{path}: the receiver's path")), "{}", run.stderr);
+    }
+    foxhunt(["locate", &airdata]).failed(2, &["flight.csv", "no levels", "LEVELS.csv"]);
+    // A mapping says that a column of a name of its own is the level.
+    let mapping = "name = \"mine\"\ndescription = \"d\"\nheader = [\"satellites\"]\n[columns]\n\
+                   time_utc = \"datetime(utc)\"\nlat_deg = \"latitude\"\n\
+                   lon_deg = \"longitude\"\nrss_db = \"satellites\"\n";
+    let mapping = write(&folder, "mine.toml", mapping);
+    let twice = foxhunt(["locate", &airdata, &airdata, "--format", &mapping]);
+    assert!(!twice.stderr.contains("the receiver's path"), "{}", twice.stderr);
+    assert!(twice.stderr.contains("format mine, 200 of 200 rows"), "{}", twice.stderr);
+    foxhunt(["locate", &airdata, kmz, &levels]).failed(2, &["walk.kmz", "both paths"]);
+}
+
+/// Files of other programs as they are, with the truth of the scripts that made them.
+#[test]
+fn files_of_other_programs_are_located() {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../archive/tests/data");
+    let file = |name: &str| data.join(name).to_str().expect("UTF-8").to_owned();
+    let located = |files: &[&str], within_m: f64, said: &str| {
+        let files: Vec<String> = files.iter().map(|name| file(name)).collect();
+        let told = ["--json", "--truth", "48.200899,16.371498"].map(str::to_owned);
+        let run = foxhunt(["locate".to_owned()].iter().chain(&files).chain(&told));
+        let error = run.json()["error_m"].as_f64().expect("a number");
+        assert!(error < within_m, "{files:?}: {error} m");
+        assert!(run.stderr.contains(said), "{}", run.stderr);
+    };
+    located(&["shapes/bearings.db"], 15.0, "a database of df-aggregator");
+    located(&["shapes/walk.kmz", "wildlife/srx800.DTA"], 25.0, "a Lotek receiver");
+    located(&["wildlife/srx1200.csv"], 25.0, "format lotek-srx1200");
+    let bears = file("wildlife/bear.csv");
+    let animals = foxhunt(["locate", "--json", &bears, "--every-beacon"]).json();
+    let text = animals.to_string();
+    assert!(text.contains("602") && text.matches("\"estimate\"").count() == 2, "{text}");
+}
+
 #[test]
 fn an_autopilots_log_is_the_path_of_the_levels() {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../archive/tests/data/flight-logs");

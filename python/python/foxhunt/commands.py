@@ -648,13 +648,14 @@ def locate(
             such as lat,lon,bearing
         sheet: The sheet of a spreadsheet; the first with more than one row unless given
         level: The levels to read of an autopilot's log that is located alone, such as
-            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the
-            element with the level in a GPX track; needed where it has several. No file is then
-            taken for a path, but that of --rover
+            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, the element
+            with the level in a GPX track, or the column with the level in a table of places;
+            needed where it has several. No file is then taken for a path, but that of --rover
         beacon: The beacon, where the recording holds several
         time_format: Format of times whose cells leave it open: 3/4/2026 is in April (`dmy`) or
             in March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
-        tz: The offset from UTC of dates that state none, such as +02:00 [default: UTC]
+        tz: The offset from UTC of dates that state none, such as +02:00, in recordings and in a
+            table with their path [default: UTC]
         utm_zone: The zone of UTM of places in metres, with its band or hemisphere, such as 33U
             or "33 north"; they are then read as degrees
         strict: Refuse a file for its first row that cannot be believed, instead of leaving such
@@ -672,9 +673,9 @@ def locate(
             not above it
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
-        rover: The receiver's path, instead of the recording's own places: a GPX file or an
-            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log,
-            which may be among the recordings instead, or a table with dates and places
+        rover: The receiver's path, instead of the recording's own places: a GPX, KML or KMZ
+            file, an autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), an NMEA
+            log or a table with dates and places. It may be among the recordings instead
         clock_offset_s: Seconds added to the times of the measurements for the receiver's path:
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
@@ -822,13 +823,14 @@ def bearing(
             such as lat,lon,bearing
         sheet: The sheet of a spreadsheet; the first with more than one row unless given
         level: The levels to read of an autopilot's log that is located alone, such as
-            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the
-            element with the level in a GPX track; needed where it has several. No file is then
-            taken for a path, but that of --rover
+            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, the element
+            with the level in a GPX track, or the column with the level in a table of places;
+            needed where it has several. No file is then taken for a path, but that of --rover
         beacon: The beacon, where the recording holds several
         time_format: Format of times whose cells leave it open: 3/4/2026 is in April (`dmy`) or
             in March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
-        tz: The offset from UTC of dates that state none, such as +02:00 [default: UTC]
+        tz: The offset from UTC of dates that state none, such as +02:00, in recordings and in a
+            table with their path [default: UTC]
         utm_zone: The zone of UTM of places in metres, with its band or hemisphere, such as 33U
             or "33 north"; they are then read as degrees
         strict: Refuse a file for its first row that cannot be believed, instead of leaving such
@@ -846,9 +848,9 @@ def bearing(
             not above it
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
-        rover: The receiver's path, instead of the recording's own places: a GPX file or an
-            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log,
-            which may be among the recordings instead, or a table with dates and places
+        rover: The receiver's path, instead of the recording's own places: a GPX, KML or KMZ
+            file, an autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), an NMEA
+            log or a table with dates and places. It may be among the recordings instead
         clock_offset_s: Seconds added to the times of the measurements for the receiver's path:
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
@@ -965,13 +967,14 @@ def calibrate(
             such as lat,lon,bearing
         sheet: The sheet of a spreadsheet; the first with more than one row unless given
         level: The levels to read of an autopilot's log that is located alone, such as
-            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the
-            element with the level in a GPX track; needed where it has several. No file is then
-            taken for a path, but that of --rover
+            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, the element
+            with the level in a GPX track, or the column with the level in a table of places;
+            needed where it has several. No file is then taken for a path, but that of --rover
         beacon: The beacon, where the recording holds several
         time_format: Format of times whose cells leave it open: 3/4/2026 is in April (`dmy`) or
             in March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
-        tz: The offset from UTC of dates that state none, such as +02:00 [default: UTC]
+        tz: The offset from UTC of dates that state none, such as +02:00, in recordings and in a
+            table with their path [default: UTC]
         utm_zone: The zone of UTM of places in metres, with its band or hemisphere, such as 33U
             or "33 north"; they are then read as degrees
         strict: Refuse a file for its first row that cannot be believed, instead of leaving such
@@ -989,9 +992,9 @@ def calibrate(
             not above it
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
-        rover: The receiver's path, instead of the recording's own places: a GPX file or an
-            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log,
-            which may be among the recordings instead, or a table with dates and places
+        rover: The receiver's path, instead of the recording's own places: a GPX, KML or KMZ
+            file, an autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), an NMEA
+            log or a table with dates and places. It may be among the recordings instead
         clock_offset_s: Seconds added to the times of the measurements for the receiver's path:
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
@@ -1085,13 +1088,14 @@ def antenna(
             such as lat,lon,bearing
         sheet: The sheet of a spreadsheet; the first with more than one row unless given
         level: The levels to read of an autopilot's log that is located alone, such as
-            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the
-            element with the level in a GPX track; needed where it has several. No file is then
-            taken for a path, but that of --rover
+            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, the element
+            with the level in a GPX track, or the column with the level in a table of places;
+            needed where it has several. No file is then taken for a path, but that of --rover
         beacon: The beacon, where the recording holds several
         time_format: Format of times whose cells leave it open: 3/4/2026 is in April (`dmy`) or
             in March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
-        tz: The offset from UTC of dates that state none, such as +02:00 [default: UTC]
+        tz: The offset from UTC of dates that state none, such as +02:00, in recordings and in a
+            table with their path [default: UTC]
         utm_zone: The zone of UTM of places in metres, with its band or hemisphere, such as 33U
             or "33 north"; they are then read as degrees
         strict: Refuse a file for its first row that cannot be believed, instead of leaving such
@@ -1109,9 +1113,9 @@ def antenna(
             not above it
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
-        rover: The receiver's path, instead of the recording's own places: a GPX file or an
-            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log,
-            which may be among the recordings instead, or a table with dates and places
+        rover: The receiver's path, instead of the recording's own places: a GPX, KML or KMZ
+            file, an autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), an NMEA
+            log or a table with dates and places. It may be among the recordings instead
         clock_offset_s: Seconds added to the times of the measurements for the receiver's path:
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
@@ -1172,16 +1176,17 @@ def pulses(
 
     Searches complex samples for pulses of any frequency, and of widths between 2.5 and 40 ms
     unless others are given, at the rate of false alarms that you allow. Reads raw samples (.cu8
-    of an RTL-SDR, .cs8, .cs16, .cf32), SigMF, WAV with two channels, and raw samples on standard
-    input. Files may be longer than the memory. With --fold it finds tags whose single pulses are
-    too weak: it adds up the energies of several at every start, interval, frequency and drift.
+    of an RTL-SDR, .cs8, .cs16, .cf32), SigMF and its archives, WAV with two channels (also RF64
+    and W64), recordings of SDRangel and gqrx, and raw samples on standard input. Files may be
+    longer than the memory. With --fold it finds tags whose single pulses are too weak: it adds
+    up the energies of several at every start, interval, frequency and drift.
 
     Args:
         files: Files of samples; - for standard input
         csv: Print each pulse as soon as it is found, as CSV
-        rate_hz: Samples per second; SigMF and WAV have their own
+        rate_hz: Samples per second of raw samples; files with a header have their own
         center_hz: The centre frequency in hertz; without it frequencies are about the middle,
-            unless SigMF has it
+            unless the file has it
         format: The format of raw samples, if the extension does not give it: cu8, cs8, cs16,
             cf32
         band_hz: The lowest and the highest frequency to search, in hertz [default: the whole
@@ -1314,13 +1319,14 @@ def convert(
             such as lat,lon,bearing
         sheet: The sheet of a spreadsheet; the first with more than one row unless given
         level: The levels to read of an autopilot's log that is located alone, such as
-            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the
-            element with the level in a GPX track; needed where it has several. No file is then
-            taken for a path, but that of --rover
+            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, the element
+            with the level in a GPX track, or the column with the level in a table of places;
+            needed where it has several. No file is then taken for a path, but that of --rover
         beacon: The beacon, where the recording holds several
         time_format: Format of times whose cells leave it open: 3/4/2026 is in April (`dmy`) or
             in March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
-        tz: The offset from UTC of dates that state none, such as +02:00 [default: UTC]
+        tz: The offset from UTC of dates that state none, such as +02:00, in recordings and in a
+            table with their path [default: UTC]
         utm_zone: The zone of UTM of places in metres, with its band or hemisphere, such as 33U
             or "33 north"; they are then read as degrees
         strict: Refuse a file for its first row that cannot be believed, instead of leaving such
@@ -1338,9 +1344,9 @@ def convert(
             not above it
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
-        rover: The receiver's path, instead of the recording's own places: a GPX file or an
-            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log,
-            which may be among the recordings instead, or a table with dates and places
+        rover: The receiver's path, instead of the recording's own places: a GPX, KML or KMZ
+            file, an autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), an NMEA
+            log or a table with dates and places. It may be among the recordings instead
         clock_offset_s: Seconds added to the times of the measurements for the receiver's path:
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
@@ -1456,9 +1462,9 @@ def listen(
         source: The source of samples: tcp:HOST:PORT of rtl_tcp, soapy:ARGUMENTS of `SoapySDR`, a
             file, or - for standard input
         csv: Print each pulse as soon as it is found, as CSV
-        rate_hz: Samples per second; SigMF and WAV have their own
+        rate_hz: Samples per second of raw samples; files with a header have their own
         center_hz: The centre frequency in hertz; without it frequencies are about the middle,
-            unless SigMF has it
+            unless the file has it
         format: The format of raw samples, if the extension does not give it: cu8, cs8, cs16,
             cf32
         band_hz: The lowest and the highest frequency to search, in hertz [default: the whole
@@ -1596,13 +1602,14 @@ def judge(
             such as lat,lon,bearing
         sheet: The sheet of a spreadsheet; the first with more than one row unless given
         level: The levels to read of an autopilot's log that is located alone, such as
-            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the
-            element with the level in a GPX track; needed where it has several. No file is then
-            taken for a path, but that of --rover
+            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, the element
+            with the level in a GPX track, or the column with the level in a table of places;
+            needed where it has several. No file is then taken for a path, but that of --rover
         beacon: The beacon, where the recording holds several
         time_format: Format of times whose cells leave it open: 3/4/2026 is in April (`dmy`) or
             in March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
-        tz: The offset from UTC of dates that state none, such as +02:00 [default: UTC]
+        tz: The offset from UTC of dates that state none, such as +02:00, in recordings and in a
+            table with their path [default: UTC]
         utm_zone: The zone of UTM of places in metres, with its band or hemisphere, such as 33U
             or "33 north"; they are then read as degrees
         strict: Refuse a file for its first row that cannot be believed, instead of leaving such
@@ -1620,9 +1627,9 @@ def judge(
             not above it
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
-        rover: The receiver's path, instead of the recording's own places: a GPX file or an
-            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log,
-            which may be among the recordings instead, or a table with dates and places
+        rover: The receiver's path, instead of the recording's own places: a GPX, KML or KMZ
+            file, an autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), an NMEA
+            log or a table with dates and places. It may be among the recordings instead
         clock_offset_s: Seconds added to the times of the measurements for the receiver's path:
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
@@ -2242,13 +2249,14 @@ def plot_pattern(
             such as lat,lon,bearing
         sheet: The sheet of a spreadsheet; the first with more than one row unless given
         level: The levels to read of an autopilot's log that is located alone, such as
-            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the
-            element with the level in a GPX track; needed where it has several. No file is then
-            taken for a path, but that of --rover
+            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, the element
+            with the level in a GPX track, or the column with the level in a table of places;
+            needed where it has several. No file is then taken for a path, but that of --rover
         beacon: The beacon, where the recording holds several
         time_format: Format of times whose cells leave it open: 3/4/2026 is in April (`dmy`) or
             in March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
-        tz: The offset from UTC of dates that state none, such as +02:00 [default: UTC]
+        tz: The offset from UTC of dates that state none, such as +02:00, in recordings and in a
+            table with their path [default: UTC]
         utm_zone: The zone of UTM of places in metres, with its band or hemisphere, such as 33U
             or "33 north"; they are then read as degrees
         strict: Refuse a file for its first row that cannot be believed, instead of leaving such
@@ -2266,9 +2274,9 @@ def plot_pattern(
             not above it
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
-        rover: The receiver's path, instead of the recording's own places: a GPX file or an
-            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log,
-            which may be among the recordings instead, or a table with dates and places
+        rover: The receiver's path, instead of the recording's own places: a GPX, KML or KMZ
+            file, an autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), an NMEA
+            log or a table with dates and places. It may be among the recordings instead
         clock_offset_s: Seconds added to the times of the measurements for the receiver's path:
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
@@ -2347,13 +2355,14 @@ def plot_levels(
             such as lat,lon,bearing
         sheet: The sheet of a spreadsheet; the first with more than one row unless given
         level: The levels to read of an autopilot's log that is located alone, such as
-            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the
-            element with the level in a GPX track; needed where it has several. No file is then
-            taken for a path, but that of --rover
+            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, the element
+            with the level in a GPX track, or the column with the level in a table of places;
+            needed where it has several. No file is then taken for a path, but that of --rover
         beacon: The beacon, where the recording holds several
         time_format: Format of times whose cells leave it open: 3/4/2026 is in April (`dmy`) or
             in March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
-        tz: The offset from UTC of dates that state none, such as +02:00 [default: UTC]
+        tz: The offset from UTC of dates that state none, such as +02:00, in recordings and in a
+            table with their path [default: UTC]
         utm_zone: The zone of UTM of places in metres, with its band or hemisphere, such as 33U
             or "33 north"; they are then read as degrees
         strict: Refuse a file for its first row that cannot be believed, instead of leaving such
@@ -2371,9 +2380,9 @@ def plot_levels(
             not above it
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
-        rover: The receiver's path, instead of the recording's own places: a GPX file or an
-            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log,
-            which may be among the recordings instead, or a table with dates and places
+        rover: The receiver's path, instead of the recording's own places: a GPX, KML or KMZ
+            file, an autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), an NMEA
+            log or a table with dates and places. It may be among the recordings instead
         clock_offset_s: Seconds added to the times of the measurements for the receiver's path:
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
@@ -2457,13 +2466,14 @@ def plot_rssi(
             such as lat,lon,bearing
         sheet: The sheet of a spreadsheet; the first with more than one row unless given
         level: The levels to read of an autopilot's log that is located alone, such as
-            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the
-            element with the level in a GPX track; needed where it has several. No file is then
-            taken for a path, but that of --rover
+            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, the element
+            with the level in a GPX track, or the column with the level in a table of places;
+            needed where it has several. No file is then taken for a path, but that of --rover
         beacon: The beacon, where the recording holds several
         time_format: Format of times whose cells leave it open: 3/4/2026 is in April (`dmy`) or
             in March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
-        tz: The offset from UTC of dates that state none, such as +02:00 [default: UTC]
+        tz: The offset from UTC of dates that state none, such as +02:00, in recordings and in a
+            table with their path [default: UTC]
         utm_zone: The zone of UTM of places in metres, with its band or hemisphere, such as 33U
             or "33 north"; they are then read as degrees
         strict: Refuse a file for its first row that cannot be believed, instead of leaving such
@@ -2481,9 +2491,9 @@ def plot_rssi(
             not above it
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
-        rover: The receiver's path, instead of the recording's own places: a GPX file or an
-            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log,
-            which may be among the recordings instead, or a table with dates and places
+        rover: The receiver's path, instead of the recording's own places: a GPX, KML or KMZ
+            file, an autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), an NMEA
+            log or a table with dates and places. It may be among the recordings instead
         clock_offset_s: Seconds added to the times of the measurements for the receiver's path:
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
@@ -2570,13 +2580,14 @@ def plot_bearing_errors(
             such as lat,lon,bearing
         sheet: The sheet of a spreadsheet; the first with more than one row unless given
         level: The levels to read of an autopilot's log that is located alone, such as
-            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, or the
-            element with the level in a GPX track; needed where it has several. No file is then
-            taken for a path, but that of --rover
+            RADIO_STATUS.rssi, RAD.RSSI, radio_status.rssi or NAMED_VALUE_FLOAT.name, the element
+            with the level in a GPX track, or the column with the level in a table of places;
+            needed where it has several. No file is then taken for a path, but that of --rover
         beacon: The beacon, where the recording holds several
         time_format: Format of times whose cells leave it open: 3/4/2026 is in April (`dmy`) or
             in March (`mdy`), 46194.58 is a spreadsheet's day (`excel`) or `seconds`
-        tz: The offset from UTC of dates that state none, such as +02:00 [default: UTC]
+        tz: The offset from UTC of dates that state none, such as +02:00, in recordings and in a
+            table with their path [default: UTC]
         utm_zone: The zone of UTM of places in metres, with its band or hemisphere, such as 33U
             or "33 north"; they are then read as degrees
         strict: Refuse a file for its first row that cannot be believed, instead of leaving such
@@ -2594,9 +2605,9 @@ def plot_bearing_errors(
             not above it
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
-        rover: The receiver's path, instead of the recording's own places: a GPX file or an
-            autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog) or an NMEA log,
-            which may be among the recordings instead, or a table with dates and places
+        rover: The receiver's path, instead of the recording's own places: a GPX, KML or KMZ
+            file, an autopilot's log (ArduPilot .bin and .log, PX4 .ulg, MAVLink .tlog), an NMEA
+            log or a table with dates and places. It may be among the recordings instead
         clock_offset_s: Seconds added to the times of the measurements for the receiver's path:
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by

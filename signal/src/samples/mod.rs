@@ -1,7 +1,11 @@
 //! Complex samples of a receiver, from files and streams, in chunks that know their place in time.
 
+mod archive;
+mod encoding;
 mod open;
+mod sdriq;
 mod source;
+mod wave;
 
 pub use open::{OpenOptions, SigMf, open};
 pub use source::SampleSource;

@@ -3,13 +3,17 @@
 use std::{
     collections::VecDeque,
     fs::{self, File},
-    io::{self, BufReader, Read},
+    io::{self, BufReader, Read, Seek, SeekFrom},
     path::{Path, PathBuf},
 };
 
 use serde_json::{Map, Value};
 
-use super::{SampleError, SampleFormat, SampleSource};
+use super::{
+    SampleError, SampleFormat, SampleSource, archive,
+    sdriq::{self, Sdriq},
+    wave,
+};
 
 /// Longer metadata than a recording has; what is longer is no metadata.
 const MOST_METADATA: u64 = 64 << 20;
@@ -157,8 +161,12 @@ impl<'a> Object<'a> {
     }
 }
 
-/// Opens a file of samples: raw (`.cu8`, `.cs8`, `.cs16`, `.cf32`), WAV, or SigMF by either of its
-/// files; `-` is raw samples from standard input.
+/// Bytes by which a kind of file is recognised.
+const LOOKED_AT: u64 = 512;
+
+/// Opens a file of samples: WAV (also RF64, BW64 and Wave64), SDRangel's `.sdriq`, an archive of
+/// SigMF by what is in it, SigMF by either of its files, gqrx's `.raw` by its name, or raw (`.cu8`,
+/// `.cs8`, `.cs16`, `.cf32`); `-` is raw samples from standard input.
 ///
 /// # Errors
 ///
@@ -174,29 +182,98 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<SampleSource, SampleEr
         }
         None => Ok(()),
     };
-    match extension.as_str() {
-        "wav" if options.format.is_none() => {
+    let of_name = SampleFormat::of_name(&extension);
+    if extension == "sigmf-meta" || extension == "sigmf-data" {
+        own_rate("a SigMF recording")?;
+        return open_sigmf(path, options);
+    }
+    if options.format.is_none() && of_name.is_none() && path != Path::new("-") {
+        let begin = begin(path)?;
+        if extension == "wav" || wave::is_wave(&begin) {
             own_rate("a WAV file")?;
-            SampleSource::wav(&file, reader(path)?, options.center_hz)
+            let length = fs::metadata(path).map_err(|source| cannot_open(path, source))?.len();
+            let center_hz = options.center_hz;
+            let length = Some(length);
+            let source = SampleSource::wav_of_length(&file, reader(path)?, length, center_hz)?;
+            return Ok(source.with_center_unless_known(center_in_name(path)));
         }
-        "sigmf-meta" | "sigmf-data" | "sigmf" => {
+        if archive::is_archive(&begin) {
             own_rate("a SigMF recording")?;
-            open_sigmf(path, options)
+            return open_archive(path, options);
         }
-        _ => {
-            let format = options.format.or_else(|| SampleFormat::of_name(&extension));
-            let format = format.ok_or_else(|| {
-                let requirement = "cu8, cs8, cs16 or cf32, by the file's extension or given";
-                let value = if extension.is_empty() { "missing" } else { &extension };
-                SampleError::field(&file, "the format of the samples", value, requirement)
-            })?;
-            let rate_hz = options.rate_hz.ok_or_else(|| {
-                let requirement = "given: raw samples do not have it";
-                SampleError::field(&file, "the sample rate", "missing", requirement)
-            })?;
-            SampleSource::raw(&file, reader(path)?, format, rate_hz, options.center_hz)
+        if extension == "sigmf" {
+            own_rate("a SigMF recording")?;
+            return open_sigmf(path, options);
+        }
+        if let Some(header) = sdriq::header(&begin) {
+            own_rate("a file of SDRangel")?;
+            let mut input = reader(path)?;
+            let header_bytes = sdriq::HEADER_BYTES as u64;
+            io::copy(&mut input.by_ref().take(header_bytes), &mut io::sink())
+                .map_err(|source| cannot_open(path, source))?;
+            let Sdriq { encoding, rate_hz, center_hz } = header;
+            let center_hz = options.center_hz.or(Some(center_hz));
+            return SampleSource::new(&file, input, encoding, None, rate_hz, center_hz);
+        }
+        if let Some([center_hz, rate_hz]) = of_gqrx(path) {
+            own_rate("a recording of gqrx")?;
+            let center_hz = options.center_hz.or(Some(center_hz));
+            let format = SampleFormat::Cf32;
+            return SampleSource::raw(&file, reader(path)?, format, rate_hz, center_hz);
+        }
+        if extension == "sdriq" {
+            let requirement = "one whose checksum matches, of samples of 16 or 24 bits";
+            return Err(SampleError::field(&file, "the header", "another one", requirement));
         }
     }
+    let format = options.format.or(of_name);
+    let format = format.ok_or_else(|| {
+        let requirement = "cu8, cs8, cs16 or cf32, by the file's extension or given";
+        let value = if extension.is_empty() { "missing" } else { &extension };
+        SampleError::field(&file, "the format of the samples", value, requirement)
+    })?;
+    let rate_hz = options.rate_hz.ok_or_else(|| {
+        let requirement = "given: raw samples do not have it";
+        SampleError::field(&file, "the sample rate", "missing", requirement)
+    })?;
+    SampleSource::raw(&file, reader(path)?, format, rate_hz, options.center_hz)
+}
+
+fn begin(path: &Path) -> Result<Vec<u8>, SampleError> {
+    let mut begin = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(LOOKED_AT).read_to_end(&mut begin));
+    read.map_err(|source| cannot_open(path, source))?;
+    Ok(begin)
+}
+
+/// Centre and rate in the name of a recording of gqrx, `gqrx_20260621_140300_150100000_250000_fc`,
+/// whose samples are floats; `None` for any other name.
+fn of_gqrx(path: &Path) -> Option<[f64; 2]> {
+    let mut parts = path.file_stem()?.to_str()?.strip_prefix("gqrx_")?.split('_');
+    let is_digits = |part: &str| part.len() >= 6 && part.bytes().all(|byte| byte.is_ascii_digit());
+    if !(is_digits(parts.next()?) && is_digits(parts.next()?)) {
+        return None;
+    }
+    let center_hz = parts.next()?.parse().ok()?;
+    let rate_hz: f64 = parts.next()?.parse().ok()?;
+    (parts.next()? == "fc" && parts.next().is_none()).then_some([center_hz, rate_hz])
+}
+
+/// The frequency in the name of a file as receivers' programs write it, such as `433920000Hz` or
+/// `433920kHz` between `_`; `None` if there is not one alone.
+fn center_in_name(path: &Path) -> Option<f64> {
+    let name = path.file_stem()?.to_str()?;
+    let frequency = |part: &str| {
+        let number = part.strip_suffix("Hz")?;
+        let (digits, scale) = match number.strip_suffix('k') {
+            Some(digits) => (digits, 1e3),
+            None => (number, 1.0),
+        };
+        let is_number = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit());
+        is_number.then(|| digits.parse::<f64>().ok()).flatten().map(|hz| hz * scale)
+    };
+    let mut found = name.split('_').filter_map(frequency);
+    found.next().filter(|_| found.next().is_none())
 }
 
 fn reader(path: &Path) -> Result<Box<dyn Read + Send>, SampleError> {
@@ -216,16 +293,9 @@ fn open_sigmf(path: &Path, options: &OpenOptions) -> Result<SampleSource, Sample
     let meta = path.with_extension("sigmf-meta");
     let name = meta.display().to_string();
     let size = fs::metadata(&meta).map_err(|source| cannot_open(&meta, source))?.len();
-    if size > MOST_METADATA {
-        let requirement = format!("at most {MOST_METADATA} bytes");
-        return Err(SampleError::field(&name, "the length", size, requirement));
-    }
+    check_length(&name, size)?;
     let text = fs::read_to_string(&meta).map_err(|source| cannot_open(&meta, source))?;
-    let sigmf = SigMf::parse(&name, &text)?;
-    if let Some(format) = options.format.filter(|format| *format != sigmf.format) {
-        let requirement = format!("left out, or {} as in the metadata", sigmf.format.name());
-        return Err(SampleError::field(&name, "the given format", format.name(), requirement));
-    }
+    let sigmf = metadata(&name, &text, options)?;
     let data: PathBuf = match &sigmf.dataset {
         // The name alone counts, so that metadata open nothing elsewhere.
         Some(dataset) => match Path::new(dataset).file_name() {
@@ -237,9 +307,65 @@ fn open_sigmf(path: &Path, options: &OpenOptions) -> Result<SampleSource, Sample
         },
         None => path.with_extension("sigmf-data"),
     };
-    let file = data.display().to_string();
+    of_sigmf(&data.display().to_string(), reader(&data)?, sigmf, options)
+}
+
+/// Opens the only recording of an archive.
+fn open_archive(path: &Path, options: &OpenOptions) -> Result<SampleSource, SampleError> {
+    let file = path.display().to_string();
+    let failed = |source| cannot_open(path, source);
+    let mut input = File::open(path).map_err(failed)?;
+    let members = archive::members(&mut input).map_err(failed)?;
+    let of_kind = |end: &str| members.iter().filter(|of| of.name.ends_with(end)).count();
+    let metas = of_kind(".sigmf-meta");
+    let meta = members.iter().find(|of| of.name.ends_with(".sigmf-meta"));
+    let Some(meta) = meta.filter(|_| metas == 1) else {
+        let requirement = "1; unpack an archive of several, and name one";
+        return Err(SampleError::field(&file, "the number of recordings", metas, requirement));
+    };
+    let name = format!("{file}: {}", meta.name);
+    check_length(&name, meta.bytes)?;
+    let mut text = String::new();
+    input.seek(SeekFrom::Start(meta.begin)).map_err(failed)?;
+    input.by_ref().take(meta.bytes).read_to_string(&mut text).map_err(failed)?;
+    let sigmf = metadata(&name, &text, options)?;
+    let stem = meta.name.strip_suffix("sigmf-meta").unwrap_or_default();
+    let data = members.iter().find(|of| of.name == format!("{stem}sigmf-data"));
+    let Some(data) = data else {
+        let requirement = "beside its metadata in the archive";
+        return Err(SampleError::field(&name, "the file of samples", "missing", requirement));
+    };
+    input.seek(SeekFrom::Start(data.begin)).map_err(failed)?;
+    let samples = BufReader::with_capacity(1 << 16, input).take(data.bytes);
+    of_sigmf(&format!("{file}: {}", data.name), Box::new(samples), sigmf, options)
+}
+
+fn check_length(name: &str, bytes: u64) -> Result<(), SampleError> {
+    if bytes > MOST_METADATA {
+        let requirement = format!("at most {MOST_METADATA} bytes");
+        return Err(SampleError::field(name, "the length", bytes, requirement));
+    }
+    Ok(())
+}
+
+/// Reads metadata, and refuses a given format that is another one.
+fn metadata(name: &str, text: &str, options: &OpenOptions) -> Result<SigMf, SampleError> {
+    let sigmf = SigMf::parse(name, text)?;
+    if let Some(format) = options.format.filter(|format| *format != sigmf.format) {
+        let requirement = format!("left out, or {} as in the metadata", sigmf.format.name());
+        return Err(SampleError::field(name, "the given format", format.name(), requirement));
+    }
+    Ok(sigmf)
+}
+
+fn of_sigmf(
+    file: &str,
+    input: Box<dyn Read + Send>,
+    sigmf: SigMf,
+    options: &OpenOptions,
+) -> Result<SampleSource, SampleError> {
     let center_hz = options.center_hz.or(sigmf.center_hz);
-    let source = SampleSource::raw(&file, reader(&data)?, sigmf.format, sigmf.rate_hz, center_hz)?;
+    let source = SampleSource::raw(file, input, sigmf.format, sigmf.rate_hz, center_hz)?;
     Ok(source.with_jumps(sigmf.jumps))
 }
 
@@ -297,6 +423,87 @@ mod tests {
         fs::remove_file(&data).expect("it was written");
         let error = open(&meta, &OpenOptions::default()).expect_err("no samples");
         assert!(error.to_string().contains("b.sigmf-data: cannot be opened"), "{error}");
+        fs::remove_dir_all(&folder).expect("it was made");
+    }
+
+    #[test]
+    fn files_with_a_header_are_known_by_it() {
+        let folder = folder("headers");
+        let spec = hound::WavSpec {
+            channels: 2,
+            sample_rate: 8_000,
+            bits_per_sample: 16,
+            sample_format: hound::SampleFormat::Int,
+        };
+        let mut wav = io::Cursor::new(Vec::new());
+        let mut writer = hound::WavWriter::new(&mut wav, spec).expect("a header");
+        [16_384_i16, 0, -8_192, 0].iter().for_each(|v| writer.write_sample(*v).expect("memory"));
+        writer.finalize().expect("memory");
+        let mut wav = wav.into_inner();
+        // As a program leaves it that was ended while it recorded.
+        let size = wav.len() - 12;
+        wav[size..size + 4].fill(0xff);
+        let read = |name: &str, bytes: &[u8], options: &OpenOptions| {
+            let path = folder.join(name);
+            fs::write(&path, bytes).expect("a file");
+            let mut source = open(&path, options)?;
+            let mut chunk = Vec::new();
+            source.read(&mut chunk)?;
+            assert_eq!(source.read(&mut Vec::new())?, None);
+            let parts: Vec<f32> = chunk.iter().map(|sample| sample.re).collect();
+            Ok::<_, SampleError>((source.rate_hz(), source.center_hz(), parts))
+        };
+        let plain = OpenOptions::default();
+        for (name, center_hz) in [
+            ("a.wav", None),
+            ("a.rf64", None),
+            ("SDRSharp_20260621_140300Z_150100000Hz_IQ.wav", Some(150.1e6)),
+            ("HDSDR_20260621_140300Z_150100kHz_RF.wav", Some(150.1e6)),
+        ] {
+            let read = read(name, &wav, &plain).expect("a WAV file");
+            assert_eq!(read, (8_000.0, center_hz, vec![0.5, -0.25]), "{name}");
+        }
+        let mut sdriq = 2_000_000_u32.to_le_bytes().to_vec();
+        sdriq.extend(433_920_000_u64.to_le_bytes());
+        sdriq.extend([0; 8]);
+        sdriq.extend([24_u32, 0].map(u32::to_le_bytes).concat());
+        let mut crc = flate2::Crc::new();
+        crc.update(&sdriq);
+        sdriq.extend(crc.sum().to_le_bytes());
+        sdriq.extend([1 << 22, 0, -(1 << 21), 0].map(i32::to_le_bytes).concat());
+        let expected = (2e6, Some(433.92e6), vec![0.5, -0.25]);
+        assert_eq!(read("a.sdriq", &sdriq, &plain).expect("of SDRangel"), expected);
+        sdriq[0] ^= 1;
+        let error = read("b.sdriq", &sdriq, &plain).expect_err("damaged").to_string();
+        assert!(error.contains("b.sdriq: the header is another one"), "{error}");
+        let floats: Vec<u8> = [0.5_f32, 0.0, -0.25, 0.0].map(f32::to_le_bytes).concat();
+        let name = "gqrx_20260621_140300_150100000_250000_fc.raw";
+        let expected = (250e3, Some(150.1e6), vec![0.5, -0.25]);
+        assert_eq!(read(name, &floats, &plain).expect("of gqrx"), expected);
+        let error = read("gqrx_20260621_140300_1_fc.raw", &floats, &plain).expect_err("no rate");
+        assert!(error.to_string().contains("the format of the samples is raw"), "{error}");
+        let given = OpenOptions { rate_hz: Some(1.0), ..plain };
+        let error = read(name, &floats, &given).expect_err("two rates").to_string();
+        assert!(error.contains("the given sample rate is 1"), "{error}");
+        fs::remove_dir_all(&folder).expect("it was made");
+    }
+
+    /// By the `tarfile` of Python, as the `sigmf` package writes it.
+    #[test]
+    fn an_archive_holds_metadata_and_samples() {
+        let folder = folder("archive");
+        let path = folder.join("rec.sigmf");
+        fs::write(&path, include_bytes!("../../tests/data/rec.sigmf")).expect("a file");
+        let mut source = open(&path, &OpenOptions::default()).expect("an archive");
+        assert_eq!((source.rate_hz(), source.center_hz()), (250e3, Some(150.1e6)));
+        let mut chunk = Vec::new();
+        assert_eq!(source.read(&mut chunk).expect("samples"), Some(0));
+        let parts: Vec<f32> = chunk.iter().map(|sample| sample.re).collect();
+        assert_eq!(parts, [0.5, -0.25, 0.125]);
+        assert_eq!(source.read(&mut chunk).expect("the end"), None);
+        fs::write(&path, &include_bytes!("../../tests/data/rec.sigmf")[1..]).expect("a file");
+        let error = open(&path, &OpenOptions::default()).expect_err("another file").to_string();
+        assert!(error.contains("rec.sigmf"), "{error}");
         fs::remove_dir_all(&folder).expect("it was made");
     }
 

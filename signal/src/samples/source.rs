@@ -6,7 +6,11 @@ use std::{
 
 use rustfft::num_complex::Complex32;
 
-use super::{SampleError, SampleFormat};
+use super::{
+    SampleError, SampleFormat,
+    encoding::Encoding,
+    wave::{self, Problem, Wave},
+};
 
 /// The most samples that are read at once.
 const CHUNK: usize = 1 << 14;
@@ -32,15 +36,14 @@ pub struct SampleSource {
 }
 
 /// The reader that samples come from.
-enum Reader {
-    Raw {
-        input: Box<dyn Read + Send>,
-        format: SampleFormat,
-        buffer: Vec<u8>,
-        /// Bytes of a sample that has not come whole, at the buffer's beginning.
-        kept: usize,
-    },
-    Wav(hound::WavReader<Box<dyn Read + Send>>),
+struct Reader {
+    input: Box<dyn Read + Send>,
+    encoding: Encoding,
+    buffer: Vec<u8>,
+    /// Bytes of a sample that has not come whole, at the buffer's beginning.
+    kept: usize,
+    /// Bytes that are still to come, where a header says so.
+    left: Option<u64>,
 }
 
 impl fmt::Debug for SampleSource {
@@ -68,13 +71,11 @@ impl SampleSource {
         rate_hz: f64,
         center_hz: Option<f64>,
     ) -> Result<Self, SampleError> {
-        let buffer = vec![0; CHUNK * format.bytes()];
-        let reader = Reader::Raw { input, format, buffer, kept: 0 };
-        Self::new(file, reader, rate_hz, center_hz)
+        Self::new(file, input, Encoding::Plain(format), None, rate_hz, center_hz)
     }
 
-    /// Samples of a WAV file of two channels, I and Q, of integers or floats; its header has the
-    /// rate.
+    /// Samples of a WAV file (also RF64, BW64 and Wave64) of two channels, I and Q, of integers or
+    /// floats; its header has the rate, and the centre where it has an `auxi` chunk.
     ///
     /// # Errors
     ///
@@ -84,22 +85,40 @@ impl SampleSource {
         input: Box<dyn Read + Send>,
         center_hz: Option<f64>,
     ) -> Result<Self, SampleError> {
-        let reader = hound::WavReader::new(input).map_err(|source| of_wav(file, 0, source))?;
-        let spec = reader.spec();
-        if spec.channels != 2 {
-            return Err(SampleError::field(
-                file,
-                "the number of channels",
-                spec.channels,
-                "2, I and Q",
-            ));
-        }
-        Self::new(file, Reader::Wav(reader), f64::from(spec.sample_rate), center_hz)
+        Self::wav_of_length(file, input, None, center_hz)
     }
 
-    fn new(
+    /// Samples of a WAV file that has `length` bytes in all. Where the size in its header wrapped,
+    /// or was never written, the file's length holds.
+    pub(super) fn wav_of_length(
         file: &str,
-        reader: Reader,
+        mut input: Box<dyn Read + Send>,
+        length: Option<u64>,
+        center_hz: Option<f64>,
+    ) -> Result<Self, SampleError> {
+        let wave = wave::header(&mut input, length).map_err(|problem| match problem {
+            Problem::Read(source) => {
+                SampleError::Read { file: file.to_owned(), samples: 0, source }
+            }
+            Problem::Header(what) => {
+                let requirement = "that of integers of 8, 16, 24 or 32 bits or of floats of 32";
+                SampleError::field(file, "the WAV header", what, requirement)
+            }
+        })?;
+        let Wave { encoding, channels, rate_hz, data_bytes, .. } = wave;
+        if channels != 2 {
+            let field = "the number of channels";
+            return Err(SampleError::field(file, field, channels, "2, I and Q"));
+        }
+        Self::new(file, input, encoding, data_bytes, rate_hz, center_hz.or(wave.center_hz))
+    }
+
+    /// Samples of an encoding, in the bytes that are `left` or in all that come.
+    pub(super) fn new(
+        file: &str,
+        input: Box<dyn Read + Send>,
+        encoding: Encoding,
+        left: Option<u64>,
         rate_hz: f64,
         center_hz: Option<f64>,
     ) -> Result<Self, SampleError> {
@@ -110,9 +129,10 @@ impl SampleSource {
         if let Some(center) = center_hz.filter(|center| !center.is_finite()) {
             return Err(SampleError::field(file, "the centre frequency", center, "finite"));
         }
+        let buffer = vec![0; CHUNK * encoding.bytes()];
         Ok(Self {
             file: file.to_owned(),
-            reader,
+            reader: Reader { input, encoding, buffer, kept: 0, left },
             rate_hz,
             center_hz,
             index: 0,
@@ -126,6 +146,13 @@ impl SampleSource {
     #[must_use]
     pub(super) fn with_jumps(mut self, jumps: VecDeque<(u64, u64)>) -> Self {
         self.jumps = jumps;
+        self
+    }
+
+    /// Sets the centre where the file has none.
+    #[must_use]
+    pub(super) fn with_center_unless_known(mut self, center_hz: Option<f64>) -> Self {
+        self.center_hz = self.center_hz.or(center_hz);
         self
     }
 
@@ -150,16 +177,7 @@ impl SampleSource {
     /// The power of the noise that rounding gave the samples, over that of a tone at full scale.
     #[must_use]
     pub fn rounding_noise(&self) -> f64 {
-        match &self.reader {
-            Reader::Raw { format, .. } => format.rounding_noise(),
-            Reader::Wav(reader) => match reader.spec().sample_format {
-                hound::SampleFormat::Float => SampleFormat::Cf32.rounding_noise(),
-                hound::SampleFormat::Int => {
-                    let step = 2f64.powi(1 - i32::from(reader.spec().bits_per_sample));
-                    step * step / 6.0
-                }
-            },
-        }
+        self.reader.encoding.rounding_noise()
     }
 
     /// The index of the next sample.
@@ -193,32 +211,34 @@ impl SampleSource {
         }
         let until_jump = self.jumps.front().map_or(u64::MAX, |(at, _)| at - self.read);
         let most = usize::try_from(until_jump).unwrap_or(CHUNK).min(CHUNK);
-        match &mut self.reader {
-            Reader::Raw { input, format, buffer, kept } => {
-                let size = format.bytes();
-                let mut filled = *kept;
-                while filled < size {
-                    match input.read(&mut buffer[filled..most * size]) {
-                        Ok(0) => return Ok(None),
-                        Ok(count) => filled += count,
-                        Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                        Err(source) => {
-                            let file = self.file.clone();
-                            return Err(SampleError::Read { file, samples: self.read, source });
-                        }
-                    }
+        let Reader { input, encoding, buffer, kept, left } = &mut self.reader;
+        let size = encoding.bytes();
+        let mut filled = *kept;
+        while filled < size {
+            let room = u64::try_from(most * size - filled).unwrap_or(u64::MAX);
+            let room = left.map_or(room, |left| left.min(room));
+            let end = filled + usize::try_from(room).unwrap_or(usize::MAX);
+            let failed = |source| {
+                let file = self.file.clone();
+                Err(SampleError::Read { file, samples: self.read, source })
+            };
+            match input.read(&mut buffer[filled..end]) {
+                Ok(0) if left.is_some_and(|left| left > 0) => {
+                    return failed(io::ErrorKind::UnexpectedEof.into());
                 }
-                let whole = filled - filled % size;
-                format.decode(&buffer[..whole], samples);
-                buffer.copy_within(whole..filled, 0);
-                *kept = filled - whole;
-            }
-            Reader::Wav(reader) => {
-                if let Err(source) = read_wav(reader, most, samples) {
-                    self.refused = Some(of_wav(&self.file, self.read, source));
+                Ok(0) => return Ok(None),
+                Ok(count) => {
+                    filled += count;
+                    *left = left.map(|left| left.saturating_sub(count as u64));
                 }
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(source) => return failed(source),
             }
         }
+        let whole = filled - filled % size;
+        encoding.decode(&buffer[..whole], samples);
+        buffer.copy_within(whole..filled, 0);
+        *kept = filled - whole;
         let bad = |sample: &Complex32| !(sample.re.is_finite() && sample.im.is_finite());
         if let Some(at) = samples.iter().position(bad) {
             let field = format!("sample {}", self.read + at as u64);
@@ -234,43 +254,6 @@ impl SampleSource {
         self.index = self.index.saturating_add(count);
         self.read += count;
         Ok(Some(first))
-    }
-}
-
-/// Appends the next samples; those before an error, too.
-fn read_wav(
-    reader: &mut hound::WavReader<Box<dyn Read + Send>>,
-    most: usize,
-    samples: &mut Vec<Complex32>,
-) -> Result<(), hound::Error> {
-    let spec = reader.spec();
-    let mut values = Vec::with_capacity(2 * most);
-    let outcome = match spec.sample_format {
-        hound::SampleFormat::Float => {
-            reader.samples::<f32>().take(2 * most).try_for_each(|value| {
-                values.push(value?);
-                Ok(())
-            })
-        }
-        hound::SampleFormat::Int => {
-            let scale = 2.0_f32.powi(1 - i32::from(spec.bits_per_sample));
-            reader.samples::<i32>().take(2 * most).try_for_each(|value| {
-                #[expect(clippy::cast_precision_loss, reason = "receivers have at most 24 bits")]
-                values.push(value? as f32 * scale);
-                Ok(())
-            })
-        }
-    };
-    samples.extend(values.as_chunks().0.iter().map(|[i, q]| Complex32::new(*i, *q)));
-    outcome
-}
-
-fn of_wav(file: &str, samples: u64, error: hound::Error) -> SampleError {
-    match error {
-        hound::Error::IoError(source) => {
-            SampleError::Read { file: file.to_owned(), samples, source }
-        }
-        other => SampleError::field(file, "the WAV header", other, "that of PCM or floats"),
     }
 }
 

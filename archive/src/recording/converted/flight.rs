@@ -55,6 +55,7 @@ pub(super) fn convert(
         ];
         made.write(line, &cells).map_err(|error| not_written(file, error))?;
     }
+    made.rows.has_named_level = true;
     let rows = made.finish().map_err(|error| not_written(file, error))?;
     Ok(Some(Converted { table: Made::Rows(rows), what }))
 }

@@ -62,6 +62,7 @@ pub(super) fn convert(
         let cells = [time, lat, lon, height, level];
         made.write(*number, &cells).map_err(|error| not_written(file, error))?;
     }
+    made.rows.has_named_level = true;
     let rows = made.finish().map_err(|error| not_written(file, error))?;
     let what = format!("a GPX track, of whose {count} points {written} have a level <{chosen}>");
     Ok(Some(Converted { table: Made::Rows(rows), what }))

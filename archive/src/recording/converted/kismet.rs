@@ -1,12 +1,10 @@
-use std::io::Cursor;
+use rusqlite::{Connection, types::ValueRef};
 
-use rusqlite::{Connection, Row, types::ValueRef};
-
-use super::rows::{Converted, Made, RowsWriter, not_written};
+use super::{
+    rows::{Converted, Made, RowsWriter, not_written},
+    sqlite::{number, opened, text},
+};
 use crate::recording::RecordingError;
-
-/// First bytes of a database of SQLite 3.
-const MAGIC: &[u8] = b"SQLite format 3\0";
 
 /// Version of the log before which places are whole numbers, degrees times 100,000, and have no
 /// height.
@@ -14,20 +12,8 @@ const DEGREES_SINCE: i64 = 5;
 
 /// Packets of a log of Kismet (`.kismet`, "KismetDB logs"): their level, place and sender.
 pub(super) fn convert(bytes: &[u8], file: &str) -> Result<Option<Converted>, RecordingError> {
-    // Another database, or a damaged one, is named by its own error.
-    let Some(database) = opened(bytes) else { return Ok(None) };
+    let Some(database) = opened(bytes, &["packets", "KISMET"]) else { return Ok(None) };
     read(&database).map(Some).map_err(|error| not_written(file, error))
-}
-
-/// The database, if it has the tables of Kismet.
-fn opened(bytes: &[u8]) -> Option<Connection> {
-    let is_database = bytes.starts_with(MAGIC);
-    let mut database = is_database.then(|| Connection::open_in_memory().ok()).flatten()?;
-    database.deserialize_read_exact("main", Cursor::new(bytes), bytes.len(), true).ok()?;
-    let found = "SELECT count(*) FROM sqlite_master \
-                 WHERE type = 'table' AND name IN ('packets', 'KISMET')";
-    let tables: i64 = database.query_row(found, [], |row| row.get(0)).ok()?;
-    (tables == 2).then_some(database)
 }
 
 fn read(database: &Connection) -> Result<Converted, Box<dyn std::error::Error + Send + Sync>> {
@@ -63,26 +49,6 @@ fn read(database: &Connection) -> Result<Converted, Box<dyn std::error::Error + 
     let what =
         format!("a log of Kismet; packets with a level and a place are the rows, {line} of {all}");
     Ok(Converted { table: Made::Rows(made.finish()?), what })
-}
-
-/// A cell as a number: Kismet's columns hold whole numbers, others or texts by its version.
-fn number(row: &Row<'_>, column: usize) -> rusqlite::Result<f64> {
-    Ok(match row.get_ref(column)? {
-        #[expect(clippy::cast_precision_loss, reason = "seconds and levels are far below 2^53")]
-        ValueRef::Integer(whole) => whole as f64,
-        ValueRef::Real(real) => real,
-        ValueRef::Text(text) => {
-            std::str::from_utf8(text).ok().and_then(|t| t.parse().ok()).unwrap_or(0.0)
-        }
-        ValueRef::Null | ValueRef::Blob(_) => 0.0,
-    })
-}
-
-fn text(row: &Row<'_>, column: usize) -> rusqlite::Result<String> {
-    Ok(match row.get_ref(column)? {
-        ValueRef::Text(text) => String::from_utf8_lossy(text).into_owned(),
-        _ => String::new(),
-    })
 }
 
 #[cfg(test)]

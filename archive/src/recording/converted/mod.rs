@@ -1,16 +1,22 @@
 //! Files of other shapes than a table, as a table: objects of JSON, detections of tags, packets,
-//! spreadsheets.
+//! lines on a map, spreadsheets.
 
 mod aprs;
+#[cfg(feature = "sqlite")]
+mod df_aggregator;
 mod flight;
 mod gpx;
 mod json;
 #[cfg(feature = "sqlite")]
 mod kismet;
+mod kml;
+mod lotek;
 mod rows;
 mod sensorgnome;
 #[cfg(feature = "spreadsheets")]
 mod spreadsheet;
+#[cfg(feature = "sqlite")]
+mod sqlite;
 
 use self::rows::not_written;
 pub(super) use self::rows::{Converted, Made, Rows};
@@ -18,7 +24,7 @@ use super::RecordingError;
 
 /// Makes a table of a file, by its contents; `None` for any other. `sheet` is the name of the sheet
 /// to read of a spreadsheet, `level` that of the levels to read of an autopilot's log or a GPX
-/// track.
+/// track; of a table its column is read later.
 pub(super) fn convert(
     bytes: &[u8],
     file: &str,
@@ -39,18 +45,23 @@ pub(super) fn convert(
     if let Some(converted) = gpx::convert(bytes, file, level)? {
         return Ok(Some(converted));
     }
-    if let Some(level) = level {
-        let level = level.to_owned();
-        return Err(RecordingError::NotALog { file: file.to_owned(), level });
+    if let Some(converted) = kml::convert(bytes, file)? {
+        return Ok(Some(converted));
     }
     #[cfg(feature = "sqlite")]
     if let Some(converted) = kismet::convert(bytes, file)? {
+        return Ok(Some(converted));
+    }
+    #[cfg(feature = "sqlite")]
+    if let Some(converted) = df_aggregator::convert(bytes, file)? {
         return Ok(Some(converted));
     }
     if let Some(rows) = json::convert(bytes, file)? {
         return Ok(Some(Converted { table: Made::Rows(rows), what: String::new() }));
     }
     let text = String::from_utf8_lossy(bytes);
-    let converted = sensorgnome::convert(&text).or_else(|| aprs::convert(&text));
+    let converted = sensorgnome::convert(&text)
+        .or_else(|| aprs::convert(&text))
+        .or_else(|| lotek::convert(&text));
     converted.map(|made| made.map_err(|error| not_written(file, error))).transpose()
 }

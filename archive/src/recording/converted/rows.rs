@@ -33,6 +33,8 @@ pub(in crate::recording) struct Rows {
     pub(in crate::recording) lines: Vec<u64>,
     /// Lines that cannot be read, each with the reason.
     pub(in crate::recording) broken: Vec<(u64, String)>,
+    /// True if the rows have the levels that were named, so that no column is looked for.
+    pub(in crate::recording) has_named_level: bool,
 }
 
 /// Rows that are being written.

@@ -2,6 +2,7 @@
 
 mod dataflash;
 mod fix;
+mod gnss_logger;
 mod levels;
 mod little_endian;
 mod nmea;
@@ -28,6 +29,8 @@ pub(super) enum Kind {
     Tlog,
     /// Sentences of NMEA 0183 as a GNSS receiver sends them.
     Nmea,
+    /// Lines of Google's GNSS Logger for Android.
+    GnssLogger,
 }
 
 impl Kind {
@@ -38,7 +41,8 @@ impl Kind {
             [b'F', b'M', b'T', b',', ..] => Some(Self::DataflashText),
             [b'U', b'L', b'o', b'g', 0x01, 0x12, 0x35, ..] => Some(Self::Ulog),
             _ if tlog::is_tlog(bytes) => Some(Self::Tlog),
-            _ => nmea::is_nmea(bytes).then_some(Self::Nmea),
+            _ if nmea::is_nmea(bytes) => Some(Self::Nmea),
+            _ => gnss_logger::is_gnss_logger(bytes).then_some(Self::GnssLogger),
         }
     }
 
@@ -49,6 +53,7 @@ impl Kind {
             Self::Ulog => "a PX4 log",
             Self::Tlog => "a MAVLink log",
             Self::Nmea => "an NMEA log",
+            Self::GnssLogger => "a log of Android's GNSS Logger",
         }
     }
 
@@ -73,6 +78,7 @@ impl Kind {
             Self::Ulog => ulog::read(bytes)?,
             Self::Tlog => tlog::read(bytes)?,
             Self::Nmea => nmea::read(bytes)?,
+            Self::GnssLogger => gnss_logger::read(bytes)?,
         };
         fixes.retain(|fix| fix.time.is_finite() && is_place(&fix.place));
         fixes.sort_by(|a, b| a.time.total_cmp(&b.time));

@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use foxhunt_archive::recording::{ReadOptions, Recording, RecordingError, Rover};
-use foxhunt_wire::geodesy::LocalFrame;
+use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
 
 /// The beginning of the walk, 2026-06-21 14:03:00 UTC.
 const BEGIN: f64 = 1_782_050_580.0;
@@ -34,11 +34,8 @@ fn off_m(recording: &Recording, second: f64, east: f64, north: f64) -> (f64, f64
     let at = |time: Option<f64>| time.is_some_and(|time| (time - BEGIN - second).abs() < 0.5);
     let record = records.find(|record| at(record.time)).expect("a row of that second");
     let frame = recording.frame().expect("places in degrees");
-    let begin = LocalFrame::new(foxhunt_wire::geodesy::Geodetic {
-        lat_deg: 48.2,
-        lon_deg: 16.37,
-        alt_m: frame.origin().alt_m,
-    });
+    let begin =
+        LocalFrame::new(Geodetic { lat_deg: 48.2, lon_deg: 16.37, alt_m: frame.origin().alt_m });
     let place = record.receiver().expect("a place").position;
     let local = begin.expect("a place").to_local(&frame.to_geodetic(&place));
     // A degree of the script's sphere is not that of the ellipsoid to 0.4 %.
@@ -87,6 +84,28 @@ fn packets_of_kismet_with_level_and_place_are_rows() {
     let (off, level) = off_m(&recording, 60.0, 240.0, 0.0);
     assert!(off < 2.0 && (level - level.round()).abs() < 1e-9, "{off} m, {level} dBm");
     assert!(shape(&recording).contains("180 of 200"), "{}", shape(&recording));
+}
+
+/// The file is as a program leaves it that writes ahead.
+#[test]
+fn lines_of_bearing_of_df_aggregator_are_bearings_of_its_stations() {
+    let recording = read("bearings.db", &ReadOptions::default()).expect("a database");
+    assert!(shape(&recording).contains("18 of 24"), "{}", shape(&recording));
+    assert_eq!(recording.drones(), ["hill", "mast", "car"]);
+    assert_eq!(recording.beacons(), [Some("433.92")]);
+    let frame = recording.frame().expect("places in degrees");
+    let fox = Geodetic { lat_deg: 48.2009, lon_deg: 16.3715, alt_m: 0.0 };
+    let fox = frame.to_local(&fox);
+    for (record, number) in recording.records().iter().zip((0..).filter(|n| n % 4 != 3)) {
+        assert!((record.time.expect("a time") - BEGIN - f64::from(number)).abs() < 1e-6);
+        let place = record.receiver().expect("a place").position;
+        let bearing = record.bearing.as_ref().expect("a bearing").angle;
+        let off = bearing - (fox.y - place.y).atan2(fox.x - place.x);
+        // The script's errors are clockwise; its sphere is off by 0.1°.
+        let expected = -2.0 * (2.3 * f64::from(number)).sin();
+        let off_deg = off.sin().asin().to_degrees() - expected;
+        assert!(off_deg.abs() < 0.25, "line {number}: {off_deg}°");
+    }
 }
 
 #[test]
@@ -157,6 +176,64 @@ fn a_track_of_kml_is_a_path() {
     let error = Rover::parse(track.replace("48.2 240", "98.2 240").as_bytes(), "track.kml");
     let error = error.expect_err("no such latitude").to_string();
     assert!(error.contains("track.kml, line 5") && error.contains("98.2"), "{error}");
+}
+
+#[test]
+fn the_track_in_a_kmz_file_is_a_path() {
+    let bytes = std::fs::read(path("walk.kmz")).expect("it is in the repository");
+    assert!(Rover::is_track(&bytes));
+    assert!(!Rover::is_track(&std::fs::read(path("walk.ods")).expect("it is in the repository")));
+    let rover = Rover::parse(&bytes, "walk.kmz").expect("a track");
+    let frame = LocalFrame::new(rover.begin()).expect("a place");
+    for (second, east, north) in [(0.0, 0.0, 0.0), (60.5, 242.0, 0.0), (125.0, 300.0, 150.0)] {
+        let local = frame.to_local(&rover.place(BEGIN + second).expect("on the track"));
+        let off = (local.x - east).hypot(local.y - north);
+        assert!(off < 2.0 && (local.z - 0.1 * second).abs() < 0.05, "{second} s: {local}");
+    }
+    let error = read("walk.kmz", &ReadOptions::default()).expect_err("no levels").to_string();
+    assert!(error.contains("a KML file") && error.contains("LEVELS.csv"), "{error}");
+    let cut = Rover::parse(&bytes[..bytes.len() - 30], "walk.kmz").expect_err("no directory");
+    assert!(cut.to_string().contains("walk.kmz"), "{cut}");
+}
+
+/// Begins of files that gzip compressed show their kind, too.
+#[test]
+fn a_track_that_gzip_compressed_is_one_by_its_begin() {
+    let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
+    let gpx = include_bytes!("../../data/rover.gpx");
+    std::io::Write::write_all(&mut packed, gpx).expect("memory");
+    let packed = packed.finish().expect("memory");
+    assert!(Rover::is_track(&packed[..packed.len() / 2]));
+    let whole = Rover::parse(gpx, "rover.gpx").expect("a track");
+    assert_eq!(Rover::parse(&packed, "rover.gpx").expect("a track"), whole);
+}
+
+/// Three bearings drawn on a map, to a transmitter at 48.2009 N, 16.3715 E.
+#[test]
+fn lines_of_two_points_are_bearings() {
+    let lines: String = [(48.198, 16.37), (48.199, 16.376), (48.204, 16.369)]
+        .into_iter()
+        .map(|(lat, lon)| {
+            let [north, east] = [lat + 0.7 * (48.2009 - lat), lon + 0.7 * (16.3715 - lon)];
+            format!(
+                "<Placemark><name>by hand</name><LineString><coordinates>\n\t{lon},{lat},0 \
+                 {east},{north},0\n</coordinates></LineString></Placemark>\n"
+            )
+        })
+        .collect();
+    let whole = format!("<?xml version=\"1.0\"?><kml><Document>{lines}</Document></kml>");
+    assert!(!Rover::is_track(whole.as_bytes()), "several such files are several recordings");
+    let recording = text("map.kml", &whole).expect("bearings");
+    assert!(shape(&recording).contains("3 lines 3 have two points"), "{}", shape(&recording));
+    let frame = recording.frame().expect("places in degrees");
+    let fox = Geodetic { lat_deg: 48.2009, lon_deg: 16.3715, alt_m: 0.0 };
+    let fox = frame.to_local(&fox);
+    for record in recording.records() {
+        let place = record.receiver().expect("a place").position;
+        let expected = (fox.y - place.y).atan2(fox.x - place.x);
+        let bearing = record.bearing.as_ref().expect("a bearing").angle;
+        assert!((bearing - expected).sin().abs() < 2e-4, "{bearing} for {expected}");
+    }
 }
 
 /// Detections of CTT's nodes, whose places are beside them; the station's own have no node.

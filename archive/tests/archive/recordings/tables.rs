@@ -361,7 +361,9 @@ fn what_is_no_table_is_named_without_its_bytes() {
         (b"RIFF\x24\xff\xff\x7fWAVE", "samples", "foxhunt pulses walk.csv"),
         (b"ULog\x01\x12\x35\x01\x7f", "PX4 log", "foxhunt locate walk.csv LEVELS"),
         (b"\xa3\x95\x80\x80", "ArduPilot log", "foxhunt locate walk.csv LEVELS"),
-        (b"<?xml version=\"1.0\"?><gpx/>", "XML", "foxhunt locate walk.csv LEVELS"),
+        (b"<?xml version=\"1.0\"?><gpx/>", "a GPX track", "foxhunt locate walk.csv LEVELS"),
+        (b"<?xml version=\"1.0\"?><kml/>", "a KML file", "foxhunt locate walk.csv LEVELS"),
+        (b"<?xml version=\"1.0\"?><svg/>", "an XML file", "foxhunt locate walk.csv LEVELS"),
         (b"\x01\x02\0\x03\n\x04", "binary", "CSV"),
     ] {
         let error = problem(bytes);

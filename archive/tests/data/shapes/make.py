@@ -1,4 +1,5 @@
-"""Writes the files of this folder: one walk as a spreadsheet of Excel and of OpenDocument, and as a log of Kismet.
+"""Writes the files of this folder: one walk as a spreadsheet of Excel and of OpenDocument, as a log of Kismet and as
+a KMZ track, and bearings as a database of df-aggregator.
 
 Needs openpyxl and odfpy. The transmitter is at 48.2009 N, 16.3715 E; the walk goes around it at 1 Hz.
 """
@@ -6,6 +7,7 @@ Needs openpyxl and odfpy. The transmitter is at 48.2009 N, 16.3715 E; the walk g
 import datetime
 import math
 import sqlite3
+import zipfile
 from pathlib import Path
 
 import openpyxl
@@ -86,6 +88,51 @@ def kismet():
             )
 
 
-excel()
-opendocument()
-kismet()
+def kmz():
+    """A track of Google's extension beside a picture, which stands first."""
+    track = "".join(f"<when>{time.isoformat()}Z</when>\n" for time, *_ in walk())
+    track += "".join(f"<gx:coord>{lon!r} {lat!r} {180 + 0.1 * n}</gx:coord>\n" for n, (_, lat, lon, _) in enumerate(walk()))
+    document = (
+        '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2" '
+        'xmlns:gx="http://www.google.com/kml/ext/2.2">\n<Document><Placemark><gx:Track>\n'
+        f"{track}</gx:Track></Placemark></Document></kml>\n"
+    )
+    with zipfile.ZipFile(FOLDER / "walk.kmz", "w") as archive:
+        archive.writestr(zipfile.ZipInfo("files/a.png"), b"\x89PNG\r\n\x1a\n")
+        archive.writestr(zipfile.ZipInfo("doc.kml"), document, zipfile.ZIP_DEFLATED)
+
+
+def df_aggregator():
+    """As df-aggregator has its database (ckoval7/df-aggregator, database.py), which it writes ahead."""
+    path = FOLDER / "bearings.db"
+    path.unlink(missing_ok=True)
+    with sqlite3.connect(path) as log:
+        log.execute("PRAGMA page_size = 512")
+        log.execute("PRAGMA journal_mode = WAL")
+        log.execute(
+            "CREATE TABLE intersects (id INTEGER PRIMARY KEY AUTOINCREMENT, time INTEGER, latitude REAL, "
+            "longitude REAL, num_parents INTEGER, confidence INTEGER, aoi_id INTEGER)"
+        )
+        log.execute(
+            "CREATE TABLE lobs (id INTEGER PRIMARY KEY AUTOINCREMENT, time INTEGER, station_id TEXT, latitude REAL, "
+            "longitude REAL, confidence INTEGER, power REAL, frequency REAL, lob REAL)"
+        )
+        begin = int(BEGIN.replace(tzinfo=datetime.timezone.utc).timestamp())
+        stations = [("hill", 48.198, 16.37), ("mast", 48.204, 16.369), ("car", 48.199, 16.376), ("no fix", 0.0, 0.0)]
+        for number in range(24):
+            name, lat, lon = stations[number % 4]
+            east, north = (16.3715 - lon) * EAST_M, (48.2009 - lat) * NORTH_M
+            lob = (math.degrees(math.atan2(east, north)) + 2.0 * math.sin(2.3 * number)) % 360.0
+            log.execute(
+                "INSERT INTO lobs VALUES (NULL, ?, ?, ?, ?, 90, -31.5, 433.92, ?)",
+                (1000 * (begin + number), name, lat, lon, round(lob, 1)),
+            )
+    log.close()
+
+
+if __name__ == "__main__":
+    excel()
+    opendocument()
+    kismet()
+    kmz()
+    df_aggregator()
