@@ -275,6 +275,22 @@ mod tests {
     }
 
     #[test]
+    fn a_damaged_header_is_read_or_refused() {
+        let auxi = [0; 40];
+        let file = riff(b"RIFF", &[(b"ds64", &[0; 24]), (b"fmt ", &FORMAT), (b"auxi", &auxi)], 8);
+        for index in 0..file.len() {
+            for byte in [0, 1, 0x7f, 0x80, 0xff] {
+                let mut damaged = file.clone();
+                damaged[index] = byte;
+                if let Ok(wave) = header(&damaged[..], Some(1 << 40)) {
+                    assert!(wave.rate_hz.is_finite() && wave.encoding.bytes() > 0);
+                }
+            }
+            assert!(header(&file[..index], None).is_err(), "cut off at {index}");
+        }
+    }
+
+    #[test]
     fn other_headers_are_named() {
         for (file, part) in [
             (b"OggS and more of it".to_vec(), "no file of sound"),

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use foxhunt_archive::recording::{ReadOptions, Recording, RecordingError, Rover};
 use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
+use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 
 /// The beginning of the walk, 2026-06-21 14:03:00 UTC.
 const BEGIN: f64 = 1_782_050_580.0;
@@ -233,6 +234,41 @@ fn lines_of_two_points_are_bearings() {
         let expected = (fox.y - place.y).atan2(fox.x - place.x);
         let bearing = record.bearing.as_ref().expect("a bearing").angle;
         assert!((bearing - expected).sin().abs() < 2e-4, "{bearing} for {expected}");
+    }
+}
+
+/// Files of other shapes with bytes changed at random, or cut off, are read or refused.
+#[test]
+fn damaged_files_are_read_or_refused() {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(17);
+    let bearing = "<?xml version=\"1.0\"?><kml><Placemark><name>a</name><LineString><coordinates>\
+                   16.37,48.2,0 16.37,48.3,0</coordinates></LineString></Placemark></kml>";
+    let logger = "# Fix,Provider,LatitudeDegrees,LongitudeDegrees,AltitudeMeters,UnixTimeMillis\n\
+                  Fix,GPS,48.2,16.37,230,1782050580000\nFix,GPS,48.21,16.37,,1782050581000\n";
+    let mut files = vec![bearing.as_bytes().to_vec(), logger.as_bytes().to_vec()];
+    for name in ["walk.kmz", "bearings.db", "../wildlife/srx800.DTA", "../wildlife/srx1200.csv"] {
+        files.push(std::fs::read(path(name)).expect(name));
+    }
+    for whole in &files {
+        for _ in 0..60 {
+            let mut damaged = whole.clone();
+            for _ in 0..rng.random_range(1..8) {
+                let index = rng.random_range(0..damaged.len());
+                damaged[index] = rng.random();
+            }
+            if rng.random_bool(0.3) {
+                damaged.truncate(rng.random_range(0..damaged.len()));
+            }
+            let _ = Rover::is_track(&damaged) || Rover::is_path_table(&damaged);
+            if let Ok(rover) = Rover::parse(&damaged, "damaged") {
+                assert!(rover.begin().lat_deg.abs() <= 90.0);
+            }
+            let read = Recording::from_reader(&damaged[..], "damaged", &ReadOptions::default());
+            for record in read.iter().flat_map(Recording::records) {
+                let place = record.receiver.map(|receiver| receiver.position);
+                assert!(place.is_none_or(|place| place.iter().all(|metres| metres.is_finite())));
+            }
+        }
     }
 }
 
