@@ -58,7 +58,7 @@ pub use emulate::{
     PlayedPulse, Port, xbee_address,
 };
 pub use error::{ReliefError, SimError};
-pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};
+pub use quadrotor::{Dynamics, Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};
 
 /// Speed of light in metres per second.
 const SPEED_OF_LIGHT: f64 = 299_792_458.0;
