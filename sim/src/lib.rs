@@ -52,10 +52,11 @@ pub use devices::{
 pub use emulate::{
     AutopilotConfig, AutopilotFaults, CableFaults, Cabled, EmulatedArDrone, EmulatedAutopilot,
     EmulatedCarrier, EmulatedCaster, EmulatedCasterConfig, EmulatedDongle, EmulatedGnss,
-    EmulatedGnssConfig, EmulatedGnssKind, EmulatedKraken, EmulatedKrakenConfig, EmulatedRtlTcp,
-    EmulatedRtlTcpConfig, EmulatedStepper, EmulatedStepperConfig, EmulatedSwitch, EmulatedXbee,
-    EmulatedXbeeConfig, Emulator, FailsafeOrder, GpsStep, InterfererConfig, PilotOrder,
-    PlayedPulse, Port, xbee_address,
+    EmulatedGnssConfig, EmulatedGnssKind, EmulatedKraken, EmulatedKrakenConfig,
+    EmulatedMotionCapture, EmulatedMotionCaptureConfig, EmulatedRtlTcp, EmulatedRtlTcpConfig,
+    EmulatedStepper, EmulatedStepperConfig, EmulatedSwitch, EmulatedXbee, EmulatedXbeeConfig,
+    Emulator, FailsafeOrder, GpsStep, InterfererConfig, PilotOrder, PlayedPulse, Port,
+    xbee_address,
 };
 pub use error::{ReliefError, SimError};
 pub use quadrotor::{Dynamics, Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};

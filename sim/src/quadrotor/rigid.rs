@@ -1,5 +1,6 @@
 //! The full rigid body of a quadrotor: a rotation, body rates and moments of inertia.
 
+use foxhunt_core::{Pose, angle};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::{GRAVITY, Inputs, State};
@@ -32,13 +33,7 @@ impl RigidBody {
     /// A body with the place, the attitude and the motion of `state`.
     pub(super) fn new(inertia: [f64; 3], state: &State) -> Self {
         let [heading, pitch, roll] = state.attitude.into();
-        let about = |axis: Vector3<f64>, angle: f64| {
-            let half = 0.5 * angle;
-            Quaternion::from_parts(libm::cos(half), axis * libm::sin(half))
-        };
-        // A nose that rises turns the other way about the axis to the left.
-        let rotation =
-            about(Vector3::z(), heading) * about(Vector3::y(), -pitch) * about(Vector3::x(), roll);
+        let rotation = Pose { heading, pitch, roll, ..Pose::default() }.rotation().into_inner();
         let [turning, pitching, rolling] = state.rates.into();
         let level = libm::cos(roll);
         let tilted = libm::sin(roll);
@@ -60,12 +55,8 @@ impl RigidBody {
     /// The body in the angles that the controllers use, with the heading that is nearest to
     /// `heading`.
     pub(super) fn state(&self, heading: f64) -> State {
-        let [i, j, k] = self.rotation.imag().into();
-        let w = self.rotation.scalar();
-        let up_of_forward = 2.0 * (i * k - w * j);
-        let pitch = libm::asin(up_of_forward.clamp(-1.0, 1.0));
-        let roll = libm::atan2(2.0 * (w * i + j * k), 1.0 - 2.0 * (i * i + j * j));
-        let wrapped = libm::atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k));
+        let rotation = UnitQuaternion::new_unchecked(self.rotation);
+        let Pose { heading: wrapped, pitch, roll, .. } = Pose::default().with_rotation(&rotation);
         let level = libm::cos(roll);
         let tilted = libm::sin(roll);
         let about_up = self.rates.y * tilted + self.rates.z * level;
@@ -76,11 +67,7 @@ impl RigidBody {
         State {
             position: self.position,
             velocity: self.velocity,
-            attitude: Vector3::new(
-                heading + foxhunt_core::angle::wrap(wrapped - heading),
-                pitch,
-                roll,
-            ),
+            attitude: Vector3::new(heading + angle::wrap(wrapped - heading), pitch, roll),
             rates: Vector3::new(turning, pitching, rolling),
         }
     }
@@ -135,7 +122,6 @@ impl RigidBody {
 
 #[cfg(test)]
 mod tests {
-    use foxhunt_core::Pose;
     use nalgebra::Rotation3;
 
     use super::*;
