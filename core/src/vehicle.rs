@@ -2,7 +2,7 @@
 
 use core::{fmt, fmt::Debug};
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
 
 /// A drone's place and attitude in the local East-North-Up frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -51,6 +51,34 @@ impl Pose {
         let (forward, up) = turned(forward, world.z, self.pitch);
         let (left, up) = turned(left, up, self.roll);
         Vector3::new(forward, left, up)
+    }
+
+    /// Rotation of the body's axes forward, left and up into the world.
+    #[must_use]
+    pub fn rotation(&self) -> UnitQuaternion<f64> {
+        let about = |axis: Vector3<f64>, angle: f64| {
+            let half = 0.5 * angle;
+            Quaternion::from_parts(libm::cos(half), axis * libm::sin(half))
+        };
+        // A nose that rises turns the other way about the axis to the left.
+        let heading = about(Vector3::z(), self.heading);
+        let pitch = about(Vector3::y(), -self.pitch);
+        UnitQuaternion::new_normalize(heading * pitch * about(Vector3::x(), self.roll))
+    }
+
+    /// Sets heading, pitch and roll from a [`rotation`](Self::rotation). With the nose straight up
+    /// or down only the sum or the difference of heading and roll is known.
+    #[must_use]
+    pub fn with_rotation(self, rotation: &UnitQuaternion<f64>) -> Self {
+        let [i, j, k] = rotation.imag().into();
+        let w = rotation.scalar();
+        let up_of_nose = 2.0 * (i * k - w * j);
+        Self {
+            heading: libm::atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k)),
+            pitch: libm::asin(up_of_nose.clamp(-1.0, 1.0)),
+            roll: libm::atan2(2.0 * (w * i + j * k), 1.0 - 2.0 * (i * i + j * j)),
+            ..self
+        }
     }
 
     /// Returns true if every number in it is finite.
@@ -241,5 +269,19 @@ mod tests {
         let any = Pose { heading: 1.0, pitch: -0.4, roll: 0.7, ..level };
         let body = any.to_body(&Vector3::new(1.0, 2.0, 3.0));
         assert!((body.norm_squared() - 14.0).abs() < 1e-12, "turning keeps lengths");
+    }
+
+    #[test]
+    fn a_rotation_is_that_of_the_angles_and_gives_them_back() {
+        for [heading, pitch, roll] in [[0.0; 3], [2.5, 0.3, -0.4], [-3.0, -1.2, 2.8]] {
+            let pose = Pose { heading, pitch, roll, ..Pose::at(1.0, 2.0, 3.0) };
+            for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
+                assert!((pose.to_body(&(pose.rotation() * axis)) - axis).norm() < 1e-12);
+            }
+            let back = Pose::at(1.0, 2.0, 3.0).with_rotation(&pose.rotation());
+            let errors = [back.heading - heading, back.pitch - pitch, back.roll - roll];
+            assert!(errors.iter().all(|error| error.abs() < 1e-12), "{back:?} of {pose:?}");
+            assert_eq!(back.position, pose.position);
+        }
     }
 }

@@ -40,6 +40,8 @@ mod gnss;
 pub mod link;
 #[cfg(feature = "mavlink")]
 mod mavlink;
+#[cfg(feature = "ardrone")]
+mod motion_capture;
 #[cfg(feature = "receivers")]
 mod receivers;
 mod reconnecting;
@@ -67,6 +69,8 @@ pub use mavlink::{
     FlightLimits, MavlinkConfig, MavlinkError, MavlinkOrigin, MavlinkSigning, MavlinkVehicle,
     PositionRequirements, RadioStatus,
 };
+#[cfg(feature = "ardrone")]
+pub use motion_capture::{MotionCapture, MotionCaptureConfig, PosesLost};
 #[cfg(feature = "receivers")]
 pub use receivers::{
     KrakenConfig, KrakenSource, KrakenSourceError, PulseConfig, RtlTcpConfig, RtlTcpRadio,

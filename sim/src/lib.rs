@@ -52,13 +52,14 @@ pub use devices::{
 pub use emulate::{
     AutopilotConfig, AutopilotFaults, CableFaults, Cabled, EmulatedArDrone, EmulatedAutopilot,
     EmulatedCarrier, EmulatedCaster, EmulatedCasterConfig, EmulatedDongle, EmulatedGnss,
-    EmulatedGnssConfig, EmulatedGnssKind, EmulatedKraken, EmulatedKrakenConfig, EmulatedRtlTcp,
-    EmulatedRtlTcpConfig, EmulatedStepper, EmulatedStepperConfig, EmulatedSwitch, EmulatedXbee,
-    EmulatedXbeeConfig, Emulator, FailsafeOrder, GpsStep, InterfererConfig, PilotOrder,
-    PlayedPulse, Port, xbee_address,
+    EmulatedGnssConfig, EmulatedGnssKind, EmulatedKraken, EmulatedKrakenConfig,
+    EmulatedMotionCapture, EmulatedMotionCaptureConfig, EmulatedRtlTcp, EmulatedRtlTcpConfig,
+    EmulatedStepper, EmulatedStepperConfig, EmulatedSwitch, EmulatedXbee, EmulatedXbeeConfig,
+    Emulator, FailsafeOrder, GpsStep, InterfererConfig, PilotOrder, PlayedPulse, Port,
+    xbee_address,
 };
 pub use error::{ReliefError, SimError};
-pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};
+pub use quadrotor::{Dynamics, Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};
 
 /// Speed of light in metres per second.
 const SPEED_OF_LIGHT: f64 = 299_792_458.0;

@@ -140,6 +140,7 @@ fn what_needs_orders_cannot_be_advised() {
     let (field, _) = EmulatedField::in_memory(&scenario, &world, &config).expect("a field");
     let mut flight = field.flight().clone();
     flight.drones[1].vehicle = VehicleDevice::ArDrone {
+        motion_capture: None,
         endpoint: "udpout:192.168.1.1:5556".parse().expect("an endpoint"),
         navdata: "udpout:192.168.1.1:5554".parse().expect("an endpoint"),
         settings: Default::default(),

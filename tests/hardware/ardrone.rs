@@ -3,9 +3,15 @@
 use std::{cell::RefCell, collections::VecDeque, f64::consts::TAU, io, rc::Rc};
 
 use foxhunt::{
-    hardware::{Aircraft, AircraftState, ArDrone, ArDroneConfig, ArDroneError},
-    sim::{DroneConfig, EmulatedArDrone, Emulator, Interval, SimClock, World, WorldConfig},
-    wire::ByteStream,
+    hardware::{
+        Aircraft, AircraftState, ArDrone, ArDroneConfig, ArDroneError, MotionCapture,
+        MotionCaptureConfig,
+    },
+    sim::{
+        DroneConfig, EmulatedArDrone, EmulatedMotionCapture, EmulatedMotionCaptureConfig, Emulator,
+        Interval, SimClock, World, WorldConfig,
+    },
+    wire::{ByteStream, Endpoint},
 };
 use foxhunt_core::{Spinner, Vehicle, Waypoint, angle};
 use nalgebra::{Vector2, Vector3};
@@ -41,12 +47,24 @@ impl ByteStream for Datagrams {
 
 struct Field {
     world: World,
+    cameras: Option<EmulatedMotionCapture<Datagrams>>,
     emulated: EmulatedArDrone<Datagrams, Datagrams>,
     driver: ArDrone<Datagrams, Datagrams, SimClock>,
 }
 
 impl Field {
     fn new(lost: Vec<Interval>) -> Self {
+        let config = ArDroneConfig {
+            east_m: 2.0,
+            north_m: 1.0,
+            heading_deg_ccw_from_east: 70.0,
+            ..ArDroneConfig::default()
+        };
+        Self::of(config, lost)
+    }
+
+    /// The drone at 2 m East, 1 m North, its nose at 70°, with a driver.
+    fn of(config: ArDroneConfig, lost: Vec<Interval>) -> Self {
         let drone = DroneConfig {
             east_m: 2.0,
             north_m: 1.0,
@@ -55,23 +73,39 @@ impl Field {
             lost,
             ..DroneConfig::default()
         };
-        let config = WorldConfig { drones: vec![drone], ..WorldConfig::default() };
-        let world = World::new(&config, 1).expect("a world");
+        let world = WorldConfig { drones: vec![drone], ..WorldConfig::default() };
+        let world = World::new(&world, 1).expect("a world");
         let ((orders, ordered), (reported, reports)) = (pair(), pair());
         let emulated = EmulatedArDrone::new(&world, 0, ordered, reports).expect("a drone");
+        let driver = ArDrone::new(config, orders, reported, world.clock()).expect("a driver");
+        Self { world, cameras: None, emulated, driver }
+    }
+
+    /// The drone in a room with cameras, with a driver that has it 3 m and 40° from where it is.
+    fn captured(hidden: Vec<Interval>) -> Self {
         let config = ArDroneConfig {
-            east_m: 2.0,
+            east_m: 5.0,
             north_m: 1.0,
-            heading_deg_ccw_from_east: 70.0,
+            heading_deg_ccw_from_east: 110.0,
             ..ArDroneConfig::default()
         };
-        let driver = ArDrone::new(config, orders, reported, world.clock()).expect("a driver");
-        Self { world, emulated, driver }
+        let Self { world, emulated, driver, .. } = Self::of(config, Vec::new());
+        let (poses, cameras) = pair();
+        let endpoint = Endpoint::UdpIn { address: "127.0.0.1:5005".into() };
+        let capture = MotionCaptureConfig::new(endpoint, "drone-1");
+        let capture = MotionCapture::new(capture, Box::new(poses)).expect("in range");
+        let seen = EmulatedMotionCaptureConfig { hidden, ..Default::default() };
+        let cameras = EmulatedMotionCapture::new(&world, 0, seen, 4, cameras).expect("a drone");
+        let driver = driver.with_motion_capture(capture);
+        Self { world, cameras: Some(cameras), emulated, driver }
     }
 
     fn tick(&mut self) -> AircraftState {
         self.world.advance(0.02).expect("time passes");
         self.emulated.serve().expect("datagrams");
+        if let Some(cameras) = &mut self.cameras {
+            cameras.serve().expect("datagrams");
+        }
         self.driver.state().expect("datagrams")
     }
 
@@ -142,6 +176,65 @@ fn it_flies_turns_and_comes_home() {
     assert!(field.driver.spin(None).is_err(), "it returns");
     field.until("home", 60.0, |state, _| !state.airborne);
     assert!((place(&field.world) - Vector3::new(2.0, 1.0, 0.0)).norm() < 1.0);
+}
+
+#[test]
+fn motion_capture_corrects_place_and_heading() {
+    let mut field = Field::captured(vec![Interval { from_s: 60.0, to_s: Some(65.0) }]);
+    let findings = {
+        let Field { world, cameras, emulated, driver } = &mut field;
+        let cameras = cameras.as_mut().expect("given");
+        driver.examine(&mut || {
+            world.advance(0.02).expect("time passes");
+            emulated.serve().expect("datagrams");
+            cameras.serve().expect("datagrams");
+        })
+    };
+    let captured = findings.iter().find(|finding| finding.subject == "motion capture");
+    assert!(captured.is_some_and(|finding| finding.is_good()), "{findings:?}");
+    field.fly(3.0);
+    let goal = Vector3::new(8.0, 5.0, 3.0);
+    field.driver.go_to(&Waypoint { position: goal }).expect("accepted");
+    field.until("there", 40.0, |_, world| (place(world) - goal).norm() < 0.4);
+    field.driver.spin(Some(45_f64.to_radians())).expect("accepted");
+    while field.world.time() < 59.0 {
+        field.tick();
+        let truth = field.world.pose(0).expect("a drone");
+        let reported = field.driver.pose().expect("a pose");
+        let error = (reported.position - truth.position).xy().norm();
+        assert!(error < 0.03, "{error} m off");
+        let turned = angle::distance(reported.heading, truth.heading).to_degrees();
+        assert!(turned < 2.0, "{turned}° off");
+    }
+    assert!(field.driver.device_failure().is_none());
+    assert!(field.driver.position_sigma().expect("reported").x < 0.02);
+
+    // Hidden for 5 s: it counts on by itself, and says so once.
+    let target = Waypoint { position: Vector3::new(3.0, 1.0, 3.0) };
+    field.driver.go_to(&target).expect("accepted");
+    while field.world.time() < 64.9 {
+        field.tick();
+    }
+    let lost = field.driver.device_failure().expect("a loss").to_string();
+    assert!(lost.starts_with("motion capture: no pose of \"drone-1\" at udpin:127"), "{lost}");
+    assert!(field.driver.device_failure().is_none(), "it is reported");
+    let sigma = field.driver.position_sigma().expect("reported").x;
+    assert!((0.1..1.0).contains(&sigma), "a few metres by its own odometry: {sigma}");
+    let reported = field.driver.pose().expect("a pose").position;
+    assert!((reported - place(&field.world)).xy().norm() < 0.5, "{reported}");
+    field.until("seen again", 2.0, |_, world| world.time() > 65.2);
+    assert!(field.driver.position_sigma().expect("reported").x < 0.02);
+}
+
+/// Without the cameras this drone flies past its goal by as much as its start is off.
+#[test]
+fn without_motion_capture_a_wrong_start_stays_wrong() {
+    let mut field = Field::captured(vec![Interval { from_s: 0.0, to_s: None }]);
+    field.fly(3.0);
+    let goal = Vector3::new(8.0, 5.0, 3.0);
+    field.driver.go_to(&Waypoint { position: goal }).expect("accepted");
+    field.until("its time", 30.0, |_, world| world.time() > 30.0);
+    assert!((place(&field.world) - goal).norm() > 2.0);
 }
 
 #[test]

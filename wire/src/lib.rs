@@ -19,6 +19,8 @@ pub mod geodesy;
 pub mod geoid;
 #[cfg(feature = "mavlink")]
 pub mod mavlink;
+#[cfg(feature = "motion-capture")]
+pub mod motion_capture;
 pub mod nmea;
 #[cfg(feature = "corrections")]
 pub mod ntrip;

@@ -22,6 +22,25 @@ fn a_name_may_be_a_trial_and_a_scenario() {
 }
 
 #[test]
+fn quadrotors_fly_by_either_dynamics() {
+    let fly = |scenario: &str, dynamics: &str| {
+        let fixed = ["--json", "campaign", scenario, "--runs", "1", "--dynamics", dynamics];
+        foxhunt(fixed)
+    };
+    let error = |dynamics: &str| {
+        let report = fly("isaacs-static", dynamics).json();
+        report["estimators"][0]["beacons"][0]["error_m"]["p50"].as_f64().expect("a number")
+    };
+    let simplified = error("isaacs2014");
+    let rigid = error("rigid-body");
+    assert!(simplified < 1.0 && rigid < 1.0, "{simplified} and {rigid}");
+    assert_ne!(simplified.to_bits(), rigid.to_bits(), "the body makes no difference");
+    let refused = fly("pritzl-6.1", "rigid-body");
+    assert_ne!(refused.code, 0);
+    assert!(refused.stderr.contains("the drones of pritzl-6.1 are no quadrotors"), "{refused:?}");
+}
+
+#[test]
 fn a_campaign_is_the_same_for_any_number_of_jobs() {
     let fly = |jobs: &str| {
         let mut args = vec!["campaign", "--json", "--runs", "3", "--jobs", jobs];

@@ -1,7 +1,10 @@
 use std::{
     fs,
+    net::UdpSocket,
     process::{Child, Command, Stdio},
 };
+
+use serde_json::Value;
 
 use crate::support::{folder, foxhunt};
 
@@ -78,6 +81,30 @@ fn a_field_of_another_program_has_the_time_of_the_wall() {
         .failed(2, &["--speed", "fly --emulate"]);
     foxhunt(["fly"]).failed(2, &["CONFIG"]);
     foxhunt(["fly", "x.toml", "--emulate", "pritzl-6.1"]).failed(2, &["--emulate"]);
+}
+
+/// The poses of a body at rest, as many as its rate makes, but for the time it is hidden.
+#[test]
+fn emulated_motion_capture_sends_poses() {
+    let port = UdpSocket::bind("127.0.0.1:0").expect("a free port");
+    let to = port.local_addr().expect("bound").to_string();
+    let fixed = ["--json", "emulate", "motion-capture", "--body", "bird", "--rate", "20"];
+    let ran = foxhunt(fixed.iter().chain(&["--to", &to, "--for", "2", "--hide-at-s", "1"])).json();
+    assert_eq!(ran[0]["device"], "motion capture");
+    assert_eq!(ran[0]["endpoint"], format!("udpin:{to}"));
+    port.set_nonblocking(true).expect("a socket");
+    let mut datagram = [0; 4096];
+    let mut poses = Vec::new();
+    while let Ok(count) = port.recv(&mut datagram) {
+        let pose: Value = serde_json::from_slice(&datagram[..count]).expect("a line of JSON");
+        assert_eq!(pose["body"], "bird");
+        poses.push(pose);
+    }
+    assert!((19..=21).contains(&poses.len()), "{} in a second of 20", poses.len());
+    let up = |pose: &Value| pose["position_m"][2].as_f64().expect("a number");
+    assert!(poses.iter().all(|pose| (up(pose) - up(&poses[0])).abs() < 0.02), "{poses:?}");
+    let refused = ["emulate", "motion-capture", "--rate", "0"];
+    foxhunt(refused).failed(2, &["motion_capture.rate_hz is 0"]);
 }
 
 /// The dry run says who watches what.

@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     DroneConfig, FlightRules, FlownBeacon, FlyError, Ground, Site, TerrainConfig, VehicleDevice,
+    drone::MOTION_CAPTURE,
 };
 
 /// A hunt on real devices, as it stands in a file. Where a
@@ -269,7 +270,7 @@ impl FlightConfig {
     /// Several vehicles may be behind one endpoint, if it is known which is which; nothing else
     /// may.
     fn check_shared(&self) -> Result<(), FlyError> {
-        let mut known: Vec<(&Endpoint, &str, Option<u8>)> = Vec::new();
+        let mut known: Vec<(&Endpoint, &str, &str, Option<u8>)> = Vec::new();
         for drone in &self.drones {
             let wrong = |reason| FlyError::Drone { drone: drone.name.clone(), reason };
             for (device, endpoint) in drone.endpoints() {
@@ -283,7 +284,11 @@ impl FlightConfig {
                     }
                     _ => None,
                 };
-                for (_, of, other) in known.iter().filter(|(other, ..)| *other == endpoint) {
+                for (_, shared, of, other) in known.iter().filter(|known| known.0 == endpoint) {
+                    // A motion-capture system sends all bodies to one port.
+                    if device == MOTION_CAPTURE && *shared == device {
+                        continue;
+                    }
                     if device != "vehicle" || *of == drone.name {
                         let text =
                             format!("{device}: {endpoint} is that of another device of {of}");
@@ -296,7 +301,7 @@ impl FlightConfig {
                         )));
                     }
                 }
-                known.push((endpoint, &drone.name, system));
+                known.push((endpoint, device, &drone.name, system));
             }
         }
         Ok(())
@@ -618,6 +623,50 @@ pub(super) mod tests {
             let error = refused(&walkers(own));
             assert!(error.contains(named), "{error}");
         }
+    }
+
+    #[test]
+    fn motion_capture_places_ar_drones_alone() {
+        let (head, _) = MEADOW.split_once("[[drones]]").expect("a drone");
+        let ar_drone = |number: u8, more: &str| {
+            format!(
+                "[[drones]]\nname = \"bird-{number}\"\nlaunch_m = [{number}.0, 2.0]\n\
+                 vehicle = {{ kind = \"ar-drone\", endpoint = \"udpout:192.168.1.{number}:5556\", \
+                 navdata = \"udpout:192.168.1.{number}:5554\", motion_capture = {more} }}\n\
+                 radio = {{ kind = \"xbee\", endpoint = \"serial:/dev/ttyUSB{number}:57600\" }}\n\
+                 source = {{ kind = \"rotating-body\" }}\n"
+            )
+        };
+        let of = |own: &str| format!("{head}{}", ar_drone(1, own));
+        let port = "endpoint = \"udpin:0.0.0.0:5005\"";
+        let body = |number: u8| format!("{{ {port}, body = \"bird-{number}\" }}");
+        let two = format!("{head}{}{}", ar_drone(1, &body(1)), ar_drone(2, &body(2)));
+        let flight = FlightConfig::parse(&two, "room.toml").expect("two bodies of one system");
+        let endpoints: Vec<_> = flight.drones[1].endpoints().map(|(device, _)| device).collect();
+        assert!(endpoints.contains(&"motion capture"), "{endpoints:?}");
+        let written = toml::to_string(&flight).expect("plain fields");
+        assert_eq!(FlightConfig::parse(&written, "written.toml").expect("as written"), flight);
+        for (own, named) in [
+            (format!("{{ {port}, body = \"\" }}"), "vehicle.motion_capture.body is \"\""),
+            (
+                "{ endpoint = \"tcp:a:1\", body = \"a\" }".into(),
+                "motion_capture.endpoint is tcp:a:1",
+            ),
+            (format!("{{ {port}, body = \"a\", rate = 1 }}"), "rate"),
+        ] {
+            let error = refused(&of(&own));
+            assert!(error.contains(named), "{error}");
+        }
+        let other = of(&body(1)).replace("serial:/dev/ttyUSB1:57600", "udpin:0.0.0.0:5005");
+        let error = refused(&other);
+        assert!(error.contains("that of another device of bird-1"), "{error}");
+        let with_gnss = of(&body(1)) + "gnss = { endpoint = \"serial:/dev/ttyACM0:9600\" }\n";
+        let with_gnss =
+            with_gnss.replace("lon_deg = 14.4378", "lon_deg = 14.4378, ground_alt_m = 250.0");
+        let error = refused(&with_gnss);
+        assert!(error.contains("vehicle.motion_capture and gnss"), "{error}");
+        let autopilot = MEADOW.replace("settings = {", "motion_capture = 1, settings = {");
+        assert!(refused(&autopilot).contains("motion_capture"));
     }
 
     #[test]

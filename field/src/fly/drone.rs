@@ -54,9 +54,17 @@ impl DroneConfig {
                 let settings = with_origin(settings, site)?;
                 settings.check().map_err(|error| nested("vehicle.settings", error))?;
             }
-            VehicleDevice::ArDrone { settings, .. } => {
+            VehicleDevice::ArDrone { settings, motion_capture, .. } => {
                 let settings = self.with_launch(settings);
                 settings.check().map_err(|error| nested("vehicle.settings", error))?;
+                if let Some(capture) = motion_capture {
+                    capture.check().map_err(|error| nested("vehicle.motion_capture", error))?;
+                    if self.gnss.is_some() {
+                        return Err("vehicle.motion_capture and gnss both give its place; leave \
+                                    one out"
+                            .into());
+                    }
+                }
             }
             VehicleDevice::Carried { settings, .. } => {
                 settings.check().map_err(|error| nested("vehicle.settings", error))?;
@@ -262,10 +270,13 @@ impl DroneConfig {
 
     /// Its devices, each with where it is reached.
     pub fn endpoints(&self) -> impl Iterator<Item = (&'static str, &Endpoint)> {
-        let (vehicle, navdata) = match &self.vehicle {
-            VehicleDevice::Mavlink { endpoint, .. } => (Some(endpoint), None),
-            VehicleDevice::ArDrone { endpoint, navdata, .. } => (Some(endpoint), Some(navdata)),
-            VehicleDevice::Carried { .. } | VehicleDevice::Fixed { .. } => (None, None),
+        let (vehicle, navdata, capture) = match &self.vehicle {
+            VehicleDevice::Mavlink { endpoint, .. } => (Some(endpoint), None, None),
+            VehicleDevice::ArDrone { endpoint, navdata, motion_capture, .. } => {
+                let capture = motion_capture.as_ref().map(|capture| &capture.endpoint);
+                (Some(endpoint), Some(navdata), capture)
+            }
+            VehicleDevice::Carried { .. } | VehicleDevice::Fixed { .. } => (None, None, None),
         };
         let guide = match &self.vehicle {
             VehicleDevice::Carried { guide, .. } => guide.as_ref(),
@@ -289,6 +300,7 @@ impl DroneConfig {
             ("vehicle", vehicle),
             ("guide", guide),
             ("navdata", navdata),
+            (MOTION_CAPTURE, capture),
             ("gnss", gnss),
             ("corrections", corrections),
             ("radio", radio),
@@ -305,6 +317,9 @@ impl DroneConfig {
         ArDroneConfig { east_m, north_m, ..*settings }
     }
 }
+
+/// Name of the system that gives a drone's place.
+pub(super) const MOTION_CAPTURE: &str = "motion capture";
 
 /// Returns the text of an error in a field of a nested table.
 fn nested(table: &str, error: impl Into<FieldError>) -> String {

@@ -5,8 +5,8 @@ use std::io;
 use foxhunt_core::Clock;
 use foxhunt_hardware::{
     ArDrone, CarriedVehicle, Corrections, Finding, FirmataStepper, GnssDecoder, GnssReceiver,
-    KrakenSource, MavlinkVehicle, Placed, Reconnecting, RtlTcpRadio, Shared, SikFeed, SikRadio,
-    XbeeRadio,
+    KrakenSource, MavlinkVehicle, MotionCapture, Placed, Reconnecting, RtlTcpRadio, Shared,
+    SikFeed, SikRadio, XbeeRadio,
 };
 use foxhunt_hunt::hunt::{BoxedSource, boxed_source};
 use foxhunt_sensors::{BodySource, OmnidirectionalSource, StepperSource, TurnGoal};
@@ -169,12 +169,19 @@ impl DroneConfig {
                     false => self.placed(vehicle, site, ports, clock),
                 }
             }
-            VehicleDevice::ArDrone { endpoint, navdata, settings } => {
+            VehicleDevice::ArDrone { endpoint, navdata, motion_capture, settings } => {
                 let orders = self.stream("vehicle", endpoint, ports)?;
                 let navdata = self.stream("navdata", navdata, ports)?;
                 let settings = self.with_launch(settings);
                 let vehicle = ArDrone::new(settings, orders, navdata, clock.clone());
-                self.placed(vehicle.map_err(|error| self.wrong(error))?, site, ports, clock)
+                let mut vehicle = vehicle.map_err(|error| self.wrong(error))?;
+                if let Some(config) = motion_capture {
+                    let stream = self.stream("motion capture", &config.endpoint, ports)?;
+                    let capture = MotionCapture::new(config.clone(), stream);
+                    vehicle =
+                        vehicle.with_motion_capture(capture.map_err(|error| self.wrong(error))?);
+                }
+                self.placed(vehicle, site, ports, clock)
             }
             VehicleDevice::Carried { guide, settings } => {
                 let gnss = self.gnss.as_ref().ok_or_else(|| self.wrong("there is no gnss"))?;

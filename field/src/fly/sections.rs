@@ -2,7 +2,7 @@
 
 use foxhunt_hardware::{
     ArDroneConfig, CarriedConfig, CorrectionsConfig, FirmataConfig, FixedConfig, GnssConfig,
-    KrakenConfig, MavlinkConfig, RtlTcpConfig, XbeeConfig,
+    KrakenConfig, MavlinkConfig, MotionCaptureConfig, RtlTcpConfig, XbeeConfig,
 };
 use foxhunt_sensors::{BodyConfig, OmnidirectionalConfig, StepperConfig};
 use foxhunt_wire::{
@@ -75,6 +75,9 @@ pub enum VehicleDevice {
         endpoint: Endpoint,
         /// Endpoint of its navdata: `udpout:192.168.1.1:5554`.
         navdata: Endpoint,
+        /// Motion capture that gives its place and heading; its own odometry alone where absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        motion_capture: Option<MotionCaptureConfig>,
         /// Settings of its driver; its place before take-off is the drone's `launch_m`.
         #[serde(default)]
         settings: ArDroneConfig,

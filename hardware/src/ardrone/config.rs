@@ -3,6 +3,8 @@ use std::io;
 use foxhunt_core::parameter::{FieldError, finite, in_range, positive, require};
 use serde::{Deserialize, Serialize};
 
+use crate::PosesLost;
+
 /// Settings for the flight of an AR.Drone, and its place at the beginning.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -95,6 +97,9 @@ pub enum ArDroneError {
         /// The limit above.
         most: f64,
     },
+    /// Its motion capture has stopped, and it goes on by its own odometry.
+    #[error("motion capture: {0}")]
+    MotionCapture(#[from] PosesLost),
     /// A number of the configuration is out of its range.
     #[error(transparent)]
     Config(#[from] FieldError),

@@ -16,7 +16,7 @@ use foxhunt_wire::{
 };
 use nalgebra::{Vector2, Vector3};
 
-use crate::{Aircraft, AircraftState, Finding, Hands};
+use crate::{Aircraft, AircraftState, Finding, Hands, MotionCapture};
 
 /// Its ordered place and heading.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,8 +32,9 @@ struct Goal {
 ///
 /// It knows no place: that is counted from where it stood, by the speeds that it reports, and is
 /// off by more the farther it flies, which
-/// [`position_sigma`](foxhunt_core::Vehicle::position_sigma) gives; [`correct`](Self::correct)
-/// takes a better one from outside. It is flown to its goals by orders of tilt, so it has to be
+/// [`position_sigma`](foxhunt_core::Vehicle::position_sigma) gives. Place and heading of
+/// [motion capture](Self::with_motion_capture) go before it, and [`correct`](Self::correct) takes
+/// a better place from elsewhere. It is flown to its goals by orders of tilt, so it has to be
 /// served some twenty times a second; without orders it hovers by itself.
 ///
 /// After a lost link nothing is ordered until [`take_over`](Self::take_over) is called.
@@ -51,6 +52,11 @@ pub struct ArDrone<A, N, C> {
     /// Metres flown since the place was known, and σ of it then.
     flown: f64,
     sigma: f64,
+    /// Direction of its nose where its own yaw is 0, in radians counter-clockwise from East.
+    begun: f64,
+    motion_capture: Option<MotionCapture>,
+    /// Time and heading of the last pose from motion capture.
+    captured: Option<(f64, f64)>,
     phase: Phase,
     /// It is ordered to land until then, even if it does not seem to fly: its take-off may be on
     /// its way.
@@ -105,6 +111,9 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
             velocity: Vector3::zeros(),
             flown: 0.0,
             sigma: config.start_sigma_m,
+            begun: config.heading_deg_ccw_from_east.to_radians(),
+            motion_capture: None,
+            captured: None,
             phase: Phase::Idle,
             land_until: f64::NEG_INFINITY,
             failure: String::new(),
@@ -113,6 +122,19 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
             requested: f64::NEG_INFINITY,
             config,
         })
+    }
+
+    /// Has motion capture give its place over ground and its heading. Its own odometry goes on
+    /// from there while no poses come. Its height stays that of its ultrasound.
+    #[must_use]
+    pub fn with_motion_capture(self, motion_capture: MotionCapture) -> Self {
+        Self { motion_capture: Some(motion_capture), ..self }
+    }
+
+    /// Returns its motion capture, if it has any.
+    #[must_use]
+    pub fn motion_capture(&self) -> Option<&MotionCapture> {
+        self.motion_capture.as_ref()
     }
 
     /// Sets its place, East and North in metres, and σ of that, from a better source.
@@ -171,9 +193,12 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
     }
 
     fn heading(&self) -> f64 {
-        // It counts clockwise from where it was switched on.
-        let begun = self.config.heading_deg_ccw_from_east.to_radians();
-        angle::wrap(begun - self.demo().map_or(0.0, |demo| demo.yaw))
+        let reported = self.received.map_or(f64::NEG_INFINITY, |(at, _)| at);
+        match self.captured {
+            Some((at, heading)) if at >= reported => angle::wrap(heading),
+            // It counts clockwise from where it was switched on.
+            _ => angle::wrap(self.begun - self.demo().map_or(0.0, |demo| demo.yaw)),
+        }
     }
 
     fn known_pose(&self) -> Pose {
@@ -308,6 +333,11 @@ impl<A: ByteStream, N: ByteStream, C: Clock> Aircraft for ArDrone<A, N, C> {
     fn return_to_launch(&mut self) -> Result<(), ArDroneError> {
         self.come_down(Phase::Returning)
     }
+
+    fn device_failure(&mut self) -> Option<ArDroneError> {
+        let now = self.clock.now();
+        self.motion_capture.as_mut()?.take_loss(now).map(ArDroneError::from)
+    }
 }
 
 impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
@@ -322,18 +352,22 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
                     let remedy = "join the drone's wireless network";
                     return vec![Finding::bad("link", error, remedy)];
                 }
-                Ok(now) if self.demo().is_some() || now - begun > 5.0 => break,
+                Ok(now) if now - begun > 5.0 => break,
+                Ok(_) if self.demo().is_some() && self.is_captured() => break,
                 Ok(_) => pause(),
             }
         }
+        let now = self.clock.now();
+        let captured = self.motion_capture.as_ref().map(|capture| capture.finding(now));
         let Some(demo) = self.demo() else {
             let remedy =
                 "join the drone's wireless network, and see that no other program flies it";
-            return vec![Finding::bad("navdata", "nothing was received", remedy)];
+            let silent = Finding::bad("navdata", "nothing was received", remedy);
+            return [silent].into_iter().chain(captured).collect();
         };
         let percent = demo.battery_percent;
         let battery = format!("{percent} % left");
-        vec![
+        let mut findings = vec![
             Finding::good("navdata", format!("{:?}", demo.flight)),
             if percent < 30 {
                 Finding::bad("battery", battery, "charge it before you fly")
@@ -346,7 +380,14 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
             } else {
                 Finding::good("emergency", "none")
             },
-        ]
+        ];
+        findings.extend(captured);
+        findings
+    }
+
+    /// Returns true once a pose has come from motion capture, or if it has none.
+    fn is_captured(&self) -> bool {
+        self.motion_capture.is_none() || self.captured.is_some()
     }
 }
 

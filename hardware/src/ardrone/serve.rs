@@ -20,6 +20,9 @@ const TAKE_OFF_S: f64 = 10.0;
 /// Longest delay in seconds from the order of a take-off to its beginning.
 const UNDER_WAY_S: f64 = 2.0;
 
+/// Age in seconds up to which a captured heading is that of a report.
+const YOUNG_S: f64 = 0.1;
+
 /// Distance in metres within which it is at its goal.
 const THERE_M: f64 = 0.4;
 
@@ -55,6 +58,11 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
             self.received = Some((now, navdata));
             if let Some(demo) = navdata.demo {
                 let dt = before.map_or(0.0, |(at, _)| (now - at).clamp(0.0, 0.5));
+                // Only the way since the last pose is not in it.
+                let since = self.captured.map_or(dt, |(at, _)| dt.min(now - at));
+                if let Some((_, heading)) = self.captured.filter(|(at, _)| now - at <= YOUNG_S) {
+                    self.begun = heading + demo.yaw;
+                }
                 let (sin, cos) = self.heading().sin_cos();
                 let forward = demo.forward_mps;
                 let left = -demo.right_mps;
@@ -67,18 +75,29 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
                     self.velocity.z
                 };
                 self.velocity = Vector3::new(over_ground.x, over_ground.y, climb);
-                self.position.x += over_ground.x * dt;
-                self.position.y += over_ground.y * dt;
+                self.position.x += over_ground.x * since;
+                self.position.y += over_ground.y * since;
                 self.position.z = demo.altitude_m;
-                self.flown += over_ground.norm() * dt;
+                self.flown += over_ground.norm() * since;
             }
         }
         Ok(())
     }
 
+    /// Takes place and heading of the newest pose from motion capture.
+    fn take_captured(&mut self, now: f64) {
+        let Some(capture) = &mut self.motion_capture else { return };
+        let sigma_m = capture.sigma_m();
+        if let Some(pose) = capture.poll(now) {
+            self.correct(pose.position.xy(), sigma_m);
+            self.captured = Some((now, pose.heading));
+        }
+    }
+
     pub(super) fn serve(&mut self) -> Result<f64, ArDroneError> {
         let now = self.clock.now();
         let received = self.receive(now);
+        self.take_captured(now);
         let flying = self.is_flying();
         let emergency = self.state_is(|state| state.is_emergency());
         let silent = self.silent_s(now) > self.config.link_timeout_s;

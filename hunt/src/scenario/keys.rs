@@ -214,6 +214,18 @@ const TABLES: [KeyTable; 26] = [
                 "`\"forces\"`",
                 "`\"forces\"` commands thrust and torques, `\"velocities\"` climb and yaw rates",
             ),
+            key(
+                "dynamics",
+                "",
+                "`\"isaacs2014\"`",
+                "`\"isaacs2014\"` moves the simplified body, `\"rigid-body\"` the full one",
+            ),
+            key(
+                "inertia_kg_m2",
+                "kg m²",
+                "of `rigid-body`, `[0.0022, 0.003, 0.0048]`",
+                "the moments of inertia about the forward, left and up axes",
+            ),
             key("gains", "", "the autopilot's", "a table of the control gains"),
             key("wind", "", "still air, gusts of 2 s", "a table of the wind and its gusts"),
         ],
@@ -673,6 +685,8 @@ mod tests {
             "drag_per_s",
             "rate_hz",
             "piloting",
+            "dynamics",
+            "inertia_kg_m2",
             "gains",
             "wind",
         ];

@@ -3,7 +3,7 @@
 use foxhunt_core::parameter::{FieldError, ParameterError, finite, not_negative, positive};
 use serde::{Deserialize, Serialize};
 
-use crate::{Gains, Piloting, QuadrotorConfig, WindConfig, is_false};
+use crate::{Dynamics, Gains, Piloting, QuadrotorConfig, WindConfig, is_false};
 
 /// The model of every drone's flight. A file has `kind = "kinematic"`, the default, or
 /// `kind = "quadrotor"`, and the fields of that kind.
@@ -81,6 +81,8 @@ struct Fields {
     drag_per_s: Option<f64>,
     rate_hz: Option<f64>,
     piloting: Option<Piloting>,
+    dynamics: Option<Dynamics>,
+    inertia_kg_m2: Option<[f64; 3]>,
     gains: Option<Gains>,
     wind: Option<WindConfig>,
 }
@@ -107,6 +109,8 @@ impl TryFrom<Fields> for VehicleConfig {
                     ("drag_per_s", fields.drag_per_s.is_some()),
                     ("rate_hz", fields.rate_hz.is_some()),
                     ("piloting", fields.piloting.is_some()),
+                    ("dynamics", fields.dynamics.is_some()),
+                    ("inertia_kg_m2", fields.inertia_kg_m2.is_some()),
                     ("gains", fields.gains.is_some()),
                     ("wind", fields.wind.is_some()),
                 ];
@@ -135,6 +139,8 @@ impl TryFrom<Fields> for VehicleConfig {
                     drag_per_s: fields.drag_per_s.unwrap_or(default.drag_per_s),
                     rate_hz: fields.rate_hz.unwrap_or(default.rate_hz),
                     piloting: fields.piloting.unwrap_or(default.piloting),
+                    dynamics: fields.dynamics.unwrap_or(default.dynamics),
+                    inertia_kg_m2: fields.inertia_kg_m2,
                     gains: fields.gains.unwrap_or(default.gains),
                     wind: fields.wind.unwrap_or(default.wind),
                 }))

@@ -5,6 +5,7 @@ mod ardrone;
 mod autopilot;
 mod carrier;
 mod gnss;
+mod motion_capture;
 mod receivers;
 mod stepper;
 mod xbee;
@@ -17,6 +18,7 @@ pub use carrier::EmulatedCarrier;
 pub use gnss::{
     EmulatedCaster, EmulatedCasterConfig, EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind,
 };
+pub use motion_capture::{EmulatedMotionCapture, EmulatedMotionCaptureConfig};
 pub use receivers::{
     EmulatedDongle, EmulatedKraken, EmulatedKrakenConfig, EmulatedRtlTcp, EmulatedRtlTcpConfig,
     InterfererConfig, PlayedPulse,

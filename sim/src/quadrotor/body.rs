@@ -4,7 +4,7 @@ use foxhunt_core::{Pose, angle};
 use nalgebra::{Vector2, Vector3};
 use rand::rngs::Xoshiro256PlusPlus;
 
-use super::{GRAVITY, Inputs, Piloting, QuadrotorConfig, State, Wind};
+use super::{Dynamics, GRAVITY, Inputs, Piloting, QuadrotorConfig, State, Wind, rigid::RigidBody};
 use crate::SimError;
 
 /// The rate at which controllers on board of an AR.Drone make a commanded rate true, per second.
@@ -35,6 +35,8 @@ const ON_BOARD: f64 = 5.0;
 pub struct Quadrotor {
     config: QuadrotorConfig,
     state: State,
+    /// The body of [`Dynamics::RigidBody`], of which `state` has the angles.
+    rigid: Option<RigidBody>,
     reference: Reference,
     controller: Controller,
     wind: Wind,
@@ -60,9 +62,17 @@ impl Quadrotor {
         config.check()?;
         let attitude = Vector3::new(pose.heading, 0.0, 0.0);
         let state = State { position: pose.position, attitude, ..State::default() };
+        let rigid = match config.dynamics {
+            Dynamics::Isaacs2014 => None,
+            Dynamics::RigidBody => {
+                let inertia = config.inertia_kg_m2.unwrap_or(QuadrotorConfig::INERTIA_KG_M2);
+                Some(RigidBody::new(inertia, &state))
+            }
+        };
         let mut quadrotor = Self {
             config,
             state,
+            rigid,
             reference: Reference::holding(pose.position, pose.heading),
             controller: Controller::default(),
             wind: Wind::new(&config.wind, 1.0 / config.rate_hz, gusts),
@@ -147,6 +157,7 @@ impl Quadrotor {
         position.z = 0.0;
         let attitude = Vector3::new(heading, 0.0, 0.0);
         self.state = State { position, attitude, ..State::default() };
+        self.rigid = self.rigid.map(|body| body.put(&self.state));
         self.reference = Reference::holding(position, heading);
         self.controller = Controller::default();
     }
@@ -174,7 +185,13 @@ impl Quadrotor {
         let config = QuadrotorConfig { speed_mps: self.cruise, ..self.config };
         self.reference.advance(&config, dt);
         let before = self.state.position;
-        self.state = self.state.step(&inputs, dt);
+        self.state = match &mut self.rigid {
+            None => self.state.step(&inputs, dt),
+            Some(body) => {
+                *body = body.step(&inputs, dt);
+                body.state(self.state.attitude.x)
+            }
+        };
         self.path_length += (self.state.position - before).norm();
     }
 }

@@ -2,6 +2,7 @@
 //! dynamics, and the air about it.
 
 mod body;
+mod rigid;
 
 pub use body::Quadrotor;
 
@@ -44,6 +45,12 @@ pub struct QuadrotorConfig {
     pub rate_hz: f64,
     /// The kind of the autopilot's commands.
     pub piloting: Piloting,
+    /// The equations of motion.
+    pub dynamics: Dynamics,
+    /// Moments of inertia about the forward, left and up axes in kg m², of
+    /// [`Dynamics::RigidBody`] alone; [`INERTIA_KG_M2`](Self::INERTIA_KG_M2) unless given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub inertia_kg_m2: Option<[f64; 3]>,
     /// The controllers' gains.
     pub gains: Gains,
     /// The air that it flies through.
@@ -61,6 +68,19 @@ pub enum Piloting {
     /// A climb rate and a yaw rate, as an AR.Drone takes them (eq. 26 and 27), which controllers
     /// on board turn into thrust and torque.
     Velocities,
+}
+
+/// The equations of motion of a quadrotor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Dynamics {
+    /// The simplified body, whose angles are three double integrators (Isaacs et al. 2014,
+    /// eq. 3–8).
+    #[default]
+    Isaacs2014,
+    /// The full rigid body with its moments of inertia (eq. 1 and 2).
+    RigidBody,
 }
 
 /// Wind: a constant part and gusts, which are Dryden's to first order: each component is an
@@ -88,7 +108,7 @@ impl Default for WindConfig {
 impl Default for QuadrotorConfig {
     /// A small quadrotor: 2 m/s over ground and 1 m/s up, reached with 1 m/s²; a tilt of 20°, a
     /// thrust of two weights, 40 rad/s² about up; a drag that slows it down in 5 s; 400 steps in
-    /// a second; forces and torques; still air; poses without a velocity.
+    /// a second; forces and torques on the simplified body; still air; poses without a velocity.
     fn default() -> Self {
         Self {
             speed_mps: 2.0,
@@ -101,6 +121,8 @@ impl Default for QuadrotorConfig {
             drag_per_s: 0.2,
             rate_hz: 400.0,
             piloting: Piloting::Forces,
+            dynamics: Dynamics::Isaacs2014,
+            inertia_kg_m2: None,
             gains: Gains::default(),
             wind: WindConfig::default(),
         }
@@ -108,6 +130,9 @@ impl Default for QuadrotorConfig {
 }
 
 impl QuadrotorConfig {
+    /// Default moments of inertia: a flat body of about half a kilogram, longer than wide.
+    pub const INERTIA_KG_M2: [f64; 3] = [0.0022, 0.003, 0.0048];
+
     /// Refuses numbers that no quadrotor flies with.
     pub(crate) fn check(&self) -> Result<(), FieldError> {
         positive("speed_mps", self.speed_mps)?;
@@ -124,7 +149,29 @@ impl QuadrotorConfig {
         // What is quicker than half the rate is beyond the integration's stability.
         let most = 0.5 * self.rate_hz;
         in_range("drag_per_s", self.drag_per_s, 0.0..=most, "below half of rate_hz")?;
+        self.check_inertia()?;
         self.gains.check(most).map_err(|error| error.within("gains"))
+    }
+
+    /// Refuses moments of inertia that the dynamics does not use or that no body has.
+    fn check_inertia(&self) -> Result<(), FieldError> {
+        let Some(inertia) = self.inertia_kg_m2 else { return Ok(()) };
+        let refused = |requirement| {
+            let [x, y, z] = inertia;
+            Err(FieldError::new("inertia_kg_m2", format!("[{x}, {y}, {z}]"), requirement))
+        };
+        if self.dynamics != Dynamics::RigidBody {
+            return refused("left out unless dynamics = \"rigid-body\"");
+        }
+        if inertia.iter().any(|moment| !(1e-12..=1e12).contains(moment)) {
+            return refused("three positive numbers");
+        }
+        // Σ m (y² + z²) + Σ m (x² + z²) ≥ Σ m (x² + y²), and so for each axis.
+        let sum: f64 = inertia.iter().sum();
+        if inertia.iter().any(|moment| 2.0 * moment > sum * (1.0 + 1e-9)) {
+            return refused("the moments of a body, none above the sum of the other two");
+        }
+        Ok(())
     }
 }
 

@@ -1,6 +1,6 @@
 use foxhunt_sensors::{AntennaConfig, GainRow, Hill, LogDistance, Polarisation};
 use foxhunt_sim::{
-    BeaconConfig, BeaconCourse, ChannelConfig, DeadZoneConfig, DroneConfig, Interval,
+    BeaconConfig, BeaconCourse, ChannelConfig, DeadZoneConfig, DroneConfig, Dynamics, Interval,
     KinematicConfig, PathLossConfig, QuadrotorConfig, ReliefConfig, ScatteringConfig,
     ShadowingConfig, SimError, SimStepperConfig, TwoRayConfig, VehicleConfig, WindConfig, World,
     WorldConfig,
@@ -310,6 +310,16 @@ fn a_vehicle_is_of_the_kind_in_its_file() {
     let text = r#"{ "kind": "quadrotor", "speed_mps": 0.5 }"#;
     assert_eq!(read(text).expect("a quadrotor"), VehicleConfig::Quadrotor(slow));
     assert!(reported(r#"{ "kind": "kinematic", "wind": {} }"#).starts_with("wind is of a vehicle"));
+    let rigid = QuadrotorConfig {
+        dynamics: Dynamics::RigidBody,
+        inertia_kg_m2: Some([0.002, 0.003, 0.004]),
+        ..QuadrotorConfig::default()
+    };
+    let text = r#"{ "kind": "quadrotor", "dynamics": "rigid-body",
+        "inertia_kg_m2": [0.002, 0.003, 0.004] }"#;
+    assert_eq!(read(text).expect("a rigid body"), VehicleConfig::Quadrotor(rigid));
+    let text = r#"{ "dynamics": "rigid-body" }"#;
+    assert!(reported(text).starts_with("dynamics is of a vehicle"));
     assert!(reported(r#"{ "kind": "quadrotor", "wnd": {} }"#).contains("wnd"));
     assert!(reported(r#"{ "kind": "balloon" }"#).contains("balloon"));
 }

@@ -14,7 +14,7 @@ use serde::Serialize;
 
 use super::{
     device::{Field, Placed},
-    field, gnss, rtl_tcp, sample_file, stepper, vehicle, xbee,
+    field, gnss, motion_capture, rtl_tcp, sample_file, stepper, vehicle, xbee,
 };
 use crate::{
     commands::choice,
@@ -43,6 +43,7 @@ enum Device {
     Stepper(stepper::Args),
     Vehicle(vehicle::Args),
     Gnss(gnss::Args),
+    MotionCapture(motion_capture::Args),
     RtlTcp(rtl_tcp::Args),
     Field(field::Args),
 }
@@ -64,6 +65,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         Device::Stepper(args) => &args.field,
         Device::Vehicle(args) => &args.field,
         Device::Gnss(args) => &args.field,
+        Device::MotionCapture(args) => &args.field,
         Device::RtlTcp(args) => &args.field,
         Device::Field(args) => &args.field,
     };
@@ -75,13 +77,18 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         Device::Stepper(args) => args.pose.place(field, &world)?,
         Device::RtlTcp(args) => args.pose.place(field, &world)?,
         Device::Gnss(args) => gnss::caster(args, &world)?,
-        Device::Vehicle(_) | Device::Field(_) => None,
+        Device::MotionCapture(_) | Device::Vehicle(_) | Device::Field(_) => None,
     };
-    let placed = match &args.device {
+    let mut placed: Vec<Placed> = first.into_iter().collect();
+    if let Device::MotionCapture(args) = &args.device {
+        placed.extend(motion_capture::ar_drone(args, &world)?);
+    }
+    placed.push(match &args.device {
         Device::Xbee(args) => xbee::place(args, &scenario, &world),
         Device::Stepper(args) => stepper::place(args, &scenario, &world),
         Device::Vehicle(args) => vehicle::place(args, &scenario, &world),
         Device::Gnss(args) => gnss::place(args, &scenario, &world),
+        Device::MotionCapture(args) => motion_capture::place(args, &world),
         Device::RtlTcp(args) => {
             if let Some(to) = args.to() {
                 return sample_file::write(args, to, &world, output);
@@ -89,8 +96,8 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
             rtl_tcp::place(args, &world)
         }
         Device::Field(args) => field::place(args, &scenario, &world),
-    }?;
-    serve(field, &scenario, &world, first.into_iter().chain([placed]).collect(), output)
+    }?);
+    serve(field, &scenario, &world, placed, output)
 }
 
 /// Serves devices until the time is up or Ctrl-C comes.

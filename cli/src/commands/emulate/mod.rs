@@ -4,6 +4,7 @@ mod bench;
 mod device;
 mod field;
 mod gnss;
+mod motion_capture;
 mod pose;
 mod rtl_tcp;
 mod sample_file;
