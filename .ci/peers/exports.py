@@ -1,18 +1,23 @@
 """Reads the exports of a hunt back, each with a reader of others, and compares them with the hunt's own result.
 
-usage: exports.py FOLDER
+usage: exports.py FOLDER FOXHUNT
 """
 
 import csv
 import json
 import math
+import re
+import subprocess
 import sys
 from pathlib import Path
 
 import fastkml
 import gpxpy
+import yaml
 from lxml import etree
 from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
 from shapely.geometry import shape
 
 LAT, LON = 50.0755, 14.4378
@@ -86,16 +91,141 @@ def main():
     assert len({event.get("uid") for event in events}) == len(events)
     print(f"Cursor on Target: {len(events)} events")
 
-    with open(out / "hunt.mcap", "rb") as file:
-        messages = [(s.name, c.topic, json.loads(m.data)) for s, c, m in make_reader(file).iter_messages()]
+    bag = Bag(out / "hunt.mcap")
+    numbers = {name: topic.split("/")[2] for topic, name in bag.names.items() if "/beacon_" in topic}
+    assert numbers.keys() == beacons.keys()
     for name, beacon in beacons.items():
-        found = [data for schema, topic, data in messages if topic == f"/beacons/{name}"]
-        near(found[-1]["latitude"], found[-1]["longitude"], beacon)
+        fix = bag.messages[f"/foxhunt/{numbers[name]}/fix"][-1]
+        near(fix.latitude, fix.longitude, beacon)
+        estimate = bag.messages[f"/foxhunt/{numbers[name]}/estimate"][-1].pose
         covariance = beacon["estimate"]["covariance_m2"]
-        assert abs(found[-1]["position_covariance"][0] - covariance[0][0]) < 1e-9
-    (ground,) = [data for schema, _, data in messages if schema == "foxglove.GeoJSON"]
-    assert len(json.loads(ground["geojson"])["features"]) == len(features)
-    print(f"MCAP: {len(messages)} messages")
+        # Six by six, and three by three.
+        for of_pose, of_fix, value in ((0, 0, covariance[0][0]), (1, 1, covariance[0][1]), (7, 4, covariance[1][1])):
+            assert abs(estimate.covariance[of_pose] - value) < 1e-9
+            assert abs(fix.position_covariance[of_fix] - value) < 1e-9
+        assert abs(estimate.pose.position.x - beacon["estimate"]["east_m"]) < 1e-9
+    (ground,) = bag.messages["/foxhunt/map"]
+    assert len(json.loads(ground.geojson)["features"]) == len(features)
+    assert any(message.level == 20 and message.msg for message in bag.messages["/foxhunt/log"])
+    antennas = bag.transforms(bearings)
+    bag.paths()
+    print(f"MCAP: {sum(map(len, bag.messages.values()))} messages, {antennas} antennas that point where a bearing is")
+    view(bag)
 
+
+class Bag:
+    """A bag of ROS 2, read by rosbags with the definitions in the bag, which are those of ROS 2 Humble."""
+
+    def __init__(self, path):
+        humble = get_typestore(Stores.ROS2_HUMBLE)
+        self.messages, self.types = {}, {}
+        with AnyReader([path]) as reader:
+            for connection in reader.connections:
+                self.types[connection.topic] = connection.msgtype
+                if connection.msgtype in humble.fielddefs:
+                    ours = fields(reader.typestore, connection.msgtype)
+                    assert ours == fields(humble, connection.msgtype), connection.msgtype
+            for connection, stamp, data in reader.messages():
+                message = reader.deserialize(data, connection.msgtype)
+                self.messages.setdefault(connection.topic, []).append(message)
+                header = getattr(message, "header", None)
+                if header:
+                    assert header.stamp.sec * 10**9 + header.stamp.nanosec == stamp
+        with open(path, "rb") as file:
+            self.names = {c.topic: c.metadata["name"] for c in make_reader(file).get_summary().channels.values() if "name" in c.metadata}
+
+    def transforms(self, bearings):
+        """Each frame leads to the Earth; the place of the map there is the origin's."""
+        (static,) = (transform for message in self.messages["/tf_static"] for transform in message.transforms)
+        assert (static.header.frame_id, static.child_frame_id) == ("earth", "map")
+        at = static.transform.translation
+        assert abs(math.degrees(math.atan2(at.y, at.x)) - LON) < 1e-9
+        parents = {"map": "earth"}
+        antennas = 0
+        for message in self.messages["/tf"]:
+            for transform in message.transforms:
+                parents[transform.child_frame_id] = transform.header.frame_id
+                antennas += transform.child_frame_id.endswith("/antenna")
+                q = transform.transform.rotation
+                assert abs(math.hypot(q.x, q.y, q.z, q.w) - 1) < 1e-12
+        assert antennas == bearings
+        for frame in parents:
+            while frame != "earth":
+                frame = parents[frame]
+        self.frames = {*parents, "earth"}
+        return antennas
+
+    def paths(self):
+        """A drone's path grows to all of its poses."""
+        for topic, paths in self.messages.items():
+            if topic.endswith("/path"):
+                lengths = [len(path.poses) for path in paths]
+                assert lengths == sorted(lengths)
+                poses = self.messages[topic.replace("/path", "/pose")]
+                assert [p.pose.position for p in paths[-1].poses] == [p.pose.position for p in poses]
+
+
+def fields(store, name, seen=()):
+    """The fields of a type with those of the types that it holds, by name and kind."""
+    assert name not in seen
+    found = []
+    for field, kind in store.fielddefs[name][1]:
+        text = repr(kind)
+        held = [other for other in store.fielddefs if f"'{other}'" in text]
+        found.append((field, text, [fields(store, other, (*seen, name)) for other in held]))
+    return found
+
+
+def view(bag):
+    """The launch files and the view for rviz2 name what there is."""
+    package = Path("hardware/ros/foxhunt_launch")
+    kinds = {"Pose": "geometry_msgs/msg/PoseStamped", "Path": "nav_msgs/msg/Path",
+             "PoseWithCovariance": "geometry_msgs/msg/PoseWithCovarianceStamped"}
+    latched = yaml.safe_load((package / "config/replay_qos.yaml").read_text())
+    manager = yaml.safe_load((package / "rviz/foxhunt.rviz").read_text())["Visualization Manager"]
+    assert manager["Global Options"]["Fixed Frame"] in bag.frames
+    shown = set()
+    for display in manager["Displays"]:
+        kind = display["Class"].removeprefix("rviz_default_plugins/")
+        if kind == "TF":
+            assert set(display["Frames"]) - {"All Enabled"} <= bag.frames
+        if "Topic" not in display:
+            continue
+        topic = display["Topic"]["Value"]
+        late = display["Topic"]["Durability Policy"] == "Transient Local"
+        if topic in bag.types:
+            shown.add(topic)
+            assert bag.types[topic] == kinds[kind], topic
+            # Who asks for the last message gets nothing of a topic that does not keep it.
+            assert late == (latched.get(topic, {}).get("durability") == "transient_local"), topic
+        else:
+            # A goal is sent by the fusion node alone.
+            assert topic.endswith("/goal") and kind == "Pose", topic
+    wanted = {t for t in bag.types if t.rsplit("/", 1)[1] in ("pose", "path", "estimate")}
+    assert shown == wanted, shown ^ wanted
+    assert latched.keys() <= bag.types.keys() and latched["/tf_static"]["durability"] == "transient_local"
+
+    share, files = "$(find-pkg-share foxhunt_launch)/", 0
+    commands = []
+    for launch in sorted((package / "launch").glob("*.launch.xml")):
+        root = etree.parse(launch).getroot()
+        assert root.tag == "launch"
+        declared = {argument.get("name") for argument in root.findall("arg")}
+        for element in root.iter(etree.Element):
+            for text in element.attrib.values():
+                assert set(re.findall(r"\$\(var (\w+)\)", text)) <= declared, text
+                for path in re.findall(re.escape(share) + r"([\w./]+)", text):
+                    assert (package / path).is_file(), path
+                    files += 1
+            if element.tag == "include":
+                included = etree.parse(package / element.get("file").removeprefix(share)).getroot()
+                assert {a.get("name") for a in element.findall("arg")} <= {a.get("name") for a in included.findall("arg")}
+            if element.tag == "executable":
+                commands.append(element.get("cmd").split())
+    for command in commands:
+        if command[0] == "foxhunt":
+            text = subprocess.run([sys.argv[2], *command[1:3], "--help"], check=True, capture_output=True, text=True).stdout
+            assert all(flag in text for flag in command if flag.startswith("--")), command
+    print(f"rviz2: {len(shown)} topics of the bag; launch: {len(commands)} commands, {files} files of the package")
 
 main()

@@ -176,7 +176,8 @@ impl LocalFrame {
     }
 
     /// East, North and Up of the frame in Earth-centred, Earth-fixed coordinates, one in a row.
-    fn axes(&self) -> Matrix3<f64> {
+    #[must_use]
+    pub fn axes(&self) -> Matrix3<f64> {
         let (sin_lat, cos_lat) = libm::sincos(self.origin.lat_deg.to_radians());
         let (sin_lon, cos_lon) = libm::sincos(self.origin.lon_deg.to_radians());
         Matrix3::new(

@@ -3,26 +3,49 @@ use std::{collections::BTreeMap, io::Cursor};
 use ::mcap::{WriteOptions, Writer, records::MessageHeader};
 use foxhunt_hunt::document;
 use foxhunt_wire::geodesy::LocalFrame;
-use nalgebra::{Matrix2, Vector3};
-use serde_json::{Value, json};
+use nalgebra::{Matrix2, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-use super::{ExportError, geojson};
-use crate::overview::Overview;
+use super::{ExportError, cdr::CdrWriter, geojson, ros};
+use crate::overview::{Knot, Overview};
 
-/// A message that waits for its turn: when, on which topic, of which schema.
+/// Frame of East, North and Up, as of the nodes of a hunt.
+const MAP: &str = "map";
+
+/// Frame of Earth-centred, Earth-fixed coordinates (REP 105).
+const EARTH: &str = "earth";
+
+/// Variance of what is not estimated, in m² and rad², as of the nodes of a hunt.
+const UNKNOWN: f64 = 1e6;
+
+/// Most messages with the path of a receiver; each holds the path up to its time.
+const PATHS: usize = 32;
+
+/// A message that waits for its turn.
 struct Message {
     time: f64,
     topic: String,
-    schema: &'static str,
-    data: Value,
+    /// Name of the type, such as `nav_msgs/msg/Path`.
+    kind: &'static str,
+    /// Name of the receiver or the beacon; empty for the whole hunt.
+    name: String,
+    data: Vec<u8>,
 }
 
-/// Fixes and paths as `foxglove.LocationFix`, events as `foxglove.Log`, the map as it is in the end
-/// as `foxglove.GeoJSON`. Times count from 1970 where that of the beginning is not known.
+/// A frame in its parent's coordinates.
+struct Transform<'a> {
+    parent: &'a str,
+    child: &'a str,
+    place: Vector3<f64>,
+    turn: UnitQuaternion<f64>,
+}
+
+/// Poses, paths, estimates and fixes on the topics of a hunt's nodes, transforms, the log, and the
+/// map in the end, as messages of ROS 2. Times count from 1970 where the epoch is not known.
 pub(super) fn write(overview: &Overview, frame: &LocalFrame) -> Result<Vec<u8>, ExportError> {
     let mut messages = messages(overview, frame)?;
     messages.sort_by(|a, b| a.time.total_cmp(&b.time));
-    let options = WriteOptions::new().compression(None).library("foxhunt");
+    // `profile` makes it a bag of ROS 2.
+    let options = WriteOptions::new().compression(None).library("foxhunt").profile("ros2");
     let mut writer = options.create(Cursor::new(Vec::new())).map_err(ExportError::write)?;
     let mut channels = BTreeMap::new();
     for (sequence, message) in (0..).zip(&messages) {
@@ -41,19 +64,22 @@ pub(super) fn write(overview: &Overview, frame: &LocalFrame) -> Result<Vec<u8>, 
             log_time: nanoseconds,
             publish_time: nanoseconds,
         };
-        let data = document::to_json(&message.data).map_err(ExportError::write)?.into_bytes();
-        writer.write_to_known_channel(&header, &data).map_err(ExportError::write)?;
+        writer.write_to_known_channel(&header, &message.data).map_err(ExportError::write)?;
     }
     let _ = writer.finish().map_err(ExportError::write)?;
     Ok(writer.into_inner().into_inner())
 }
 
 fn channel(writer: &mut Writer<Cursor<Vec<u8>>>, message: &Message) -> Result<u16, ExportError> {
-    let text = schema(message.schema).to_string();
+    let definition = ros::definition(message.kind);
     let schema = writer
-        .add_schema(message.schema, "jsonschema", text.as_bytes())
+        .add_schema(message.kind, "ros2msg", definition.as_bytes())
         .map_err(ExportError::write)?;
-    writer.add_channel(schema, &message.topic, "json", &BTreeMap::new()).map_err(ExportError::write)
+    let mut metadata = BTreeMap::new();
+    if !message.name.is_empty() {
+        let _ = metadata.insert("name".to_owned(), message.name.clone());
+    }
+    writer.add_channel(schema, &message.topic, "cdr", &metadata).map_err(ExportError::write)
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts saturate")]
@@ -62,110 +88,172 @@ fn nanoseconds(time: f64) -> u64 {
     ((time * 1e3).round().max(0.0) as u64).saturating_mul(1_000_000)
 }
 
-fn stamp(time: f64) -> Value {
+/// Writes a `builtin_interfaces/Time`.
+fn stamp(cdr: &mut CdrWriter, time: f64) {
+    const SECOND: u64 = 1_000_000_000;
     let nanoseconds = nanoseconds(time);
-    json!({ "sec": nanoseconds / 1_000_000_000, "nsec": nanoseconds % 1_000_000_000 })
+    cdr.u32(i32::try_from(nanoseconds / SECOND).unwrap_or(i32::MAX).unsigned_abs());
+    cdr.u32(u32::try_from(nanoseconds % SECOND).unwrap_or_default());
+}
+
+/// Writes a `std_msgs/Header`.
+fn header(cdr: &mut CdrWriter, time: f64, frame: &str) {
+    stamp(cdr, time);
+    cdr.text(frame);
+}
+
+/// Writes a `geometry_msgs/Pose` of a place; its attitude is not known.
+fn pose(cdr: &mut CdrWriter, place: &Vector3<f64>) {
+    cdr.f64s(place.iter().copied());
+    cdr.f64s([0.0, 0.0, 0.0, 1.0]);
+}
+
+fn pose_stamped(cdr: &mut CdrWriter, time: f64, place: &Vector3<f64>) {
+    header(cdr, time, MAP);
+    pose(cdr, place);
+}
+
+fn path(epoch: f64, knots: &[Knot]) -> Option<Vec<u8>> {
+    let last = knots.last()?;
+    let mut cdr = CdrWriter::new();
+    header(&mut cdr, epoch + last.time, MAP);
+    cdr.length(knots.len());
+    for knot in knots {
+        pose_stamped(&mut cdr, epoch + knot.time, &knot.place);
+    }
+    Some(cdr.into_bytes())
+}
+
+fn estimate(time: f64, place: &Vector3<f64>, covariance: &Matrix2<f64>) -> Vec<u8> {
+    let mut cdr = CdrWriter::new();
+    pose_stamped(&mut cdr, time, place);
+    for row in 0..6 {
+        for column in 0..6 {
+            let unknown = if row == column { UNKNOWN } else { 0.0 };
+            cdr.f64s([covariance.get((row, column)).copied().unwrap_or(unknown)]);
+        }
+    }
+    cdr.into_bytes()
+}
+
+fn fix(
+    frame: &LocalFrame,
+    time: f64,
+    name: &str,
+    place: &Vector3<f64>,
+    covariance: Option<Matrix2<f64>>,
+) -> Vec<u8> {
+    let place = frame.to_geodetic(place);
+    let c = covariance.unwrap_or_default();
+    let mut cdr = CdrWriter::new();
+    header(&mut cdr, time, name);
+    // STATUS_FIX, SERVICE_GPS.
+    cdr.u8(0);
+    cdr.u16(1);
+    cdr.f64s([place.lat_deg, place.lon_deg, place.alt_m]);
+    cdr.f64s([c.m11, c.m12, 0.0, c.m21, c.m22, 0.0, 0.0, 0.0, 0.0]);
+    // COVARIANCE_TYPE_UNKNOWN is 0, COVARIANCE_TYPE_KNOWN 3.
+    cdr.u8(if covariance.is_some() { 3 } else { 0 });
+    cdr.into_bytes()
+}
+
+/// A `tf2_msgs/TFMessage` of one transform.
+fn transform(time: f64, of: &Transform<'_>) -> Vec<u8> {
+    let mut cdr = CdrWriter::new();
+    cdr.length(1);
+    header(&mut cdr, time, of.parent);
+    cdr.text(of.child);
+    cdr.f64s(of.place.iter().copied());
+    // x, y, z and w, as ROS has them.
+    cdr.f64s(of.turn.coords.iter().copied());
+    cdr.into_bytes()
 }
 
 fn messages(overview: &Overview, frame: &LocalFrame) -> Result<Vec<Message>, ExportError> {
     let epoch = overview.epoch_unix_s.unwrap_or(0.0);
+    let [first, last] = overview.span().map(|time| epoch + time);
     let mut messages = Vec::new();
-    let fix = |time: f64, name: &str, place: &Vector3<f64>, covariance: Option<Matrix2<f64>>| {
-        let place = frame.to_geodetic(place);
-        let c = covariance.unwrap_or_default();
-        json!({
-            "timestamp": stamp(time),
-            "frame_id": name,
-            "latitude": place.lat_deg,
-            "longitude": place.lon_deg,
-            "altitude": place.alt_m,
-            "position_covariance": [c.m11, c.m12, 0.0, c.m21, c.m22, 0.0, 0.0, 0.0, 0.0],
-            // 0 is unknown, 3 is known.
-            "position_covariance_type": if covariance.is_some() { 3 } else { 0 },
-        })
+    let mut add = |time: f64, topic: &str, kind: &'static str, name: &str, data: Vec<u8>| {
+        let (topic, name) = (topic.to_owned(), name.to_owned());
+        messages.push(Message { time, topic, kind, name, data });
     };
-    for receiver in &overview.receivers {
+    let axes: Matrix3<f64> = frame.axes().transpose();
+    let on_earth = Transform {
+        parent: EARTH,
+        child: MAP,
+        place: frame.origin().to_ecef(),
+        turn: UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes)),
+    };
+    add(first, "/tf_static", ros::TF_MESSAGE, "", transform(first, &on_earth));
+    for (index, receiver) in overview.receivers.iter().enumerate() {
+        let child = format!("drone_{index}");
+        let topic = |what: &str| format!("/foxhunt/{child}/{what}");
         for knot in &receiver.path {
             let time = epoch + knot.time;
-            messages.push(Message {
-                time,
-                topic: format!("/receivers/{}", receiver.name),
-                schema: "foxglove.LocationFix",
-                data: fix(time, &receiver.name, &knot.place, None),
-            });
+            let name = &receiver.name;
+            let mut cdr = CdrWriter::new();
+            pose_stamped(&mut cdr, time, &knot.place);
+            add(time, &topic("pose"), ros::POSE_STAMPED, name, cdr.into_bytes());
+            let data = fix(frame, time, &child, &knot.place, None);
+            add(time, &topic("fix"), ros::NAV_SAT_FIX, name, data);
+            let turn = UnitQuaternion::identity();
+            let of = Transform { parent: MAP, child: &child, place: knot.place, turn };
+            add(time, "/tf", ros::TF_MESSAGE, "", transform(time, &of));
+        }
+        // The last path is the whole one.
+        let knots = receiver.path.len();
+        for part in 1..=PATHS.min(knots) {
+            let end = knots * part / PATHS.min(knots);
+            let flown = receiver.path.get(..end).unwrap_or_default();
+            if let (Some(data), Some(knot)) = (path(epoch, flown), flown.last()) {
+                add(epoch + knot.time, &topic("path"), ros::PATH, &receiver.name, data);
+            }
         }
     }
-    for search in &overview.searches {
+    for received in &overview.received {
+        if let Some(bearing) = received.bearing {
+            let parent = format!("drone_{}", received.receiver);
+            let child = format!("{parent}/antenna");
+            // x points where the turn received the beacon.
+            let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), bearing.angle);
+            let of = Transform { parent: &parent, child: &child, place: Vector3::zeros(), turn };
+            let time = epoch + received.time;
+            add(time, "/tf", ros::TF_MESSAGE, "", transform(time, &of));
+        }
+    }
+    for (index, search) in overview.searches.iter().enumerate() {
+        let child = format!("beacon_{index}");
+        let topic = |what: &str| format!("/foxhunt/{child}/{what}");
         for believed in &search.beliefs {
             let time = epoch + believed.time;
             let place = believed.estimate.mean.push(0.0);
-            messages.push(Message {
-                time,
-                topic: format!("/beacons/{}", search.name),
-                schema: "foxglove.LocationFix",
-                data: fix(time, &search.name, &place, Some(believed.estimate.covariance)),
-            });
+            let covariance = believed.estimate.covariance;
+            let data = estimate(time, &place, &covariance);
+            add(time, &topic("estimate"), ros::POSE_WITH_COVARIANCE_STAMPED, &search.name, data);
+            let data = fix(frame, time, &child, &place, Some(covariance));
+            add(time, &topic("fix"), ros::NAV_SAT_FIX, &search.name, data);
+            let turn = UnitQuaternion::identity();
+            let of = Transform { parent: MAP, child: &child, place, turn };
+            add(time, "/tf", ros::TF_MESSAGE, "", transform(time, &of));
         }
     }
     for notice in &overview.notices {
         let time = epoch + notice.time;
-        messages.push(Message {
-            time,
-            topic: "/log".to_owned(),
-            schema: "foxglove.Log",
-            data: json!({
-                "timestamp": stamp(time),
-                // 1 is debug, 2 is info.
-                "level": if notice.important { 2 } else { 1 },
-                "message": notice.text,
-                "name": "foxhunt",
-                "file": "",
-                "line": 0,
-            }),
-        });
+        let mut cdr = CdrWriter::new();
+        stamp(&mut cdr, time);
+        // 10 is debug, 20 is info.
+        cdr.u8(if notice.important { 20 } else { 10 });
+        cdr.text("foxhunt");
+        cdr.text(&notice.text);
+        // File, function and line of a program: there are none for an event.
+        cdr.text("");
+        cdr.text("");
+        cdr.u32(0);
+        add(time, "/foxhunt/log", ros::LOG, "", cdr.into_bytes());
     }
     let map = geojson::collection(overview, frame);
-    let text = document::to_json(&map).map_err(ExportError::write)?;
-    messages.push(Message {
-        time: epoch + overview.span()[1],
-        topic: "/map".to_owned(),
-        schema: "foxglove.GeoJSON",
-        data: json!({ "geojson": text }),
-    });
+    let mut cdr = CdrWriter::new();
+    cdr.text(&document::to_json(&map).map_err(ExportError::write)?);
+    add(last, "/foxhunt/map", ros::GEO_JSON, "", cdr.into_bytes());
     Ok(messages)
-}
-
-/// The JSON schema of a message of Foxglove's.
-fn schema(name: &str) -> Value {
-    let number = json!({ "type": "number" });
-    let text = json!({ "type": "string" });
-    let whole = json!({ "type": "integer" });
-    let time = json!({
-        "type": "object",
-        "title": "time",
-        "properties": { "sec": whole, "nsec": whole },
-    });
-    let properties = match name {
-        "foxglove.LocationFix" => json!({
-            "timestamp": time,
-            "frame_id": text,
-            "latitude": number,
-            "longitude": number,
-            "altitude": number,
-            "position_covariance": {
-                "type": "array", "items": number, "minItems": 9, "maxItems": 9,
-            },
-            "position_covariance_type": whole,
-        }),
-        "foxglove.Log" => json!({
-            "timestamp": time,
-            "level": whole,
-            "message": text,
-            "name": text,
-            "file": text,
-            "line": whole,
-        }),
-        _ => json!({ "geojson": text }),
-    };
-    json!({ "title": name, "type": "object", "properties": properties })
 }

@@ -1,9 +1,12 @@
 //! Places, bearings, ellipses, regions and paths in the formats of other programs: GeoJSON, KML,
-//! CZML, GPX, CSV, Cursor on Target, and MCAP with Foxglove's schemas (feature `mcap`).
+//! CZML, GPX, CSV, Cursor on Target, and MCAP with messages of ROS 2 (feature
+//! `mcap`).
 //!
 //! Coordinates are WGS84. Heights are left out where a format does without: those of local frames
 //! are above the frame's origin, whose own height is often not known.
 
+#[cfg(feature = "mcap")]
+mod cdr;
 mod cot;
 mod cot_feed;
 mod czml;
@@ -15,6 +18,8 @@ mod gpx;
 mod kml;
 #[cfg(feature = "mcap")]
 mod mcap;
+#[cfg(feature = "mcap")]
+mod ros;
 mod table;
 mod xml;
 

@@ -4,6 +4,8 @@ use foxhunt_core::{Bearing, BearingModes, Estimate, Level};
 use foxhunt_hunt::locate::{Located, Region, Rival};
 use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
 use nalgebra::{Matrix2, Vector2, Vector3};
+#[cfg(feature = "mcap")]
+use nalgebra::{Quaternion, UnitQuaternion};
 use quick_xml::{Reader, events::Event};
 use serde_json::Value;
 
@@ -148,27 +150,97 @@ fn a_table_has_metres_with_or_without_an_origin() {
     assert!(table.contains("reception,drone 1,1.000,,,,0.000,0.000,4.000,-60.00"), "{table}");
 }
 
+/// The numbers of a message at a place behind its header, where CDR has them.
+#[cfg(feature = "mcap")]
+fn doubles<const N: usize>(message: &[u8], at: usize) -> [f64; N] {
+    std::array::from_fn(|number| {
+        let begin = 4 + at + 8 * number;
+        let bytes = message[begin..begin + 8].try_into().expect("eight bytes");
+        f64::from_le_bytes(bytes)
+    })
+}
+
 #[cfg(feature = "mcap")]
 #[test]
 fn mcap_is_read_back() {
     let bytes = export(&overview(), Format::Mcap).expect("it has an origin");
     let messages = ::mcap::MessageStream::new(&bytes).expect("MCAP");
     let messages: Vec<_> = messages.map(|message| message.expect("whole")).collect();
-    let of = |topic: &str| messages.iter().filter(|m| m.channel.topic == topic).count();
-    assert_eq!((of("/receivers/drone 1"), of("/map")), (2, 1));
-    let topic = format!("/beacons/{HOSTILE}");
-    let found = messages.iter().find(|m| m.channel.topic == topic).expect("the fix");
-    let schema = found.channel.schema.as_ref().expect("a schema");
-    assert_eq!(
-        (schema.name.as_str(), schema.encoding.as_str()),
-        ("foxglove.LocationFix", "jsonschema")
-    );
-    let json: Value = serde_json::from_slice(&found.data).expect("JSON");
-    let off = json["latitude"].as_f64().expect("degrees") - fix().lat_deg;
-    // What is left is rounding of decimals.
-    assert!(off.abs() < 1e-12);
-    assert_eq!(json["position_covariance"][0], 4.0);
-    assert_eq!(json["timestamp"]["sec"], 1_616_345_510);
+    let of = |topic: &str| {
+        messages.iter().filter(|message| message.channel.topic == topic).collect::<Vec<_>>()
+    };
+    // Bags of ROS 2 have messages in CDR alone, and names of topics that ROS allows.
+    assert!(messages.iter().all(|message| {
+        let legal = |c: char| c.is_ascii_alphanumeric() || "_/".contains(c);
+        let schema = message.channel.schema.as_ref().expect("a schema");
+        message.channel.message_encoding == "cdr"
+            && schema.encoding == "ros2msg"
+            && !schema.data.is_empty()
+            && message.channel.topic.chars().all(legal)
+    }));
+    assert_eq!(of("/foxhunt/map").len(), 1);
+    let poses = of("/foxhunt/drone_0/pose");
+    assert_eq!(poses.len(), 2);
+    assert_eq!(poses[1].channel.metadata["name"], "drone 1");
+    // Stamp, and the text "map" with its length.
+    let pose: [f64; 7] = doubles(&poses[1].data, 16);
+    let expected = [30.0, 40.0, 4.0, 0.0, 0.0, 0.0, 1.0];
+    assert_eq!(pose.map(f64::to_bits), expected.map(f64::to_bits));
+    assert_eq!(poses[1].data[4..8], 1_616_345_510_u32.to_le_bytes());
+    assert_eq!(of("/foxhunt/drone_0/path").len(), 2);
+
+    let fixes = of("/foxhunt/beacon_0/fix");
+    assert_eq!(fixes[0].channel.metadata["name"], HOSTILE);
+    // Stamp, the text "beacon_0" with its length, status and service.
+    let [lat, lon, _, east_variance] = doubles(&fixes[0].data, 24);
+    // The difference is the rounding of doubles.
+    assert!((lat - fix().lat_deg).abs() < 1e-12 && (lon - fix().lon_deg).abs() < 1e-12);
+    assert_eq!(east_variance.to_bits(), 4.0_f64.to_bits());
+    let estimates = of("/foxhunt/beacon_0/estimate");
+    let [variance, _, _, _, _, _, _, north_variance] = doubles(&estimates[0].data, 72);
+    assert_eq!([variance, north_variance].map(f64::to_bits), [4.0_f64, 1.0].map(f64::to_bits));
+}
+
+#[cfg(feature = "mcap")]
+#[test]
+fn frames_of_an_mcap_lead_from_the_antenna_to_the_earth() {
+    let overview = overview();
+    let bytes = export(&overview, Format::Mcap).expect("it has an origin");
+    let messages = ::mcap::MessageStream::new(&bytes).expect("MCAP");
+    let mut frames = Vec::new();
+    for message in messages.map(|message| message.expect("whole")) {
+        if !message.channel.topic.starts_with("/tf") {
+            continue;
+        }
+        let text = |at: usize| {
+            let length = usize::from(message.data[4 + at]);
+            let text = &message.data[8 + at..7 + at + length];
+            (String::from_utf8(text.to_vec()).expect("UTF-8"), at + 4 + length)
+        };
+        // One transform, its stamp, its parent, its child, its place, its turn.
+        assert_eq!(message.data[4], 1);
+        let (parent, end) = text(12);
+        let (child, end) = text(end.next_multiple_of(4));
+        let [x, y, z, i, j, k, w] = doubles(&message.data, end.next_multiple_of(8));
+        let turn = UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k));
+        assert!((turn.norm() - 1.0).abs() < 1e-12, "{turn}");
+        frames.push((message.channel.topic.clone(), parent, child, Vector3::new(x, y, z), turn));
+    }
+    let last = |child: &str| frames.iter().rfind(|frame| frame.2 == child).expect("a frame");
+    let (topic, parent, _, centre, turn) = last("map");
+    assert_eq!((topic.as_str(), parent.as_str()), ("/tf_static", "earth"));
+    let local = Vector3::new(1200.0, -700.0, 30.0);
+    let on_earth = overview.frame.expect("an origin").to_geodetic(&local).to_ecef();
+    assert!((centre + turn * local - on_earth).norm() < 1e-6);
+    let (topic, parent, _, place, _) = last("drone_0");
+    assert_eq!((topic.as_str(), parent.as_str()), ("/tf", "map"));
+    assert_eq!(*place, Vector3::new(30.0, 40.0, 4.0));
+    let (_, parent, _, place, turn) = last("drone_0/antenna");
+    assert_eq!((parent.as_str(), *place), ("drone_0", Vector3::zeros()));
+    // x points along the bearing, 1 rad from East.
+    let along = turn * Vector3::x();
+    assert!((along - Vector3::new(1.0_f64.cos(), 1.0_f64.sin(), 0.0)).norm() < 1e-12);
+    assert_eq!(last("beacon_0").3, Vector3::new(100.0, 50.0, 0.0));
 }
 
 #[test]

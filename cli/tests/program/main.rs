@@ -10,6 +10,7 @@ mod convert;
 mod documents;
 mod exit_codes;
 mod fly;
+mod gazebo;
 mod help;
 mod hunt;
 mod listen;
