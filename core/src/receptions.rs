@@ -40,7 +40,7 @@ struct Row {
     time: f64,
     position: Vector3<f64>,
     heading: f64,
-    /// The number that [`number`] finds; 0 if there is none.
+    /// The number that [`number`] finds, or 0.
     number: f64,
     /// Index of the kind.
     kind: u32,
@@ -91,7 +91,7 @@ impl Receptions {
         self.rows.len()
     }
 
-    /// Returns true if there are none.
+    /// Returns true for an empty list.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
@@ -132,7 +132,7 @@ impl Receptions {
     }
 
     /// Returns the index of the first reception of a path in the order of time, from an index to
-    /// before another one, that is not before a time; the latter index if there is none.
+    /// before another one, that is not before a time, or else the latter index.
     #[must_use]
     pub fn not_before(&self, [begin, end]: [usize; 2], time: f64) -> usize {
         let path = self.rows.get(begin..end).unwrap_or_default();

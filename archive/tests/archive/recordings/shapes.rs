@@ -265,7 +265,7 @@ fn damaged_files_are_read_or_refused() {
             }
             let read = Recording::from_reader(&damaged[..], "damaged", &ReadOptions::default());
             for record in read.iter().flat_map(Recording::records) {
-                let place = record.receiver.map(|receiver| receiver.position);
+                let place = record.receiver().map(|receiver| receiver.position);
                 assert!(place.is_none_or(|place| place.iter().all(|metres| metres.is_finite())));
             }
         }
