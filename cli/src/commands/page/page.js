@@ -82,7 +82,7 @@ function kindOf(name, head) {
     if (/^foxhunt_calibration/m.test(head)) return "calibration";
     return /^foxhunt_conformal/m.test(head) ? "conformal" : "mapping";
   }
-  return /\.(wav|sigmf-meta|sigmf-data|cu8|cs8|cs16|cf32|cfile|iq)$/i.test(name) ? "samples" : "recording";
+  return /\.(wav|sigmf-meta|sigmf-data|sigmf|rf64|bw64|w64|sdriq|raw|cu8|cs8|cs16|cf32|cfile|iq)$/i.test(name) ? "samples" : "recording";
 }
 
 function keep(name, bytes) {
