@@ -12,7 +12,8 @@ const RECENT_KINDS: usize = 64;
 
 /// Receptions in their order, of which a recording may have millions. Each takes 56 bytes for its
 /// time, its receiver's place and heading, and its level. Everything else stands once for all
-/// receptions that have it in common, as most receptions of a recording have.
+/// receptions that have it in common, as most receptions of a recording have. What comes out equals
+/// what was put in; a zero may have another sign.
 ///
 /// ```
 /// use foxhunt_core::{Level, Pose, Reception, Receptions};
@@ -230,6 +231,13 @@ impl FusedIterator for Iter<'_> {}
 mod tests {
     use alloc::vec;
 
+    use proptest::{
+        collection::vec as list_of,
+        num::f64::{NORMAL, ZERO},
+        option::of as maybe,
+        prelude::*,
+    };
+
     use super::*;
     use crate::{BeaconId, Bearing, Level, Pose};
 
@@ -267,6 +275,40 @@ mod tests {
         assert_eq!(receptions.get(list.len()), None);
         let in_time: Vec<usize> = receptions.in_time().map(|(index, _)| index).collect();
         assert_eq!(in_time, [4, 5, 1, 0, 2, 3]);
+    }
+
+    proptest! {
+        /// Every number comes back, whatever stands beside it.
+        #[test]
+        fn any_receptions_come_back(
+            rows in list_of(
+                (0..3_u16, [NORMAL | ZERO; 5], maybe(NORMAL | ZERO), 0..4_u8, maybe(NORMAL)),
+                0..100,
+            ),
+        ) {
+            let one = |(beacon, numbers, level, kind, angle)| {
+                let [time, east, north, heading, up]: [f64; 5] = numbers;
+                let level = Option::map(level, |rss_dbm| Level { rss_dbm, sigma_db: 4.0 });
+                let of_kind = |wanted| level.filter(|_| kind == wanted);
+                Reception {
+                    beacon: BeaconId(beacon),
+                    time,
+                    receiver: Pose { heading, ..Pose::at(east, north, up) },
+                    level: of_kind(0),
+                    silence: of_kind(1),
+                    saturation: of_kind(2),
+                    bearing: Option::map(angle, |angle| Bearing {
+                        angle,
+                        sigma: 0.1,
+                        confidence: 1.0,
+                    }),
+                    ..Reception::default()
+                }
+            };
+            let given: Vec<Reception> = rows.into_iter().map(one).collect();
+            let kept = Receptions::from(&*given);
+            prop_assert_eq!(kept.iter().collect::<Vec<_>>(), given);
+        }
     }
 
     #[test]

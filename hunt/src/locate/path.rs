@@ -76,11 +76,37 @@ impl<'a> Paths<'a> {
 #[cfg(test)]
 mod tests {
     use foxhunt_core::Pose;
+    use proptest::{collection::vec, prelude::*};
 
     use super::*;
 
     fn reception(time: f64, east: f64) -> Reception {
         Reception { time, receiver: Pose::at(east, 0.0, 5.0), ..Reception::default() }
+    }
+
+    proptest! {
+        /// At a constant speed an offset moves every place alike, as far as the path goes.
+        #[test]
+        fn an_offset_moves_places_along_the_path(
+            steps in vec(0.01..10.0_f64, 1..50),
+            speed_mps in 0.1..30.0_f64,
+            offset_s in -50.0..50.0_f64,
+        ) {
+            let mut time = 0.0;
+            let mut walk = Receptions::default();
+            for step in steps {
+                walk.push(reception(time, speed_mps * time));
+                time += step;
+            }
+            let last = walk.get(walk.len() - 1).expect("one at least").time;
+            let shifted = Paths::new(&walk).shifted(offset_s, 1);
+            prop_assert_eq!(shifted.len(), walk.len());
+            for (before, after) in walk.iter().zip(&shifted) {
+                let expected = speed_mps * (before.time + offset_s).clamp(0.0, last);
+                prop_assert!((after.receiver.position.x - expected).abs() < 1e-6 * (1.0 + expected));
+                prop_assert_eq!(before.time.to_bits(), after.time.to_bits());
+            }
+        }
     }
 
     #[test]

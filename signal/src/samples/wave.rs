@@ -198,6 +198,8 @@ fn eight(bytes: &[u8], at: usize) -> Option<u64> {
 
 #[cfg(test)]
 mod tests {
+    use proptest::{collection::vec, prelude::*};
+
     use super::*;
 
     const FORMAT: [u8; 16] = [1, 0, 2, 0, 0x80, 0xbb, 0, 0, 0, 0, 0, 0, 4, 0, 16, 0];
@@ -287,6 +289,37 @@ mod tests {
                 }
             }
             assert!(header(&file[..index], None).is_err(), "cut off at {index}");
+        }
+    }
+
+    proptest! {
+        /// Any chunks make a header that can be read, or a reason; its samples are as many as their
+        /// bytes, none beyond full scale.
+        #[test]
+        fn any_chunks_are_read_or_refused(
+            format in vec(any::<u8>(), 0..40),
+            other in vec(any::<u8>(), 0..40),
+            bits in prop::sample::select(vec![8_u16, 16, 24, 32]),
+            is_known in any::<bool>(),
+            samples in vec(any::<u8>(), 0..100),
+        ) {
+            let bytes = 2 * bits / 8;
+            let rate = 48_000 * u32::from(bytes);
+            let known = [&[1, 0, 2, 0, 0x80, 0xbb, 0, 0][..], &rate.to_le_bytes()].concat();
+            let known = [known, bytes.to_le_bytes().to_vec(), bits.to_le_bytes().to_vec()].concat();
+            let format = if is_known { known } else { format };
+            let size = u32::try_from(samples.len()).expect("few");
+            let file = riff(b"RIFF", &[(b"junk", &other), (b"fmt ", &format)], size);
+            let read = header(&file[..], Some((file.len() + samples.len()) as u64));
+            prop_assert!(read.is_ok() || !is_known, "{read:?}");
+            if let Ok(wave) = read {
+                let mut decoded = Vec::new();
+                wave.encoding.decode(&samples, &mut decoded);
+                prop_assert_eq!(decoded.len(), samples.len() / wave.encoding.bytes());
+                let in_scale = |part: f32| part.abs() <= 1.0;
+                let are_in_scale = decoded.iter().all(|s| in_scale(s.re) && in_scale(s.im));
+                prop_assert!(are_in_scale || !is_known, "{decoded:?}");
+            }
         }
     }
 
