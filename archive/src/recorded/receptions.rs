@@ -309,7 +309,11 @@ fn from_record(
 /// Refuses a reception of which no observation can be made.
 fn check(reception: &Reception, file: &str, line: u64) -> Result<(), RecordedError> {
     let wrong = |source| RecordedError::Observation { file: file.to_owned(), line, source };
-    ByQuantity([Quantity::RSS, Quantity::BEARING]).observation(reception).map_err(wrong)?;
+    if reception.has_bearing() {
+        ByQuantity([Quantity::RSS, Quantity::BEARING]).observation(reception).map_err(wrong)?;
+    } else {
+        ByQuantity([Quantity::RSS]).observation(reception).map_err(wrong)?;
+    }
     if reception.measured.is_empty() {
         return Ok(());
     }

@@ -36,13 +36,16 @@ pub(super) struct Reader<'r> {
     pub(super) shared: &'r Shared,
 }
 
+/// Names of a receiver and of a beacon.
+type DroneAndBeacon = (Arc<str>, Option<Arc<str>>);
+
 /// Names and details that rows share: a file has many rows and few of them.
 #[derive(Debug, Default)]
 pub(super) struct Shared {
     known: RefCell<BTreeSet<Arc<str>>>,
     last: RefCell<Option<Arc<str>>>,
     /// Details with nothing but names.
-    named: RefCell<BTreeMap<(Arc<str>, Option<Arc<str>>), Arc<Details>>>,
+    named: RefCell<BTreeMap<DroneAndBeacon, Arc<Details>>>,
     recent: RefCell<VecDeque<Arc<Details>>>,
 }
 

@@ -497,7 +497,7 @@ mod tests {
     #[test]
     fn headings_are_averaged_across_the_cut() {
         let pose = |heading| (Pose { heading, ..Pose::default() }, 0.0);
-        let path = Path::new(&[pose(3.1), pose(-3.1)]).expect("finite");
+        let path = Path::new([pose(3.1), pose(-3.1)]).expect("finite");
         let mean = path.mean_pose(&path.readings);
         assert!(foxhunt_core::angle::distance(mean.heading, core::f64::consts::PI) < 1e-12);
     }

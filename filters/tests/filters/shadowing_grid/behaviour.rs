@@ -202,7 +202,7 @@ fn a_place_where_the_regressor_is_not_finite_is_impossible() {
     let north_only = |cell: &Vector2<f64>, receiver: &Pose| {
         if cell.y < 60.0 { [f64::NAN; 2] } else { level(cell, receiver) }
     };
-    let fix = estimator.locate(&flight(8, &TRUTH), north_only).expect("a posterior");
+    let fix = estimator.locate(flight(8, &TRUTH), north_only).expect("a posterior");
     assert!(fix.map.cells().all(|(place, mass)| if place.y < 60.0 {
         mass <= 0.0
     } else {

@@ -44,7 +44,7 @@ fn too_short_a_flight_is_refused() {
     };
     assert_eq!(refusal(&path(19), cut()), few(2));
     let estimator = ShadowingGrid::new(cut()).expect("in range");
-    assert!(estimator.locate(&path(29), level).is_ok());
+    assert!(estimator.locate(path(29), level).is_ok());
 }
 
 #[test]
@@ -67,7 +67,7 @@ fn coinciding_places_without_a_nugget_are_refused() {
 
 #[test]
 fn a_regressor_that_is_finite_nowhere_is_refused() {
-    let error = ShadowingGrid::default().locate(&flight(), |_, _| [f64::NAN; 2]);
+    let error = ShadowingGrid::default().locate(flight(), |_, _| [f64::NAN; 2]);
     assert!(matches!(error, Err(Error::Posterior { cells }) if cells > 1000), "{error:?}");
     // Receivers a universe apart: no cell size makes sense, and nothing hangs.
     let mut readings = flight();
