@@ -190,6 +190,7 @@ def hunt(
     estimator: EstimatorName | None = None,
     planner: PlannerName | None = None,
     source: Path | float | None = None,
+    dynamics: Literal["isaacs2014", "rigid-body"] | None = None,
     extractor: ExtractorName | None = None,
     antenna: Path | float | None = None,
     components: Literal["both", "rss", "bearing"] | None = None,
@@ -238,6 +239,8 @@ def hunt(
             own]
         source: The source that all drones listen with (`foxhunt list sources`) [default: the
             scenario's own]
+        dynamics: The equations of motion of a scenario's quadrotors [default: the scenario's
+            own]
         extractor: The extractor of bearings from turns (`foxhunt list extractors` describes
             them)
         antenna: The antenna that the extractor knows: reference-patch, isotropic, dipole,
@@ -285,6 +288,7 @@ def hunt(
         "estimator": estimator,
         "planner": planner,
         "source": source,
+        "dynamics": dynamics,
         "extractor": extractor,
         "antenna": antenna,
         "components": components,
@@ -322,6 +326,7 @@ def campaign(
     estimator: EstimatorName | Sequence[EstimatorName] | None = None,
     planner: PlannerName | None = None,
     source: Path | float | None = None,
+    dynamics: Literal["isaacs2014", "rigid-body"] | None = None,
     extractor: ExtractorName | None = None,
     antenna: Path | float | None = None,
     components: Literal["both", "rss", "bearing"] | None = None,
@@ -365,6 +370,8 @@ def campaign(
             own]
         source: The source that all drones listen with (`foxhunt list sources`) [default: the
             scenario's own]
+        dynamics: The equations of motion of a scenario's quadrotors [default: the scenario's
+            own]
         extractor: The extractor of bearings from turns (`foxhunt list extractors` describes
             them)
         antenna: The antenna that the extractor knows: reference-patch, isotropic, dipole,
@@ -391,6 +398,7 @@ def campaign(
         "estimator": estimator,
         "planner": planner,
         "source": source,
+        "dynamics": dynamics,
         "extractor": extractor,
         "antenna": antenna,
         "components": components,
@@ -1769,6 +1777,7 @@ def compare_antennas(
     estimator: EstimatorName | Sequence[EstimatorName] | None = None,
     planner: PlannerName | None = None,
     source: Path | float | None = None,
+    dynamics: Literal["isaacs2014", "rigid-body"] | None = None,
     extractor: ExtractorName | None = None,
     antenna: Path | float | None = None,
     components: Literal["both", "rss", "bearing"] | None = None,
@@ -1797,6 +1806,8 @@ def compare_antennas(
             own]
         source: The source that all drones listen with (`foxhunt list sources`) [default: the
             scenario's own]
+        dynamics: The equations of motion of a scenario's quadrotors [default: the scenario's
+            own]
         extractor: The extractor of bearings from turns (`foxhunt list extractors` describes
             them)
         antenna: The antenna that the extractor knows: reference-patch, isotropic, dipole,
@@ -1820,6 +1831,7 @@ def compare_antennas(
         "estimator": estimator,
         "planner": planner,
         "source": source,
+        "dynamics": dynamics,
         "extractor": extractor,
         "antenna": antenna,
         "components": components,
@@ -1842,6 +1854,7 @@ def compare_planners(
     estimator: EstimatorName | None = None,
     markdown: bool = False,
     source: Path | float | None = None,
+    dynamics: Literal["isaacs2014", "rigid-body"] | None = None,
     extractor: ExtractorName | None = None,
     antenna: Path | float | None = None,
     components: Literal["both", "rss", "bearing"] | None = None,
@@ -1872,6 +1885,8 @@ def compare_planners(
             need
         source: The source that all drones listen with (`foxhunt list sources`) [default: the
             scenario's own]
+        dynamics: The equations of motion of a scenario's quadrotors [default: the scenario's
+            own]
         extractor: The extractor of bearings from turns (`foxhunt list extractors` describes
             them)
         antenna: The antenna that the extractor knows: reference-patch, isotropic, dipole,
@@ -1896,6 +1911,7 @@ def compare_planners(
         "estimator": estimator,
         "markdown": markdown,
         "source": source,
+        "dynamics": dynamics,
         "extractor": extractor,
         "antenna": antenna,
         "components": components,
@@ -1918,6 +1934,7 @@ def compare_sigmas(
     estimator: EstimatorName | Sequence[EstimatorName] | None = None,
     planner: PlannerName | None = None,
     source: Path | float | None = None,
+    dynamics: Literal["isaacs2014", "rigid-body"] | None = None,
     extractor: ExtractorName | None = None,
     antenna: Path | float | None = None,
     components: Literal["both", "rss", "bearing"] | None = None,
@@ -1948,6 +1965,8 @@ def compare_sigmas(
             own]
         source: The source that all drones listen with (`foxhunt list sources`) [default: the
             scenario's own]
+        dynamics: The equations of motion of a scenario's quadrotors [default: the scenario's
+            own]
         extractor: The extractor of bearings from turns (`foxhunt list extractors` describes
             them)
         antenna: The antenna that the extractor knows: reference-patch, isotropic, dipole,
@@ -1973,6 +1992,7 @@ def compare_sigmas(
         "estimator": estimator,
         "planner": planner,
         "source": source,
+        "dynamics": dynamics,
         "extractor": extractor,
         "antenna": antenna,
         "components": components,
@@ -2778,6 +2798,7 @@ class CampaignOptions(TypedDict, total=False):
     estimator: EstimatorName | Sequence[EstimatorName] | None
     planner: PlannerName | None
     source: Path | float | None
+    dynamics: Literal["isaacs2014", "rigid-body"] | None
     extractor: ExtractorName | None
     antenna: Path | float | None
     components: Literal["both", "rss", "bearing"] | None
