@@ -174,7 +174,8 @@ fn messages(overview: &Overview, frame: &LocalFrame) -> Result<Vec<Message>, Exp
     let [first, last] = overview.span().map(|time| epoch + time);
     let mut messages = Vec::new();
     let mut add = |time: f64, topic: &str, kind: &'static str, name: &str, data: Vec<u8>| {
-        let (topic, name) = (topic.to_owned(), name.to_owned());
+        let topic = topic.to_owned();
+        let name = name.to_owned();
         messages.push(Message { time, topic, kind, name, data });
     };
     let axes: Matrix3<f64> = frame.axes().transpose();

@@ -64,8 +64,8 @@ fn table(text: &str) -> csv::Result<Converted> {
     }
     let what = format!(
         "detections of a Lotek receiver; a beacon is a frequency and a tag, a drone an antenna, \
-         and a unit of power counts as {DB_OF_UNIT} dB; noise, which has the tag {NOISE}, is left out: \
-         {noise}"
+         and a unit of power counts as {DB_OF_UNIT} dB; noise, which has the tag {NOISE}, is \
+         left out: {noise}"
     );
     Ok(Converted { table: Made::Rows(rows.finish()?), what })
 }
