@@ -19,7 +19,7 @@ fuzz_target!(|bytes: &[u8]| {
         let Ok(recording) = Recording::from_reader(text, "fuzz.csv", &options) else { continue };
         assert!(u64::try_from(recording.records().len()).is_ok_and(|read| read <= MOST));
         for record in recording.records() {
-            let place = record.receiver.map(|receiver| receiver.position);
+            let place = record.receiver().map(|receiver| receiver.position);
             assert!(place.is_none_or(|place| place.iter().all(|metres| metres.is_finite())));
             assert!(record.time.is_none_or(f64::is_finite));
         }

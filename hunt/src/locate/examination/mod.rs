@@ -16,7 +16,7 @@ mod shared;
 
 use std::collections::BTreeSet;
 
-use foxhunt_core::{Reception, Receptions, Remark, angle};
+use foxhunt_core::{Receptions, Remark, angle};
 use foxhunt_wire::geodesy::radians_to_compass_deg;
 
 pub(crate) use self::fit::{Datum, Kind, Outliers, Scale, misfit_p, outliers, reversals};
@@ -135,7 +135,7 @@ pub(super) fn without_outliers(receptions: &Receptions, config: &LocateConfig) -
         .collect();
     let kept =
         receptions.iter().enumerate().map(|(index, reception)| match outliers.contains(&index) {
-            true => Reception { bearing: None, ..reception },
+            true => foxhunt_core::Reception { bearing: None, ..reception },
             false => reception,
         });
     kept.collect()
