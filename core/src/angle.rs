@@ -103,13 +103,14 @@ impl FromIterator<f64> for Resultant {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn wrap_is_half_open() {
-        assert!((wrap(PI) + PI).abs() < 1e-15);
-        assert!((wrap(-PI) + PI).abs() < 1e-15);
-        assert!((wrap(PI - 1e-9) - (PI - 1e-9)).abs() < 1e-15);
-        assert!((wrap(100.0) + 0.530_964_914_873_376).abs() < 1e-12);
+        assert_abs_diff_eq!(wrap(PI), -PI, epsilon = 1e-15);
+        assert_abs_diff_eq!(wrap(-PI), -PI, epsilon = 1e-15);
+        assert_abs_diff_eq!(wrap(PI - 1e-9), PI - 1e-9, epsilon = 1e-15);
+        assert_abs_diff_eq!(wrap(100.0), -0.530_964_914_873_376, epsilon = 1e-12);
     }
 
     #[test]

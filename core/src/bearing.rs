@@ -313,6 +313,7 @@ impl From<BearingModes> for [Option<BearingMode>; BearingModes::CAPACITY] {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use core::f64::consts::PI;
 
     use super::*;
@@ -329,14 +330,14 @@ mod tests {
         assert!(angle::distance(mean, PI) < 2e-3, "{mean}");
         let off = [angle::distance(PI - 0.1, mean), angle::distance(-PI + 0.3, mean)];
         let square = 0.75 * (0.04 + off[0] * off[0]) + 0.25 * (0.16 + off[1] * off[1]);
-        assert!((sigma - libm::sqrt(square)).abs() < 1e-12);
+        assert_abs_diff_eq!(sigma, libm::sqrt(square), epsilon = 1e-12);
     }
 
     #[test]
     fn opposite_directions_stand_for_nothing_much() {
         let modes = BearingModes::new(&[mode(0.5, 0.3, 0.1), mode(0.5, 0.3 + PI, 0.1)]);
         let (_, sigma) = modes.expect("proper").moments().expect("something competes");
-        assert!((sigma - libm::sqrt(0.01 + 0.5 * PI * PI)).abs() < 1e-9, "{sigma}");
+        assert_abs_diff_eq!(sigma, libm::sqrt(0.01 + 0.5 * PI * PI), epsilon = 1e-9);
     }
 
     #[test]

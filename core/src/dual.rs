@@ -124,6 +124,7 @@ fn slopes<const A: usize, const B: usize>(
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use core::f64::consts::PI;
 
     use nalgebra::{Vector2, Vector5};
@@ -182,7 +183,7 @@ mod tests {
         let by_hand = [level * off.x, level * off.y, -off.y / ground, off.x / ground];
         let by_rows = [exact[(0, 0)], exact[(0, 1)], exact[(1, 0)], exact[(1, 1)]];
         for (ours, by_hand) in by_rows.into_iter().zip(by_hand) {
-            assert!((ours - by_hand).abs() < 1e-15, "{ours} {by_hand}");
+            assert_abs_diff_eq!(ours, by_hand, epsilon = 1e-15);
         }
         // Across the direction where angles wrap, too; ε^⅔ of differences.
         let differences =

@@ -129,6 +129,7 @@ pub fn sin_cos_octant(x: f64) -> (f64, f64) {
 
 #[cfg(test)]
 mod tests {
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
     use core::f64::consts::FRAC_PI_4;
 
     use super::*;
@@ -144,15 +145,15 @@ mod tests {
         for x in spread(707.9) {
             let near = exp(x);
             let far = exp(x / 700.0);
-            assert!((near / libm::exp(x) - 1.0).abs() <= 2.0 * ULP, "exp {x}: {near}");
-            assert!((far / libm::exp(x / 700.0) - 1.0).abs() <= 2.0 * ULP, "exp {x}");
+            assert!(abs_diff_eq!(near / libm::exp(x), 1.0, epsilon = 2.0 * ULP), "exp {x}: {near}");
+            assert!(abs_diff_eq!(far / libm::exp(x / 700.0), 1.0, epsilon = 2.0 * ULP), "exp {x}");
             let value = libm::exp(x);
             let exact = libm::log(value);
-            assert!((ln(value) - exact).abs() <= ULP * exact.abs(), "ln {value}");
+            assert!(abs_diff_eq!(ln(value), exact, epsilon = ULP * exact.abs()), "ln {value}");
             assert_eq!(sqrt(value).to_bits(), libm::sqrt(value).to_bits());
             let value = 1.0 + x / 2000.0;
             let exact = libm::log(value);
-            assert!((ln(value) - exact).abs() <= ULP * exact.abs(), "ln {value}");
+            assert!(abs_diff_eq!(ln(value), exact, epsilon = ULP * exact.abs()), "ln {value}");
         }
         for x in spread(FRAC_PI_4) {
             let (sin, cos) = sin_cos_octant(x);
@@ -163,7 +164,7 @@ mod tests {
                 let y = range * libm::sin(turn);
                 let x = range * libm::cos(turn);
                 let off = atan2(y, x) - libm::atan2(y, x);
-                assert!(off.abs() <= 9e-16, "{y}, {x}: {off}");
+                assert!(abs_diff_eq!(off, 0.0, epsilon = 9e-16), "{y}, {x}: {off}");
             }
         }
     }
@@ -173,12 +174,13 @@ mod tests {
         assert_eq!(exp(f64::NEG_INFINITY).to_bits(), 0);
         assert_eq!((exp(-1e300).to_bits(), exp(-709.0).to_bits()), (0, 0));
         assert!(exp(1e300).is_infinite() && exp(f64::NAN).is_nan());
-        assert!((exp(0.0) - 1.0).abs() <= 0.0 && ln(1.0).abs() <= 0.0);
+        assert_abs_diff_eq!(exp(0.0), 1.0, epsilon = 0.0);
+        assert_abs_diff_eq!(ln(1.0), 0.0, epsilon = 0.0);
         assert!(ln(0.0) < -f64::MAX && ln(-1.0).is_nan() && ln(f64::NAN).is_nan());
-        assert!(atan2(0.0, 0.0).abs() <= 0.0);
+        assert_abs_diff_eq!(atan2(0.0, 0.0), 0.0, epsilon = 0.0);
         assert!(atan2(f64::NAN, 0.0).is_nan() && atan2(1.0, f64::NAN).is_nan());
         for (y, x) in [(0.0, 1.0), (0.0, -1.0), (1.0, 0.0), (-1.0, 0.0), (2.0, 2.0), (-2.0, -2.0)] {
-            assert!((atan2(y, x) - libm::atan2(y, x)).abs() <= 9e-16, "{y}, {x}");
+            assert!(abs_diff_eq!(atan2(y, x), libm::atan2(y, x), epsilon = 9e-16), "{y}, {x}");
         }
     }
 }

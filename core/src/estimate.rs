@@ -115,6 +115,7 @@ pub struct Ellipse {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use nalgebra::{Matrix2, Vector2};
 
     use super::*;
@@ -141,12 +142,12 @@ mod tests {
         let estimate = Estimate { mean: Vector2::zeros(), covariance };
         let ellipse = estimate.ellipse(0.95).expect("positive definite");
         let scale = libm::sqrt(5.991_464_547_107_979);
-        assert!((ellipse.semi_major - 3.0 * scale).abs() < 1e-12);
-        assert!((ellipse.semi_minor - scale).abs() < 1e-12);
-        assert!((ellipse.orientation - core::f64::consts::FRAC_PI_6).abs() < 1e-12);
+        assert_abs_diff_eq!(ellipse.semi_major, 3.0 * scale, epsilon = 1e-12);
+        assert_abs_diff_eq!(ellipse.semi_minor, scale, epsilon = 1e-12);
+        assert_abs_diff_eq!(ellipse.orientation, core::f64::consts::FRAC_PI_6, epsilon = 1e-12);
         // Its tip lies on the same level of the NEES.
         let tip = Vector2::new(c, s) * ellipse.semi_major;
-        assert!((estimate.nees(&tip).expect("definite") - scale * scale).abs() < 1e-12);
+        assert_abs_diff_eq!(estimate.nees(&tip).expect("definite"), scale * scale, epsilon = 1e-12);
         assert_eq!(estimate.ellipse(1.0), None);
         let flat = Estimate { mean: Vector2::zeros(), covariance: Matrix2::zeros() };
         assert_eq!(flat.ellipse(0.95), None);
@@ -166,7 +167,7 @@ mod tests {
             second += (x - estimate.mean) * (x - estimate.mean).transpose() * w;
             total += w;
         });
-        assert!((total - 1.0).abs() < 1e-15);
+        assert_abs_diff_eq!(total, 1.0, epsilon = 1e-15);
         assert!((mean - estimate.mean).norm() < 1e-14);
         assert!((second - estimate.covariance).norm() < 1e-14);
     }

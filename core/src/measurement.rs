@@ -297,6 +297,7 @@ pub fn numeric_jacobian<const A: usize, const B: usize>(
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use core::f64::consts::TAU;
 
     use nalgebra::{Matrix2, Vector2};
@@ -313,9 +314,9 @@ mod tests {
     fn far_out_only_the_outliers_are_left() {
         let mixture = OutlierMixture::new(0.1, [60.0, TAU]).expect("in range");
         let far = mixture.log_density(-1e6, &pair());
-        assert!((far - libm::log(0.1 / (60.0 * TAU))).abs() < 1e-12);
+        assert_abs_diff_eq!(far, libm::log(0.1 / (60.0 * TAU)), epsilon = 1e-12);
         let none = OutlierMixture::new(0.0, [60.0, TAU]).expect("in range");
-        assert!((none.log_density(-3.0, &pair()) + 3.0).abs() < 1e-15);
+        assert_abs_diff_eq!(none.log_density(-3.0, &pair()), -3.0, epsilon = 1e-15);
     }
 
     #[test]
@@ -323,17 +324,21 @@ mod tests {
         // (1 − ε) N = 0.75 · 2/3 and ε / |Ω| = 0.25 · 2, so that p = 1.
         let mixture = OutlierMixture::new(0.25, [0.5, 1.0]).expect("in range");
         let log = mixture.log_density(libm::log(2.0 / 3.0), &pair());
-        assert!(log.abs() < 1e-15, "off by {log}");
+        assert_abs_diff_eq!(log, 0.0, epsilon = 1e-15);
     }
 
     #[test]
     fn a_missing_component_has_no_support() {
         let mixture = OutlierMixture::new(0.1, [60.0, TAU]).expect("in range");
         let bearing = mixture.log_density(-1e6, &pair().without(0));
-        assert!((bearing - libm::log(0.1 / TAU)).abs() < 1e-12);
+        assert_abs_diff_eq!(bearing, libm::log(0.1 / TAU), epsilon = 1e-12);
         let level = mixture.log_density(-1e6, &pair().without(1));
-        assert!((level - libm::log(0.1 / 60.0)).abs() < 1e-12);
-        assert!(mixture.log_density(0.0, &pair().without(0).without(1)).abs() <= 0.0);
+        assert_abs_diff_eq!(level, libm::log(0.1 / 60.0), epsilon = 1e-12);
+        assert_abs_diff_eq!(
+            mixture.log_density(0.0, &pair().without(0).without(1)),
+            0.0,
+            epsilon = 0.0
+        );
     }
 
     #[test]

@@ -377,6 +377,7 @@ fn sinc(x: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
     use core::f64::consts::PI;
 
     use super::*;
@@ -388,10 +389,11 @@ mod tests {
         let motion = ConstantVelocity { spectral_density: scale };
         let l = motion.noise_factor(&State::<4>::zeros(), dt);
         let q = l * l.transpose();
-        assert!((q[(0, 0)] - scale * dt * dt * dt / 3.0).abs() < 1e-14);
-        assert!((q[(0, 2)] - scale * dt * dt / 2.0).abs() < 1e-14);
-        assert!((q[(2, 2)] - scale * dt).abs() < 1e-14);
-        assert!(q[(0, 1)].abs() < 1e-14 && q[(0, 3)].abs() < 1e-14);
+        assert_abs_diff_eq!(q[(0, 0)], scale * dt * dt * dt / 3.0, epsilon = 1e-14);
+        assert_abs_diff_eq!(q[(0, 2)], scale * dt * dt / 2.0, epsilon = 1e-14);
+        assert_abs_diff_eq!(q[(2, 2)], scale * dt, epsilon = 1e-14);
+        assert_abs_diff_eq!(q[(0, 1)], 0.0, epsilon = 1e-14);
+        assert_abs_diff_eq!(q[(0, 3)], 0.0, epsilon = 1e-14);
     }
 
     #[test]
@@ -413,7 +415,8 @@ mod tests {
         }
         // Nothing couples the axes.
         let q = factor * factor.transpose();
-        assert!(q[(0, 1)].abs() < 1e-15 && q[(2, 3)].abs() < 1e-15);
+        assert_abs_diff_eq!(q[(0, 1)], 0.0, epsilon = 1e-15);
+        assert_abs_diff_eq!(q[(2, 3)], 0.0, epsilon = 1e-15);
     }
 
     #[test]
@@ -447,13 +450,13 @@ mod tests {
             let along = (ahead.along - behind.along) / (2.0 * step);
             let across = (ahead.across - behind.across) / (2.0 * step);
             // Truncation h²/6 and rounding ε/h, each about 10⁻¹¹.
-            assert!((slope.0 - along).abs() < 1e-10, "{rate}: {} {along}", slope.0);
-            assert!((slope.1 - across).abs() < 1e-10, "{rate}: {} {across}", slope.1);
+            assert!(abs_diff_eq!(slope.0, along, epsilon = 1e-10), "{rate}: {} {along}", slope.0);
+            assert!(abs_diff_eq!(slope.1, across, epsilon = 1e-10), "{rate}: {} {across}", slope.1);
         }
         let below = Turn::new(SMALL * (1.0 - 1e-15), 1.0);
         let above = Turn::new(SMALL, 1.0);
-        assert!((below.slopes(1.0).0 - above.slopes(1.0).0).abs() < 1e-13);
-        assert!((below.slopes(1.0).1 - above.slopes(1.0).1).abs() < 1e-13);
+        assert_abs_diff_eq!(below.slopes(1.0).0, above.slopes(1.0).0, epsilon = 1e-13);
+        assert_abs_diff_eq!(below.slopes(1.0).1, above.slopes(1.0).1, epsilon = 1e-13);
     }
 
     #[test]
@@ -467,6 +470,6 @@ mod tests {
         let q = factor * factor.transpose();
         let l = straight.noise_factor(&plane, 1.7);
         assert!((q.fixed_view::<4, 4>(0, 0) - l * l.transpose()).norm() < 1e-14);
-        assert!((q[(4, 4)] - 0.02 * 0.02 * 1.7).abs() < 1e-16);
+        assert_abs_diff_eq!(q[(4, 4)], 0.02 * 0.02 * 1.7, epsilon = 1e-16);
     }
 }

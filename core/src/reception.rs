@@ -303,6 +303,7 @@ impl<const M: usize> Intake<M> for ByQuantity<M> {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use nalgebra::{Matrix2, Vector2};
 
     use super::*;
@@ -390,7 +391,7 @@ mod tests {
         let intake = ByQuantity([Quantity::RANGE, Quantity::RANGE_DIFFERENCE]);
         let observation = intake.observation(&reception()).expect("proper").expect("a range");
         assert!(observation.has(0) && !observation.has(1));
-        assert!((observation.value()[0] - 12.5).abs() <= 0.0);
+        assert_abs_diff_eq!(observation.value()[0], 12.5, epsilon = 0.0);
         let none = ByQuantity([Quantity::RANGE_DIFFERENCE]).observation(&reception());
         assert_eq!(none, Ok(None));
     }

@@ -250,6 +250,7 @@ fn is_zero(angle: &f64) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use approx::abs_diff_eq;
     use core::f64::consts::FRAC_PI_2;
 
     use super::*;
@@ -268,7 +269,7 @@ mod tests {
         assert!((banked.to_body(&right) + Vector3::y()).norm() < 1e-15, "the right side is down");
         let any = Pose { heading: 1.0, pitch: -0.4, roll: 0.7, ..level };
         let body = any.to_body(&Vector3::new(1.0, 2.0, 3.0));
-        assert!((body.norm_squared() - 14.0).abs() < 1e-12, "turning keeps lengths");
+        assert!(abs_diff_eq!(body.norm_squared(), 14.0, epsilon = 1e-12), "turning keeps lengths");
     }
 
     #[test]

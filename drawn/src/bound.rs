@@ -78,13 +78,15 @@ pub fn median_error(bounds: &[Bound]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn two_ranges_at_right_angles_bound_each_its_own_axis() {
         let rows = [([1.0, 0.0], 3.0), ([0.0, 1.0], 1.0)];
         let bound = Bound::of(rows.iter().map(|(slopes, sigma)| (&slopes[..], *sigma)));
         let bound = bound.expect("both axes are measured");
-        assert!((bound.major_m - 3.0).abs() < 1e-12 && (bound.minor_m - 1.0).abs() < 1e-12);
+        assert_abs_diff_eq!(bound.major_m, 3.0, epsilon = 1e-12);
+        assert_abs_diff_eq!(bound.minor_m, 1.0, epsilon = 1e-12);
         assert_eq!(Bound::of([(&[1.0, 0.0][..], 3.0)]), None, "North is open");
     }
 
@@ -92,10 +94,10 @@ mod tests {
     fn medians_are_those_of_the_normal_distribution() {
         let round = Bound { major_m: 2.0, minor_m: 2.0 };
         let median = median_error(&[round; 3]).expect("there are bounds");
-        assert!((median - 2.0 * (2.0 * 2.0_f64.ln()).sqrt()).abs() < 1e-9, "{median}");
+        assert_abs_diff_eq!(median, 2.0 * (2.0 * 2.0_f64.ln()).sqrt(), epsilon = 1e-9);
         let flat = Bound { major_m: 1.0, minor_m: 0.02 };
         let median = median_error(&[flat]).expect("there is one");
-        assert!((median - 0.6745).abs() < 2e-3, "{median}");
+        assert_abs_diff_eq!(median, 0.6745, epsilon = 2e-3);
         assert_eq!(median_error(&[]), None);
     }
 }

@@ -51,15 +51,16 @@ fn centred([lat_deg, lon_deg]: [f64; 2]) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn azimuths_lead_along_meridians_and_off_parallels() {
         let north = azimuth_deg([60.0, 10.0], [61.0, 10.0]);
-        assert!(north.to_radians().sin().abs() < 1e-9, "{north}");
-        assert!((azimuth_deg([0.0, 10.0], [0.0, 9.0]) - 270.0).abs() < 1e-9);
+        assert_abs_diff_eq!(north.to_radians().sin(), 0.0, epsilon = 1e-9);
+        assert_abs_diff_eq!(azimuth_deg([0.0, 10.0], [0.0, 9.0]), 270.0, epsilon = 1e-9);
         // At 60° N the great circle to a place 2° east begins 0.87° north of East.
         let off = 90.0 - azimuth_deg([60.0, 10.0], [60.0, 12.0]);
-        assert!((off - 0.866).abs() < 0.01, "{off}");
+        assert_abs_diff_eq!(off, 0.866, epsilon = 0.01);
     }
 
     #[test]
@@ -68,6 +69,6 @@ mod tests {
         let [lat, lon] = origin.degrees([1000.0, -2000.0]);
         let [from, to] = [centred([50.0, 14.0]), centred([lat, lon])];
         let square: f64 = from.iter().zip(&to).map(|(a, b)| (a - b).powi(2)).sum();
-        assert!((square.sqrt() - 2236.07).abs() < 0.6, "{}", square.sqrt());
+        assert_abs_diff_eq!(square.sqrt(), 2236.07, epsilon = 0.6);
     }
 }

@@ -364,6 +364,7 @@ pub(crate) fn whole(value: f64) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn slopes_meet_and_walls_take_their_loss() {
@@ -374,11 +375,11 @@ mod tests {
         radio.far = 4.0;
         radio.bend_m = 10.0;
         let level = |radio: &Radio, east: f64| radio.level([0.0; 3], [east, 0.0, 0.0]);
-        assert!((level(&radio, 10.0) + 50.0).abs() < 1e-9);
-        assert!((level(&radio, 100.0) + 90.0).abs() < 1e-9);
+        assert_abs_diff_eq!(level(&radio, 10.0), -50.0, epsilon = 1e-9);
+        assert_abs_diff_eq!(level(&radio, 100.0), -90.0, epsilon = 1e-9);
         radio.walls.push(Wall { from: [5.0, -1.0], to: [5.0, 1.0], loss_db: 7.0 });
-        assert!((level(&radio, 10.0) + 57.0).abs() < 1e-9);
-        assert!((level(&radio, 4.0) + 42.041).abs() < 1e-3);
+        assert_abs_diff_eq!(level(&radio, 10.0), -57.0, epsilon = 1e-9);
+        assert_abs_diff_eq!(level(&radio, 4.0), -42.041, epsilon = 1e-3);
         let aside = radio.level([0.0; 3], [10.0, 10.0, 0.0]);
         assert!((aside + 50.0 + 40.0 * 2.0_f64.sqrt().log10()).abs() < 1e-9, "it misses the wall");
     }
@@ -395,8 +396,8 @@ mod tests {
             far += here * field.at([100.0, 340.0, 0.0]);
         }
         // 2000 draws: the standard error of the variance is 3 %, of the correlations 2 %.
-        assert!((square / 2000.0 / 25.0 - 1.0).abs() < 0.15, "{square}");
+        assert_abs_diff_eq!(square / 2000.0 / 25.0, 1.0, epsilon = 0.15);
         assert!(near / square > 0.9, "{near}");
-        assert!((far / square).abs() < 0.15, "{far}");
+        assert_abs_diff_eq!(far / square, 0.0, epsilon = 0.15);
     }
 }

@@ -1,5 +1,6 @@
 //! The laws over every filter that settings choose, and which of them have a smoother.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_core::{
     Bearing, Estimate, Level, MeasurementModel, Observation, Pose, Reception, Smooth,
     laws::{self, Checks, Predictive},
@@ -179,7 +180,7 @@ fn a_track_is_smoothed() {
     assert_eq!(smoothed.last(), filtered.last());
     assert_eq!(smoothed[1], smoothed[2]);
     for ((time, before), (at, after)) in filtered.iter().zip(&smoothed).take(5) {
-        assert!((time - at).abs() < 1e-12);
+        assert_abs_diff_eq!(time, at, epsilon = 1e-12);
         assert!(after.covariance.trace() < before.covariance.trace(), "{time} s");
     }
     let plain = moving(EKF).track(model(), &prior(), 1, true).expect("in order");

@@ -196,6 +196,7 @@ pub(crate) fn solve_lower<const D: usize, const C: usize>(
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
 
     use super::*;
@@ -225,7 +226,7 @@ mod tests {
         let root = lower_root([Matrix3::identity(), huge]);
         // det(I + w wᵀ) = 1 + |w|²: in the covariance's own numbers the 1 would be lost.
         let determinant: f64 = root.diagonal().iter().product();
-        assert!((determinant / (libm::sqrt(3.0) * 1e12) - 1.0).abs() < 1e-3);
+        assert_abs_diff_eq!(determinant / (libm::sqrt(3.0) * 1e12), 1.0, epsilon = 1e-3);
     }
 
     #[test]
@@ -254,9 +255,9 @@ mod tests {
             let scaled = factor * Matrix3::from_diagonal(&roots.map(|root| 1.0 / root));
             assert!((square(&scaled) - covariance).norm() < 10.0 * room);
             assert!((factor - factor.lower_triangle()).norm() <= 0.0);
-            assert!((nis - (e.transpose() * inverse * e)[0]).abs() < 10.0 * room);
+            assert_abs_diff_eq!(nis, (e.transpose() * inverse * e)[0], epsilon = 10.0 * room);
             let determinant = roots.iter().product::<f64>().powi(2) / innovation.determinant();
-            assert!((determinant - 1.0).abs() < 10.0 * room, "{determinant}");
+            assert_abs_diff_eq!(determinant, 1.0, epsilon = 10.0 * room);
         }
     }
 
@@ -268,7 +269,7 @@ mod tests {
         assert!((known.mean - Vector2::repeat(0.5)).norm() < 1e-15);
         let factor = known.factor * Matrix2::from_diagonal(&known.roots.map(|root| 1.0 / root));
         assert!((square(&factor) - Matrix2::new(0.5, -0.5, -0.5, 0.5)).norm() < 1e-14);
-        assert!((known.square - 0.5).abs() < 1e-14);
+        assert_abs_diff_eq!(known.square, 0.5, epsilon = 1e-14);
     }
 
     #[test]

@@ -193,6 +193,7 @@ const LEAST_VARIANCE: f64 = 1e-12;
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use nalgebra::DMatrix;
 
     use super::*;
@@ -223,7 +224,11 @@ mod tests {
         whitener.whiten(&mut x);
         let white = DMatrix::from_fn(5, LANES, |i, k| x[i][k]);
         assert!((white.transpose() * white - expected).norm() < 1e-12);
-        assert!((2.0 * whitener.half_log_determinant() - libm::log(c.determinant())).abs() < 1e-12);
+        assert_abs_diff_eq!(
+            2.0 * whitener.half_log_determinant(),
+            libm::log(c.determinant()),
+            epsilon = 1e-12
+        );
     }
 
     #[test]
@@ -259,6 +264,7 @@ mod tests {
         let mut x = [[1.0; LANES]; 2];
         whitener.expect("positive definite").whiten(&mut x);
         let variances = x.map(|row| 1.0 / (row[0] * row[0]));
-        assert!((variances[0] - 1.0).abs() < 1e-12 && (variances[1] - 0.4).abs() < 1e-12);
+        assert_abs_diff_eq!(variances[0], 1.0, epsilon = 1e-12);
+        assert_abs_diff_eq!(variances[1], 0.4, epsilon = 1e-12);
     }
 }

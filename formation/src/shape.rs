@@ -329,6 +329,7 @@ pub(super) fn number(count: usize) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use core::f64::consts::FRAC_PI_2;
 
     use super::*;
@@ -350,8 +351,8 @@ mod tests {
         for i in 0..4 {
             let a = square.vertex(&centre, 0.4, 3.0, i, 4);
             let b = square.vertex(&centre, 0.4, 3.0, (i + 1) % 4, 4);
-            assert!(((a - b).norm() - libm::sqrt(8.0)).abs() < 1e-12);
-            assert!(((a.xy() - centre).norm() - 2.0).abs() < 1e-12);
+            assert_abs_diff_eq!((a - b).norm(), libm::sqrt(8.0), epsilon = 1e-12);
+            assert_abs_diff_eq!((a.xy() - centre).norm(), 2.0, epsilon = 1e-12);
             assert_eq!(Shape::vertex(&square, &centre, 0.4, 3.0, i, 4), a);
         }
     }

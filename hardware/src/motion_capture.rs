@@ -314,6 +314,7 @@ impl MotionCapture {
 
 #[cfg(test)]
 mod tests {
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
     use foxhunt_wire::UdpStream;
     use nalgebra::Vector3;
 
@@ -371,7 +372,7 @@ mod tests {
         let lines = format!("{good}\nnoise\n{skewed}{good}{}", line(4.9, "drone-1", 8.0));
         sender.send(lines.as_bytes()).expect("loopback");
         let pose = poll(&mut capture, 0.1, 5).expect("the first line");
-        assert!((pose.position.x - 3.0).abs() < 1e-12);
+        assert_abs_diff_eq!(pose.position.x, 3.0, epsilon = 1e-12);
         assert_eq!((capture.poses(), capture.bad_lines(), capture.late()), (1, 2, 2));
         let finding = format!("{:?}", capture.finding(0.2));
         assert!(finding.contains("2 bad lines, 2 late"), "{finding}");
@@ -398,7 +399,7 @@ mod tests {
         poll(&mut capture, 0.6, 2);
         assert_eq!(capture.take_loss(0.7), None);
         let lost = capture.take_loss(0.9).expect("the next loss");
-        assert!(lost.poses == 1 && (lost.age_s - 0.3).abs() < 1e-9, "{lost:?}");
+        assert!(lost.poses == 1 && abs_diff_eq!(lost.age_s, 0.3, epsilon = 1e-9), "{lost:?}");
     }
 
     #[test]

@@ -176,6 +176,7 @@ impl FirstPassage {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use approx::assert_relative_eq;
 
     use super::*;
@@ -189,7 +190,8 @@ mod tests {
         assert_relative_eq!(spread.max, 100.0, epsilon = 1e-12);
         // Σ i² = n (n + 1) (2n + 1) / 6 with n = 100.
         assert_relative_eq!(spread.rms, (338_350.0_f64 / 101.0).sqrt(), epsilon = 1e-12);
-        assert!((spread.p90 - 90.0).abs() < 1.0 && (spread.p10 - 10.0).abs() < 1.0);
+        assert_abs_diff_eq!(spread.p90, 90.0, epsilon = 1.0);
+        assert_abs_diff_eq!(spread.p10, 10.0, epsilon = 1.0);
         assert_eq!(Spread::of(&[]), None);
     }
 
@@ -216,7 +218,11 @@ mod tests {
         let passage = running.first_passage().expect("there are runs");
         assert_eq!((passage.never, passage.p90), (count / 4, None));
         let exact = -(-0.625_f64).ln_1p();
-        assert!((passage.p50.expect("the median") / exact - 1.0).abs() < 1.1 * SKETCH_ERROR);
+        assert_abs_diff_eq!(
+            passage.p50.expect("the median") / exact,
+            1.0,
+            epsilon = 1.1 * SKETCH_ERROR
+        );
     }
 
     #[test]

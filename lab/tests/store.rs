@@ -1,5 +1,6 @@
 //! Campaigns in a file: what was flown in one go, in pieces and elsewhere is the same.
 
+use approx::assert_abs_diff_eq;
 use std::{
     fs,
     path::{Path, PathBuf},
@@ -309,10 +310,10 @@ fn results_are_filtered_compared_and_exported() {
     assert_eq!(difference.pairs, differences.len());
     let mean =
         differences.iter().sum::<f64>() / f64::from(u32::try_from(differences.len()).expect("few"));
-    assert!((difference.mean - mean).abs() < 1e-9);
+    assert_abs_diff_eq!(difference.mean, mean, epsilon = 1e-9);
     let turned =
         compare(&store, &Filter::default(), "ukf-pritzl2018", "ekf-pritzl2018").expect("read");
-    assert!((turned[0].difference.expect("pairs").mean + mean).abs() < 1e-9);
+    assert_abs_diff_eq!(turned[0].difference.expect("pairs").mean + mean, 0.0, epsilon = 1e-9);
     let unknown = compare(&store, &Filter::default(), "grid", "ekf-pritzl2018");
     let unknown = unknown.expect_err("nobody of that name").to_string();
     assert!(unknown.contains("grid") && unknown.contains("ekf-pritzl2018@"), "{unknown}");

@@ -448,14 +448,15 @@ fn many_log_distance(squares: &mut [f64], at_one_metre: f64, exponent: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn the_textbook_loss_at_2_4_ghz() {
         // 20 log₁₀ d[km] + 20 log₁₀ f[MHz] + 32.45 dB: 80.05 dB over 100 m at 2.4 GHz.
         let law = Friis::new(0.0, 0.0, 0.0, 299_792_458.0 / 2.4e9).expect("proper");
-        assert!((law.rss_dbm(100.0) + 80.052).abs() < 1e-3);
+        assert_abs_diff_eq!(law.rss_dbm(100.0), -80.052, epsilon = 1e-3);
         let louder = Friis::new(20.0, 2.0, 8.0, 299_792_458.0 / 2.4e9).expect("proper");
-        assert!((louder.rss_dbm(100.0) - law.rss_dbm(100.0) - 30.0).abs() < 1e-12);
+        assert_abs_diff_eq!(louder.rss_dbm(100.0) - law.rss_dbm(100.0), 30.0, epsilon = 1e-12);
     }
 
     #[test]

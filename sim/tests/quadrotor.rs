@@ -1,5 +1,6 @@
 //! The limits of a quadrotor that turns while it flies.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_core::Pose;
 use foxhunt_sim::{Dynamics, Piloting, Quadrotor, QuadrotorConfig, SimError, WindConfig};
 use nalgebra::Vector3;
@@ -39,7 +40,7 @@ fn it_hovers_on_its_spot_while_it_turns() {
                 assert!(lag < 0.05, "{lag}° behind the ramp");
                 assert!((drone.pose().position - place).norm() < 1e-3);
             }
-            assert!((drone.heading() - 2.5 - rate * 19.0).abs() < 1e-3);
+            assert_abs_diff_eq!(drone.heading() - 2.5, rate * 19.0, epsilon = 1e-3);
         }
     }
 }
@@ -140,7 +141,8 @@ fn it_leans_into_the_wind_and_survives_gusts() {
         assert!(rms < 0.3 && sunk < 0.3, "{rms} m rms, {sunk} m up or down");
         // Drag of 0.2 per second and 5 m/s against gravity: 0.102 of the up axis to the East,
         // whichever way the nose points.
-        assert!((lean.x - 0.102).abs() < 0.02 && lean.y.abs() < 0.02, "{lean}");
+        assert_abs_diff_eq!(lean.x, 0.102, epsilon = 0.02);
+        assert_abs_diff_eq!(lean.y, 0.0, epsilon = 0.02);
     }
 }
 
@@ -183,10 +185,10 @@ fn the_tick_makes_no_difference() {
     let fine = fly(0.003, 700);
     let coarse = fly(0.7, 3);
     assert!((fine.pose().position - coarse.pose().position).norm() < 1e-9);
-    assert!((fine.heading() - coarse.heading()).abs() < 1e-9);
+    assert_abs_diff_eq!(fine.heading(), coarse.heading(), epsilon = 1e-9);
     // Between two of its own steps it coasts.
     let late = fly(0.0012, 1750);
-    assert!((late.heading() - coarse.heading()).abs() < 1e-9);
+    assert_abs_diff_eq!(late.heading(), coarse.heading(), epsilon = 1e-9);
 }
 
 #[test]
@@ -201,7 +203,7 @@ fn a_spin_that_ends_holds_the_nose() {
     assert!(matches!(drone.spin(Some(f64::NAN)), Err(SimError::SpinRate { .. })));
     assert!(drone.go_to(Vector3::new(f64::INFINITY, 0.0, 0.0)).is_err());
     drone.advance(1.0);
-    assert!((drone.heading() - stopped).abs() < 1e-3);
+    assert_abs_diff_eq!(drone.heading(), stopped, epsilon = 1e-3);
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Extractors on simulated turns against what they have to reach.
 
+use approx::abs_diff_eq;
 use foxhunt::{
     bearing_trial::{BearingReport, ExtractorReport, bearing_campaign, bearing_case_named},
     registry::{RECOMMENDED_EXTRACTOR, Registry},
@@ -47,7 +48,7 @@ fn holds(runs: u32, slack: f64) {
         // By chance 0.13 in 2000; the noise is estimated, which makes the tails a little longer.
         assert!(best.beyond_4_sigma <= 2, "{case}: {best:?}");
         // 0.46° on a whole turn.
-        assert!(case != "bearing-clean" || (report.bound_deg - 0.46).abs() < 0.01);
+        assert!(case != "bearing-clean" || abs_diff_eq!(report.bound_deg, 0.46, epsilon = 0.01));
     }
     let reflector = report("bearing-reflector", runs);
     let best = of(&reflector, RECOMMENDED_EXTRACTOR);

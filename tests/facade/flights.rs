@@ -1,5 +1,6 @@
 //! Real recordings through the whole way from a file to a place or a bearing.
 
+use approx::assert_abs_diff_eq;
 use std::{
     fs,
     path::{Path, PathBuf},
@@ -141,8 +142,8 @@ fn tags_at_known_distances_calibrate_the_path_loss() {
     let sources = [(&recording, extractor.as_ref() as &dyn foxhunt::core::BearingExtractor)];
     let fit = calibrate(&sources, Some("0"), &CalibrateConfig::default()).expect("847 points").fit;
     assert_eq!(fit.points, 847);
-    assert!((fit.exponent - 2.29).abs() < 0.005, "the exponent is {}", fit.exponent);
-    assert!((fit.sigma_db - 4.1).abs() < 0.05, "σ is {} dB", fit.sigma_db);
+    assert_abs_diff_eq!(fit.exponent, 2.29, epsilon = 0.005);
+    assert_abs_diff_eq!(fit.sigma_db, 4.1, epsilon = 0.05);
 }
 
 /// The eight hand-held bearings of Lenth 1981, and where the animal was.

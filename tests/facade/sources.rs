@@ -1,5 +1,6 @@
 //! Hunts with what a scenario's drones listen with.
 
+use approx::assert_abs_diff_eq;
 use std::convert::Infallible;
 
 use foxhunt::{
@@ -96,7 +97,7 @@ fn an_error_is_against_where_the_beacon_was_then() {
     let known = log.header.beacons[0].place_at(last).expect("the header knows");
     assert!((known - there).norm() < 1e-9);
     let fix = &replay(&log, &Registry::builtin(), None).expect("its own").fixes[0];
-    assert!((fix.time - last).abs() < 1e-12);
+    assert_abs_diff_eq!(fix.time, last, epsilon = 1e-12);
 }
 
 /// The pulses of a turn are receptions of their own, along boresights all round.

@@ -1,5 +1,6 @@
 //! Trials: drawn bearings, and the figures that an independent implementation reaches on them.
 
+use approx::assert_abs_diff_eq;
 use foxhunt::{
     campaign::{BeaconCampaign, CampaignReport, Repetition},
     config::FilterConfig,
@@ -168,7 +169,7 @@ fn targets_drawn_from_the_prior_are_reported_honestly() {
     let report = run(&drawn, &repetition(500, 5), &["particle", "gaussian-sum"]);
     for (estimator, expected) in [2.0, 2.67].into_iter().enumerate() {
         let anees = beacon(&report, estimator).anees.expect("there are runs");
-        assert!((anees / expected - 1.0).abs() < 0.15, "ANEES {anees}, not {expected}");
+        assert_abs_diff_eq!(anees / expected, 1.0, epsilon = 0.15);
     }
 }
 

@@ -1,5 +1,6 @@
 //! Heights above the ground that autopilots report of themselves.
 
+use approx::abs_diff_eq;
 use foxhunt::{
     hardware::{Finding, MavlinkConfig},
     sim::{AutopilotConfig, AutopilotFaults, Emulator, Interval, KinematicConfig, ReliefConfig},
@@ -97,23 +98,23 @@ fn a_flight_over_a_hill_comes_nearer_to_the_ground() {
             ranged(autopilot),
             MavlinkConfig::default(),
         );
-        assert!(above(&field).abs() < 1e-9, "it begins on the ground");
+        assert!(abs_diff_eq!(above(&field), 0.0, epsilon = 1e-9), "it begins on the ground");
         field.fly(10.0);
         let goal = Vector3::new(28.0, -2.0, 10.0);
         field.driver.go_to(&Waypoint { position: goal }).expect("accepted");
         field.run(30.0);
         // Its autopilot counts from where it stood.
         let up = field.driver.pose().expect("a pose").position.z;
-        assert!((up - 10.0).abs() < 0.1, "{autopilot}: {up}");
+        assert!(abs_diff_eq!(up, 10.0, epsilon = 0.1), "{autopilot}: {up}");
         let true_height = above(&field);
-        assert!((true_height - 4.0).abs() < 0.1, "{autopilot}: {true_height}");
+        assert!(abs_diff_eq!(true_height, 4.0, epsilon = 0.1), "{autopilot}: {true_height}");
         let (error, _) = reported(&mut field, 2.0).expect("within the range");
-        assert!(error.abs() < 0.02, "{autopilot}: {error}");
+        assert!(abs_diff_eq!(error, 0.0, epsilon = 0.02), "{autopilot}: {error}");
         // It lands on the hill.
         field.driver.land().expect("accepted");
         field.until("down", 60.0, |state, _| !state.armed);
-        assert!(above(&field).abs() < 0.1, "{autopilot}: {}", above(&field));
+        assert!(abs_diff_eq!(above(&field), 0.0, epsilon = 0.1), "{autopilot}: {}", above(&field));
         let up = field.driver.pose().expect("a pose").position.z;
-        assert!((up - 6.0).abs() < 0.2, "{autopilot}: {up}");
+        assert!(abs_diff_eq!(up, 6.0, epsilon = 0.2), "{autopilot}: {up}");
     }
 }

@@ -1,5 +1,6 @@
 //! The AR.Drone's driver against an emulated one, over datagrams on this machine or in memory.
 
+use approx::assert_abs_diff_eq;
 use std::{cell::RefCell, collections::VecDeque, f64::consts::TAU, io, rc::Rc};
 
 use foxhunt::{
@@ -148,7 +149,11 @@ fn it_flies_turns_and_comes_home() {
     let sigma = field.driver.position_sigma().expect("it reports it");
     assert!(sigma.x > 1.0 && sigma.x < 4.0, "some twenty metres flown: {sigma}");
     field.driver.correct(Vector2::new(-3.0, 6.0), 0.5);
-    assert!((field.driver.position_sigma().expect("it reports it").x - 0.5).abs() < 1e-9);
+    assert_abs_diff_eq!(
+        field.driver.position_sigma().expect("it reports it").x,
+        0.5,
+        epsilon = 1e-9
+    );
 
     field.driver.spin(Some(45_f64.to_radians())).expect("accepted");
     field.until("a second", 1.0, |_, _| true);
@@ -163,7 +168,7 @@ fn it_flies_turns_and_comes_home() {
         turned += angle::wrap(heading - last);
         last = heading;
     }
-    assert!((turned - TAU).abs() < 0.3, "{turned} rad in 8 s");
+    assert_abs_diff_eq!(turned, TAU, epsilon = 0.3);
     assert!(worst < 5_f64.to_radians(), "off by {worst} rad");
     field.driver.spin(None).expect("accepted");
 

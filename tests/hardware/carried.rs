@@ -1,5 +1,6 @@
 //! A drone of an emulated field that is where a vehicle outside of it is.
 
+use approx::assert_abs_diff_eq;
 use foxhunt::{
     core::{BeaconId, Vehicle, Waypoint, nalgebra::Vector3},
     fly::{CarriedDrone, EmulatedField, EmulatedFieldConfig, EmulatedFieldError, ForeignVehicle},
@@ -98,7 +99,7 @@ fn radio_and_motor_go_where_a_foreign_vehicle_goes() {
     };
     let near = mean(&flown);
     let there = mean(&field);
-    assert!((near - there).abs() < 0.6, "{near:.1} dBm and {there:.1} dBm");
+    assert_abs_diff_eq!(near, there, epsilon = 0.6);
 
     // An order of the field's own does not move it.
     let mut orders = field.vehicle(0).expect("a drone");

@@ -1,5 +1,6 @@
 //! The stepper's driver against our own firmware in the AVR simulator.
 
+use approx::assert_abs_diff_eq;
 use std::{env, f64::consts::TAU, thread, time::Duration};
 
 use foxhunt::{
@@ -48,7 +49,7 @@ fn no_half_step_is_lost_and_the_switch_is_found() {
     for position in (0..128).chain((0..128).rev()) {
         let angle = TAU * f64::from(position) / 128.0;
         let reported = turn(&mut motor, angle);
-        assert!((reported - angle).abs() <= TAU / TURN * 0.5 + 1e-9, "{reported}, not {angle}");
+        assert_abs_diff_eq!(reported, angle, epsilon = TAU / TURN * 0.5 + 1e-9);
     }
     let findings = motor.examine(&mut || thread::sleep(Duration::from_millis(1)));
     assert!(findings.iter().all(Finding::is_good), "{findings:?}");
@@ -60,5 +61,5 @@ fn no_half_step_is_lost_and_the_switch_is_found() {
     let mut motor = stepper(&port, FirmataConfig { homing, ..config });
     let angle = TAU * 64.0 / TURN;
     let reported = turn(&mut motor, angle);
-    assert!((reported - angle).abs() < 1e-9, "{reported}, not {angle}");
+    assert_abs_diff_eq!(reported, angle, epsilon = 1e-9);
 }

@@ -1,5 +1,6 @@
 //! GNSS drivers against an emulated receiver on a simulated drone.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use std::{cell::RefCell, collections::VecDeque, io, rc::Rc};
 
 use foxhunt::{
@@ -107,7 +108,7 @@ fn every_kind_reports_every_quality_where_the_drone_is() {
             let reported = last.sigma_m.expect("each of them reports it");
             assert!((reported - sigma).norm() < 2e-3, "{kind} {quality:?}: {reported}");
             let utc = last.utc_s.expect("dated");
-            assert!((utc - 1_767_225_603.0).abs() < 0.011, "{kind}: {utc}");
+            assert!(abs_diff_eq!(utc, 1_767_225_603.0, epsilon = 0.011), "{kind}: {utc}");
         }
     }
 }
@@ -154,8 +155,8 @@ fn errors_are_correlated_in_time() {
         products / errors.iter().map(|e| e * e).sum::<f64>()
     };
     // Of 200 time constants: within three times √(2 τ / T) of exp(−0.1) and exp(−5).
-    assert!((lagged(1) - 0.905).abs() < 0.05, "{}", lagged(1));
-    assert!(lagged(50).abs() < 0.3, "{}", lagged(50));
+    assert_abs_diff_eq!(lagged(1), 0.905, epsilon = 0.05);
+    assert_abs_diff_eq!(lagged(50), 0.0, epsilon = 0.3);
 }
 
 #[test]
@@ -314,7 +315,7 @@ fn a_poor_fix_makes_an_estimator_learn_less() {
     let area = |estimate: &Estimate<2>| estimate.covariance.determinant();
     assert!(area(&vague) > 2.0 * area(&precise), "{} and {}", area(&vague), area(&precise));
     // The same noise of the radio: without the σ there would be next to no difference.
-    assert!((level(&rtk) - level(&alone)).abs() < 1e-9);
+    assert_abs_diff_eq!(level(&rtk), level(&alone), epsilon = 1e-9);
 }
 
 #[test]
@@ -328,7 +329,7 @@ fn a_walker_is_a_vehicle() {
     walker.set_heading(0.5);
     let pose = walker.pose().expect("a fix");
     assert!((pose.position - world.pose(0).expect("one").position).norm() < 0.1);
-    assert!((pose.heading - 0.5).abs() < 1e-12);
+    assert_abs_diff_eq!(pose.heading, 0.5, epsilon = 1e-12);
     let goal = Waypoint { position: Vector3::new(1.0, 2.0, 0.0) };
     walker.go_to(&goal).expect("kept for the person");
     assert_eq!(walker.goal(), Some(goal));
@@ -477,7 +478,8 @@ fn rtk_is_reached_only_while_corrections_come() {
         let frames = chain.corrections().frames();
         assert!((18..=22).contains(&frames), "{frames} of two a second");
         let (lat_deg, lon_deg) = chain.caster.rover().expect("a place was sent");
-        assert!((lat_deg - 50.1).abs() < 1e-3 && (lon_deg - 14.5).abs() < 1e-3);
+        assert_abs_diff_eq!(lat_deg, 50.1, epsilon = 1e-3);
+        assert_abs_diff_eq!(lon_deg, 14.5, epsilon = 1e-3);
         let finding = chain.finding();
         assert!(finding.is_good(), "{finding}");
         for part in ["FOX at tcp:caster.example:2101", "1005, 1230", " 0 damaged", " s old"] {

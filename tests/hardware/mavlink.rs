@@ -1,5 +1,6 @@
 //! The MAVLink driver flies emulated autopilots over memory, in the world's own time.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use foxhunt::{
@@ -158,7 +159,7 @@ fn a_flight_from_the_ground_to_the_ground() {
             last = heading;
             worst = worst.max(angle::distance(reported, heading));
         }
-        assert!((turned - TAU).abs() < 0.05, "{autopilot}: {turned} rad in 8 s");
+        assert!(abs_diff_eq!(turned, TAU, epsilon = 0.05), "{autopilot}: {turned} rad in 8 s");
         assert!(worst < 2_f64.to_radians(), "{autopilot}: the heading is off by {worst} rad");
         field.driver.spin(None).expect("accepted");
         field.run(3.0);
@@ -266,17 +267,17 @@ fn it_flies_as_fast_as_ordered() {
     let mut field = Field::within(limits, config.clone(), driver);
     field.fly(6.0);
     let speed = fastest(&mut field, 40.0, 8.0);
-    assert!((speed - 2.0).abs() < 0.2, "{speed} m/s");
+    assert_abs_diff_eq!(speed, 2.0, epsilon = 0.2);
     field.run(64.0 - field.world.time());
     field.driver.take_over().expect("it was given back");
     field.until("ours again", 5.0, |state, _| state.commanded);
     let speed = fastest(&mut field, -40.0, 8.0);
-    assert!((speed - 2.0).abs() < 0.2, "{speed} m/s after the pilot had it");
+    assert_abs_diff_eq!(speed, 2.0, epsilon = 0.2);
     // Without an order it is its own speed.
     let mut field = Field::within(limits, config, MavlinkConfig::default());
     field.fly(6.0);
     let speed = fastest(&mut field, 60.0, 3.0);
-    assert!((speed - 8.0).abs() < 0.2, "{speed} m/s");
+    assert_abs_diff_eq!(speed, 8.0, epsilon = 0.2);
 }
 
 /// Set-points in OFFBOARD are flown to at MPC_XY_VEL_MAX: that is reported, not hidden.

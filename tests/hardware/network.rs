@@ -1,6 +1,7 @@
 //! A hunt on several computers in simulated time: lost, doubled and late messages, a drone and the
 //! side that fuses started again, and every estimate to the bit.
 
+use approx::abs_diff_eq;
 use std::{cell::RefCell, collections::BTreeSet, path::Path, rc::Rc};
 
 use foxhunt::{
@@ -412,7 +413,7 @@ fn clocks_that_differ_change_no_fix() {
     }
     for (time, offset_s, uncertainty_s, _) in offsets(&log, 2) {
         let expected = -0.4 - 1e-4 * time;
-        assert!((offset_s - expected).abs() <= uncertainty_s, "{time} s: {offset_s}");
+        assert!(abs_diff_eq!(offset_s, expected, epsilon = uncertainty_s), "{time} s: {offset_s}");
     }
 }
 
@@ -425,7 +426,7 @@ fn a_clock_that_is_set_is_noticed() {
     let logged = offsets(&log, 1);
     let (when, offset_s, uncertainty_s, jumps) = *logged.last().expect("the log names it");
     assert_eq!(jumps, 1);
-    assert!((offset_s - 6.0).abs() <= uncertainty_s, "{logged:?}");
+    assert!(abs_diff_eq!(offset_s, 6.0, epsilon = uncertainty_s), "{logged:?}");
     assert!((90.0..150.0).contains(&when), "{logged:?}");
     let of_it =
         |event: &&Event| matches!(event, Event::Received { drone: 1, time, .. } if *time > when);

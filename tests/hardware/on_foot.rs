@@ -1,5 +1,6 @@
 //! Hunts without an autopilot: receivers that are carried or stand.
 
+use approx::assert_abs_diff_eq;
 use std::{cell::RefCell, rc::Rc};
 
 use foxhunt::{
@@ -151,7 +152,7 @@ fn platforms_and_devices_that_do_not_fit_are_refused() {
     let read = |text: &str| FlightConfig::parse(text, "walker.toml");
     let flight = read(walker).expect("ten lines");
     assert!(flight.is_on_the_ground());
-    assert!((flight.hunt.arrival_tolerance_m - 3.0).abs() <= 0.0);
+    assert_abs_diff_eq!(flight.hunt.arrival_tolerance_m, 3.0, epsilon = 0.0);
     assert_eq!(flight.hunt.airspace.altitude_m, Some([1.5, 1.5]));
     let refused = |from: &str, to: &str| {
         read(&walker.replace(from, to)).expect_err("it is refused").to_string()

@@ -1,5 +1,6 @@
 //! Tags that pulse, through an RTL-SDR behind rtl_tcp: levels, and nothing without a tag.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use foxhunt::{
     core::{BeaconId, Radio},
     fly::{EmulatedField, EmulatedFieldConfig, FlightConfig, Mission},
@@ -115,7 +116,7 @@ fn assert_levels(bench: &mut Bench, questions: usize, within_db: f64) {
         let pulse = bench.played.iter().find(near).expect("a pulse was there");
         assert!(pulse.time_s > requested, "a pulse of {} at {requested}", pulse.time_s);
         let off = level - pulse.power_dbm;
-        assert!(off.abs() < within_db, "{level} dBm for {}", pulse.power_dbm);
+        assert!(abs_diff_eq!(off, 0.0, epsilon = within_db), "{level} dBm for {}", pulse.power_dbm);
     }
 }
 
@@ -123,7 +124,7 @@ fn assert_levels(bench: &mut Bench, questions: usize, within_db: f64) {
 fn a_strong_tag_has_its_level() {
     let mut bench = Bench::new(&[STRONG], |_| {});
     assert_levels(&mut bench, 6, 0.5);
-    assert!((bench.played[0].power_dbm + 16.1).abs() < 0.01, "{:?}", bench.played[0]);
+    assert_abs_diff_eq!(bench.played[0].power_dbm, -16.1, epsilon = 0.01);
     // Each pulse once: the first waits until the noise is known, the others an interval.
     assert!(bench.world.time() < 3.0 + 6.0 * 1.4, "{}", bench.world.time());
 }
@@ -156,7 +157,7 @@ fn a_weak_tag_has_its_level_or_none() {
     assert!(levels.len() >= 10, "{levels:?}");
     let count = u32::try_from(levels.len()).expect("a few");
     let mean = levels.iter().sum::<f64>() / f64::from(count);
-    assert!((mean - level_dbm).abs() < 1.0, "{mean} for {level_dbm}");
+    assert_abs_diff_eq!(mean, level_dbm, epsilon = 1.0);
     let floor = bench.radio.pulse_floor_dbm(BeaconId(0)).expect("the noise is known");
     // 13 to 14.5 dB of E/N0.
     assert!((-45.5..-43.0).contains(&floor), "{floor}");

@@ -1,5 +1,6 @@
 //! Differences of PX4, and comparisons on every firmware: heights, gaps, refusals, doubts.
 
+use approx::abs_diff_eq;
 use std::collections::BTreeMap;
 
 use foxhunt::{
@@ -38,7 +39,7 @@ fn every_version_of_px4_takes_off() {
         let config = AutopilotConfig { autopilot, px4_minor, ..AutopilotConfig::default() };
         let mut field = Field::new(config, MavlinkConfig::default());
         field.fly(5.0);
-        assert!((up(&field) - 5.0).abs() < 0.6, "1.{px4_minor}: {} m up", up(&field));
+        assert!(abs_diff_eq!(up(&field), 5.0, epsilon = 0.6), "1.{px4_minor}: {} m up", up(&field));
     }
 }
 
@@ -58,7 +59,7 @@ fn heights_of_goals_hang_on_no_reference() {
                 let off = up(&field) - goal;
                 assert!(state.commanded && state.hindrance.is_empty(), "{state:?}");
                 assert!(
-                    off.abs() < 0.3,
+                    abs_diff_eq!(off, 0.0, epsilon = 0.3),
                     "reference {reference_m} m, drift {reference_drift_mps} m/s: {off:.2} m off"
                 );
             }

@@ -1,6 +1,7 @@
 //! Whole hunts on emulated autopilots whose heights count from a reference of their own, with gaps
 //! of their links, in the world's time.
 
+use approx::abs_diff_eq;
 use foxhunt::{
     config::SourceConfig,
     fly::{
@@ -176,7 +177,7 @@ fn own_fences_narrow_the_airspace_and_ways_home_are_compared() {
     assert_eq!(airspace.altitude_m, Some([1.0, 20.0]));
     let far = |corner: &[f64; 2]| corner[0].hypot(corner[1]);
     assert!(airspace.fence_m.len() > 30);
-    assert!(airspace.fence_m.iter().all(|corner| (far(corner) - 12.0).abs() < 0.1));
+    assert!(airspace.fence_m.iter().all(|corner| abs_diff_eq!(far(corner), 12.0, epsilon = 0.1)));
     let ways = |examined: &[Examined]| {
         let checks = flight.checklist(&flight.drones, Some(examined));
         let ways = checks.into_iter().find(|check| check.finding.subject == "ways home");

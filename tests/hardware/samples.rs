@@ -1,5 +1,6 @@
 //! Samples of an RTL-SDR that come, stall, and come again: each at its place in time, once.
 
+use approx::assert_abs_diff_eq;
 use std::{cell::RefCell, collections::VecDeque, io, rc::Rc};
 
 use foxhunt::{
@@ -165,7 +166,7 @@ fn assert_found(listened: &Listened, lost: std::ops::Range<f64>, within_s: f64) 
     let found: Vec<f64> = listened.found.iter().copied().filter(|time| inside(*time)).collect();
     assert_eq!(found.len(), played.len(), "{found:?} for {played:?}");
     for (found, played) in found.iter().zip(&played) {
-        assert!((found - played).abs() < within_s, "{found} for {played}");
+        assert_abs_diff_eq!(found, played, epsilon = within_s);
     }
 }
 

@@ -288,6 +288,7 @@ fn utm_central_meridian_deg(place: &Geodetic) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
     use std::f64::consts::{FRAC_PI_4, PI};
 
     use proptest::prelude::*;
@@ -350,9 +351,9 @@ mod tests {
         ];
         for (compass, radians) in table {
             let made = compass_deg_to_radians(compass);
-            assert!((made - radians).abs() < 1e-14, "{compass}° made {made}");
+            assert!(abs_diff_eq!(made, radians, epsilon = 1e-14), "{compass}° made {made}");
             let back = radians_to_compass_deg(radians);
-            assert!((back - compass).abs() < 1e-12, "{radians} made {back}°");
+            assert!(abs_diff_eq!(back, compass, epsilon = 1e-12), "{radians} made {back}°");
         }
         assert!(radians_to_compass_deg(FRAC_PI_2.next_up()) < 360.0);
     }
@@ -373,7 +374,7 @@ mod tests {
             (0.0, 1.5, 0.0),
         ] {
             let made = grid_convergence_deg(&Geodetic { lat_deg, lon_deg, alt_m: 0.0 });
-            assert!((made - expected).abs() < 1e-4, "{lat_deg}, {lon_deg}: {made}");
+            assert!(abs_diff_eq!(made, expected, epsilon = 1e-4), "{lat_deg}, {lon_deg}: {made}");
         }
     }
 
@@ -413,12 +414,12 @@ mod tests {
         let truth = frame.to_local(&target);
         for (lat_deg, lon_deg, azimuth) in stations {
             let station = Geodetic { lat_deg, lon_deg, alt_m: 0.0 };
-            assert!((azimuth_deg(&station, &target) - azimuth).abs() < 1e-4, "{azimuth}");
+            assert_abs_diff_eq!(azimuth_deg(&station, &target), azimuth, epsilon = 1e-4);
             let way = (truth - frame.to_local(&station)).xy();
             let angle = frame.direction(&station, azimuth);
             let off_m = way.norm() * angle::wrap(way.y.atan2(way.x) - angle);
             // d² D/2R²: 70 km away from a station 140 km from the origin.
-            assert!(off_m.abs() < 9.0, "{azimuth}: {off_m} m");
+            assert!(abs_diff_eq!(off_m, 0.0, epsilon = 9.0), "{azimuth}: {off_m} m");
             let as_before = compass_deg_to_radians(azimuth);
             let off_m = way.norm() * angle::distance(way.y.atan2(way.x), as_before);
             assert!(!(1.0..=100.0).contains(&off_m), "{azimuth}: {off_m} m");

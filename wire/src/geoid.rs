@@ -34,6 +34,7 @@ pub fn geoid_height_m(place: &Geodetic) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     /// Test points of the program F477 for EGM96 (NGA, INPUT.DAT and OUTF477.DAT): latitude,
     /// longitude and height in metres.
@@ -60,10 +61,11 @@ mod tests {
 
     #[test]
     fn places_at_the_edges_have_a_height() {
-        assert!((at(50.0, 374.5) - at(50.0, 14.5)).abs() < 1e-4);
-        assert!((at(10.0, 180.0) - at(10.0, -180.0)).abs() < 1e-4);
-        assert!((at(90.0, 0.0) - 14.9).abs() < 0.1 && (at(90.5, 77.0) - 14.9).abs() < 0.1);
-        assert!((at(-90.0, 0.0) + 30.15).abs() < 0.1);
-        assert!(at(f64::NAN, 0.0).abs() <= 0.0);
+        assert_abs_diff_eq!(at(50.0, 374.5), at(50.0, 14.5), epsilon = 1e-4);
+        assert_abs_diff_eq!(at(10.0, 180.0), at(10.0, -180.0), epsilon = 1e-4);
+        assert_abs_diff_eq!(at(90.0, 0.0), 14.9, epsilon = 0.1);
+        assert_abs_diff_eq!(at(90.5, 77.0), 14.9, epsilon = 0.1);
+        assert_abs_diff_eq!(at(-90.0, 0.0), -30.15, epsilon = 0.1);
+        assert_abs_diff_eq!(at(f64::NAN, 0.0), 0.0, epsilon = 0.0);
     }
 }

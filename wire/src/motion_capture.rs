@@ -120,6 +120,7 @@ impl CapturedPose {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     const LINE: &str =
         r#"{"time_s":1,"body":"a","position_m":[1,2,3],"quaternion_wxyz":[1,0,0,0]}"#;
@@ -141,7 +142,7 @@ mod tests {
         let back = read.pose();
         assert!((back.position - pose.position).norm() < 1e-12);
         for (is, was) in [(back.heading, 2.5), (back.pitch, 0.2), (back.roll, -0.3)] {
-            assert!((is - was).abs() < 1e-12, "{is} of {was}");
+            assert_abs_diff_eq!(is, was, epsilon = 1e-12);
         }
     }
 

@@ -153,6 +153,7 @@ fn degrees(value: f64) -> Result<f64, Malformed> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     fn sentence(body: &str) -> String {
         format!("${body}*{:02X}", body.bytes().fold(0, |sum, byte| sum ^ byte))
@@ -164,9 +165,10 @@ mod tests {
         let read = Sentence::parse(&text).expect("proper");
         assert_eq!(read.kind(), "XYZ");
         let time = read.time(0).expect("a time").expect("given");
-        assert!((time - 45_296.5).abs() < 1e-6, "{time}");
+        assert_abs_diff_eq!(time, 45_296.5, epsilon = 1e-6);
         let (lat, lon) = read.spot(1).expect("a place").expect("given");
-        assert!((lat - 50.1).abs() < 1e-12 && (lon + 14.5).abs() < 1e-12, "{lat} {lon}");
+        assert_abs_diff_eq!(lat, 50.1, epsilon = 1e-12);
+        assert_abs_diff_eq!(lon, -14.5, epsilon = 1e-12);
         assert_eq!((read.number(5), read.count(6)), (Ok(None), Ok(Some(7))));
         assert_eq!((read.number(7), read.number(99)), (Ok(Some(-1.5)), Ok(None)));
         assert_eq!(read.number(2), Err(Malformed::Field));

@@ -1,6 +1,7 @@
 //! Firmata against the vectors of npm firmata-io, and whatever bytes may come.
 #![cfg(feature = "firmata")]
 
+use approx::abs_diff_eq;
 use foxhunt_wire::firmata::{
     Decimal, Decoder, Message, PinCapability, PinMode, Reply, Request, StepperInterface,
     StepperRequest, Wiring,
@@ -94,7 +95,7 @@ fn requests_are_those_of_firmata_io() {
                 panic!("{name} is no speed");
             };
             let value = case["args"][1].as_f64().expect("a number");
-            assert!((ours.to_f64() / value - 1.0).abs() < 1e-6, "{name}: {ours:?}");
+            assert!(abs_diff_eq!(ours.to_f64() / value, 1.0, epsilon = 1e-6), "{name}: {ours:?}");
             continue;
         }
         assert_eq!(bytes(&request), expected, "{name}");

@@ -236,6 +236,7 @@ fn receptions(bag: &Bag, out: impl Write) -> Result<Converted, BagError> {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use std::f64::consts::PI;
 
     use super::*;
@@ -248,9 +249,10 @@ mod tests {
         let Some(Place::Local([x, _, up], heading)) = between(&places, 11.0, 2.0) else {
             panic!("a place")
         };
-        assert!((x - 2.0).abs() < 1e-12 && (up - 4.0).abs() < 1e-12);
+        assert_abs_diff_eq!(x, 2.0, epsilon = 1e-12);
+        assert_abs_diff_eq!(up, 4.0, epsilon = 1e-12);
         // The short way round.
-        assert!((heading.abs() - PI).abs() < 1e-12, "{heading}");
+        assert_abs_diff_eq!(heading.abs(), PI, epsilon = 1e-12);
         for (time, gap_s) in [(11.0, 1.9), (9.0, 9.0), (12.1, 9.0)] {
             assert_eq!(between(&places, time, gap_s), None, "{time}");
         }

@@ -1,3 +1,4 @@
+use approx::assert_abs_diff_eq;
 use std::path::Path;
 
 use foxhunt_core::{Bearing, BearingModes, Estimate, Level};
@@ -98,7 +99,8 @@ fn geojson_has_every_feature_where_it_is() {
     let found = features.iter().find(|f| f["properties"]["kind"] == "fix").expect("a fix");
     let [lon, lat] = [0, 1].map(|i| found["geometry"]["coordinates"][i].as_f64().expect("degrees"));
     // A hundred-millionth of a degree is a millimetre.
-    assert!((lon - fix().lon_deg).abs() < 1e-8 && (lat - fix().lat_deg).abs() < 1e-8);
+    assert_abs_diff_eq!(lon, fix().lon_deg, epsilon = 1e-8);
+    assert_abs_diff_eq!(lat, fix().lat_deg, epsilon = 1e-8);
     assert_eq!(found["properties"]["name"], HOSTILE);
     assert_eq!(found["properties"]["time"], "2021-03-21T16:51:50Z");
     assert_eq!(found["properties"]["error_m"], 1.0);
@@ -194,7 +196,8 @@ fn mcap_is_read_back() {
     // Stamp, the text "beacon_0" with its length, status and service.
     let [lat, lon, _, east_variance] = doubles(&fixes[0].data, 24);
     // The difference is the rounding of doubles.
-    assert!((lat - fix().lat_deg).abs() < 1e-12 && (lon - fix().lon_deg).abs() < 1e-12);
+    assert_abs_diff_eq!(lat, fix().lat_deg, epsilon = 1e-12);
+    assert_abs_diff_eq!(lon, fix().lon_deg, epsilon = 1e-12);
     assert_eq!(east_variance.to_bits(), 4.0_f64.to_bits());
     let estimates = of("/foxhunt/beacon_0/estimate");
     let [variance, _, _, _, _, _, _, north_variance] = doubles(&estimates[0].data, 72);
@@ -223,7 +226,7 @@ fn frames_of_an_mcap_lead_from_the_antenna_to_the_earth() {
         let (child, end) = text(end.next_multiple_of(4));
         let [x, y, z, i, j, k, w] = doubles(&message.data, end.next_multiple_of(8));
         let turn = UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k));
-        assert!((turn.norm() - 1.0).abs() < 1e-12, "{turn}");
+        assert_abs_diff_eq!(turn.norm(), 1.0, epsilon = 1e-12);
         frames.push((message.channel.topic.clone(), parent, child, Vector3::new(x, y, z), turn));
     }
     let last = |child: &str| frames.iter().rfind(|frame| frame.2 == child).expect("a frame");
@@ -318,7 +321,7 @@ fn a_fix_moves_and_does_not_multiply() {
     let fix = std::str::from_utf8(&after[3].xml).expect("UTF-8");
     assert_eq!(attribute(fix, "start"), "2021-03-21T16:51:51Z");
     assert_eq!(attribute(fix, "how"), "m-f");
-    assert!((after[3].stale_unix_s - now).abs() < 302.0, "{}", after[3].stale_unix_s);
+    assert_abs_diff_eq!(after[3].stale_unix_s, now, epsilon = 302.0);
     let ended = feed_of.events(&overview, now + 1.0, true).expect("it has an origin");
     assert!(ended[3].stale_unix_s > now + 86_000.0, "a fix is of use after the hunt");
 }

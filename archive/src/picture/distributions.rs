@@ -165,6 +165,7 @@ impl Panel {
 mod tests {
     use super::*;
     use crate::picture::distributions_svg;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn curves_rise_from_the_left_to_the_right() {
@@ -172,7 +173,7 @@ mod tests {
         assert_eq!(panel.pixel(0.0, 0.0), (NEES.left, NEES.bottom));
         assert_eq!(panel.pixel(1e9, 1.0), (NEES.right, NEES.top));
         // The 95 % quantile of χ²₂ is 5.991.
-        assert!((chi_squared_2(5.991_465) - 0.95).abs() < 1e-6);
+        assert_abs_diff_eq!(chi_squared_2(5.991_465), 0.95, epsilon = 1e-6);
     }
 
     #[test]

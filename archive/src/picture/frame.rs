@@ -145,6 +145,7 @@ pub(super) fn whole(value: f64) -> i32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     const RECT: Rect = Rect { left: 100, top: 0, right: 1100, bottom: 400 };
 
@@ -176,11 +177,13 @@ mod tests {
             .clip(&Vector2::new(0.0, 0.0), &Vector2::new(1000.0, 0.0))
             .expect("it begins inside");
         assert_eq!(from, Vector2::zeros());
-        assert!((to.x - high.x).abs() < 1e-9 && to.y.abs() < 1e-9);
+        assert_abs_diff_eq!(to.x, high.x, epsilon = 1e-9);
+        assert_abs_diff_eq!(to.y, 0.0, epsilon = 1e-9);
         let (from, to) = frame
             .clip(&Vector2::new(-1000.0, -1000.0), &Vector2::new(1000.0, 1000.0))
             .expect("it crosses");
-        assert!((from.y - low.y).abs() < 1e-9 && (to.y - high.y).abs() < 1e-9);
+        assert_abs_diff_eq!(from.y, low.y, epsilon = 1e-9);
+        assert_abs_diff_eq!(to.y, high.y, epsilon = 1e-9);
         assert_eq!(frame.clip(&Vector2::new(0.0, 90.0), &Vector2::new(5.0, 90.0)), None);
         assert_eq!(frame.clip(&Vector2::new(90.0, 0.0), &Vector2::new(80.0, 90.0)), None);
     }
@@ -191,8 +194,8 @@ mod tests {
         assert_eq!(decimals, 0);
         assert_eq!(east, [-10.0, -5.0, 0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0]);
         assert_eq!(north, [-5.0, 0.0, 5.0]);
-        assert!((round_step(0.3) - 0.5).abs() < 1e-12);
-        assert!((round_step(60.0) - 100.0).abs() < 1e-12);
+        assert_abs_diff_eq!(round_step(0.3), 0.5, epsilon = 1e-12);
+        assert_abs_diff_eq!(round_step(60.0), 100.0, epsilon = 1e-12);
     }
 
     #[test]

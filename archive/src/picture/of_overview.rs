@@ -146,6 +146,7 @@ fn truth_at(way: &[Knot], time: f64) -> Option<nalgebra::Vector2<f64>> {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use nalgebra::{Vector2, Vector3};
 
     use super::*;
@@ -182,7 +183,7 @@ mod tests {
         let graph = axes_over_steps("", &[named(&search)]);
         // χ²₂ at 95 % is 5.991.
         for curve in &graph.curves {
-            assert!((curve.points[2][1] - 2.0 * 5.991_465_f64.sqrt()).abs() < 1e-5, "{curve:?}");
+            assert_abs_diff_eq!(curve.points[2][1], 2.0 * 5.991_465_f64.sqrt(), epsilon = 1e-5);
         }
     }
 
@@ -196,7 +197,8 @@ mod tests {
         assert_eq!(average[..4], [[0.0, 5.0], [1.0, 5.0], [2.0, 5.0], [3.0, 1.0]]);
         let [_, low, high] = graph.bands[0].points[0];
         // χ²₄ at 2.5 % and 97.5 %, halved.
-        assert!((low - 0.4844 / 2.0).abs() < 1e-3 && (high - 11.143 / 2.0).abs() < 1e-3);
+        assert_abs_diff_eq!(low, 0.4844 / 2.0, epsilon = 1e-3);
+        assert_abs_diff_eq!(high, 11.143 / 2.0, epsilon = 1e-3);
         let [_, low, high] = graph.bands[0].points[4];
         assert!((low - 0.0506).abs() < 1e-3 && (high - 7.378).abs() < 1e-3, "one run");
         let unknown = SearchOverview { truth: Vec::new(), ..search(1.0, 3) };

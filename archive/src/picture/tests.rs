@@ -1,3 +1,4 @@
+use approx::abs_diff_eq;
 use foxhunt_core::{BeaconId, Bearing, Correction, Estimate, Level, Outcome, Pose, Reception};
 use foxhunt_hunt::{
     config::ModelConfig,
@@ -137,7 +138,7 @@ fn a_round_belief_is_a_round_ellipse() {
         values.clone().max().expect("corners") - values.min().expect("corners")
     };
     // Each end is rounded to a whole unit.
-    assert!((span(|c| c.0) - span(|c| c.1)).abs() <= 2, "{corners:?}");
+    assert!(abs_diff_eq!(span(|c| c.0), span(|c| c.1), epsilon = 2), "{corners:?}");
     assert!(span(|c| c.0) > 100);
 }
 

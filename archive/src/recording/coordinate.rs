@@ -59,6 +59,7 @@ fn is_negative(letter: char, is_latitude: bool) -> Result<bool, FieldProblem> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::abs_diff_eq;
 
     #[test]
     fn degrees_minutes_and_seconds_are_degrees() {
@@ -76,7 +77,7 @@ mod tests {
             "48,200833333333333°",
         ] {
             let read = degrees(text, true).unwrap_or(f64::NAN);
-            assert!((read - expected).abs() < 1e-9, "{text}: {read}");
+            assert!(abs_diff_eq!(read, expected, epsilon = 1e-9), "{text}: {read}");
         }
         assert_eq!(degrees("16°30'W", false), Ok(-16.5));
         assert_eq!(degrees("-16°30'", false), Ok(-16.5));

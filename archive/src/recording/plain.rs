@@ -619,6 +619,7 @@ pub(super) fn described(mapping: &Mapping) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     fn made(
         header: &str,
@@ -731,7 +732,7 @@ mod tests {
         assert_eq!(magnetic.north, North::Magnetic);
         let scaled = made("lat,lon,rssi", "481234567,163725000,-6", None);
         let scaled = scaled.expect("no doubt").expect("a table");
-        assert!((scaled.columns[&Column::LatDeg].scale - 1e-7).abs() < 1e-20);
+        assert_abs_diff_eq!(scaled.columns[&Column::LatDeg].scale, 1e-7, epsilon = 1e-20);
     }
 
     #[test]

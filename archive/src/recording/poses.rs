@@ -259,6 +259,7 @@ fn between(column: Column, from: f64, to: f64, share: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::abs_diff_eq;
 
     #[test]
     fn a_pose_is_between_its_neighbours() {
@@ -267,7 +268,7 @@ mod tests {
         let log = PoseLog::parse(csv.as_bytes(), "poses.csv").expect("poses");
         let pose = log.at(1.0, 2.0).expect("a pose");
         for (value, expected) in pose.iter().zip([1.5, -180.0, 10.0]) {
-            assert!((value - expected).abs() < 1e-9, "{pose:?}");
+            assert!(abs_diff_eq!(*value, expected, epsilon = 1e-9), "{pose:?}");
         }
         // A gap, before the first, after the last, a turn of 120° in one step.
         for time in [5.0, -1.0, 10.5, 9.5] {

@@ -754,6 +754,7 @@ fn stem(file: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn times_that_run_back_are_named() {
@@ -766,6 +767,6 @@ mod tests {
         assert_eq!(read(&rising), None, "each drone has its own times");
         let back = read(&format!("{rising}a,1,0,0,-60\na,0.5,0,0,-60\n")).expect("it runs back");
         assert_eq!((back.line, back.rows), (6, 2));
-        assert!((back.by_s - 2.0).abs() < 1e-12, "{back:?}");
+        assert_abs_diff_eq!(back.by_s, 2.0, epsilon = 1e-12);
     }
 }

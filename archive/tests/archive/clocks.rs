@@ -1,5 +1,6 @@
 //! Levels whose clock differs from that of the receiver's path.
 
+use approx::assert_abs_diff_eq;
 use std::fmt::Write as _;
 
 use foxhunt_archive::recording::{ReadOptions, Recording, Rover};
@@ -139,7 +140,7 @@ fn an_offset_is_found_and_taken_off() {
         let apart = locate(&receptions, 0.0);
         let [from_s, to_s, add_s] = offset(&apart).expect("the clocks differ");
         println!("{true_s} s: {add_s} s, {from_s} to {to_s}");
-        assert!((add_s - true_s).abs() <= 1.0, "{true_s} s: {add_s}");
+        assert_abs_diff_eq!(add_s, true_s, epsilon = 1.0);
         assert!(from_s <= add_s && add_s <= to_s && to_s - from_s < 5.0, "{from_s} to {to_s}");
         let together = locate(&receptions, true_s);
         assert_eq!(offset(&together), None, "{true_s} s");

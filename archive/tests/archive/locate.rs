@@ -1,6 +1,7 @@
 //! The estimators that take all receptions at once, through the public `locate`; receptions of
 //! recordings through estimators of both kinds.
 
+use approx::assert_abs_diff_eq;
 use std::{collections::BTreeMap, f64::consts::FRAC_PI_2};
 
 use foxhunt_archive::{
@@ -89,7 +90,7 @@ fn a_straight_flight_has_a_rival_and_a_bent_one_has_none() {
         assert_eq!(located.rivals.len(), 1, "{power:?}: {:?}", located.rivals);
         let rival = &located.rivals[0];
         assert!((rival.place - Vector2::new(best.x, -best.y)).norm() < 0.1, "{rival:?}");
-        assert!((rival.relative_density - 1.0).abs() < 1e-3, "{rival:?}");
+        assert_abs_diff_eq!(rival.relative_density, 1.0, epsilon = 1e-3);
         assert_eq!((located.observations, located.rejected), (41, 0));
 
         for distinct in [levels(&flight(target, true)), flight(target, false)] {
@@ -503,8 +504,8 @@ fn sigma_of_bearings_is_learned_from_several_transmitters() {
     let learned = learn_bearing_sigma(&transmitters, &config);
     let LearnedSigma { factor, freedom, left_out } = learned;
     assert!(left_out.is_empty(), "{left_out:?}");
-    assert!((freedom - 122.0).abs() < 1e-9, "{freedom}");
+    assert_abs_diff_eq!(freedom, 122.0, epsilon = 1e-9);
     // The two degrees of freedom of before pull towards 10°, and are a part of the answer.
     let expected = ((2.0 + 120.0 * 0.09) / 122.0_f64).sqrt();
-    assert!((factor / expected - 1.0).abs() < 3.29 / 244.0_f64.sqrt(), "{factor} for {expected}");
+    assert_abs_diff_eq!(factor / expected, 1.0, epsilon = 3.29 / 244.0_f64.sqrt());
 }

@@ -1,6 +1,7 @@
 //! Places of receivers that are not known exactly: as satellites give them, as a column states
 //! them, and where they are all that moves.
 
+use approx::assert_abs_diff_eq;
 use std::fmt::Write as _;
 
 use foxhunt_archive::{
@@ -45,8 +46,8 @@ fn a_place_is_as_certain_as_its_column_the_flag_or_satellites_say() {
     // Phones state the radius that holds 68 %, and 0 for one that they do not know.
     let phone = "time,lat,lon,accuracy,rssi\n0,48,16,10,-70\n1,48.001,16,0,-71\n";
     let [Some(stated), Some(unstated)] = sigmas(phone, None)[..] else { panic!("two rows") };
-    assert!((stated - 10.0 / (-2.0 * 0.32_f64.ln()).sqrt()).abs() < 0.01, "{stated}");
-    assert!((unstated - GNSS_SIGMA_M).abs() < 1e-9, "{unstated}");
+    assert_abs_diff_eq!(stated, 10.0 / (-2.0 * 0.32_f64.ln()).sqrt(), epsilon = 0.01);
+    assert_abs_diff_eq!(unstated, GNSS_SIGMA_M, epsilon = 1e-9);
 }
 
 /// Levels of a receiver whose places are off by errors of σ `sigma_m`, each a share `kept` of the

@@ -1,6 +1,7 @@
 //! Remarks on answers: each kind of doubt is found in recordings of its kind, and clean recordings
 //! have none.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use std::path::Path;
 
 use foxhunt_archive::{
@@ -254,7 +255,7 @@ fn conformal_regions_hold_where_stated_sigma_is_half_the_true_one() {
     let [ellipse, circle, own] = held.map(|held| held / count);
     let interval = 3.29 * (0.95 * 0.05 * (1.0 / count + 1.0 / 101.0)).sqrt();
     for share in [ellipse, circle] {
-        assert!((share - 0.95).abs() < interval, "{share} ± {interval}");
+        assert!(abs_diff_eq!(share, 0.95, epsilon = interval), "{share} ± {interval}");
     }
     assert!(own < 0.95 - interval && own < 0.75, "{own}");
 }
@@ -421,9 +422,9 @@ fn reversed_animals_spoil_no_others() {
     assert_eq!(left_out, ["g0", "g1"]);
     let of_good = learned(&good);
     assert!(of_good.left_out.is_empty(), "{of_good:?}");
-    assert!((of_bad.factor / of_good.factor - 1.0).abs() < 0.1, "{of_bad:?} {of_good:?}");
+    assert_abs_diff_eq!(of_bad.factor / of_good.factor, 1.0, epsilon = 0.1);
     let sigma = ReceptionConfig::default().bearing_sigma * of_bad.factor;
-    assert!((sigma.to_degrees() - 3.3).abs() < 0.3, "{}", sigma.to_degrees());
+    assert_abs_diff_eq!(sigma.to_degrees(), 3.3, epsilon = 0.3);
     let config = LocateConfig { bearing_freedom: of_bad.freedom, ..LocateConfig::default() };
     let mut errors = Vec::new();
     for beacon in names {

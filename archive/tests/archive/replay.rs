@@ -1,5 +1,6 @@
 //! Logs of hunts, written, read back and replayed.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use std::path::Path;
 
 use foxhunt_archive::{
@@ -185,7 +186,7 @@ fn the_log_holds_the_prior_of_the_filter() {
     let hunt = Estimate::isotropic(Vector2::zeros(), HuntConfig::default().prior_sigma_m);
     let (prior, hunt_prior) = started("ukf-pritzl2018");
     // √70 m (Pritzl 2018, §4.4), squared again.
-    assert!((prior.covariance[(0, 0)] - 70.0).abs() < 1e-9, "{prior:?}");
+    assert_abs_diff_eq!(prior.covariance[(0, 0)], 70.0, epsilon = 1e-9);
     assert_eq!(hunt_prior, Some(hunt));
     assert_eq!(started("ukf"), (hunt, None));
 }
@@ -268,7 +269,7 @@ fn logs_of_the_program_before_version_6_lead_to_the_same_fixes() {
         let off = fix.estimate.nees(&logged.mean).expect("definite").sqrt();
         assert!(off < within_sigma, "{name}: {off} standard deviations");
         let ratio = fix.estimate.covariance.trace() / logged.covariance.trace();
-        assert!((ratio - 1.0).abs() < within_sigma, "{name}: {ratio}");
+        assert!(abs_diff_eq!(ratio, 1.0, epsilon = within_sigma), "{name}: {ratio}");
     }
 }
 

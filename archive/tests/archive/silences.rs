@@ -1,6 +1,7 @@
 //! Levels at the floor of a receiver, and levels that fade alike along a flight: what it takes to
 //! call them silences, and fewer than they are.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_core::{Bearing, Level, Pose, Reception};
 use foxhunt_filters::{
     Censoring, PlacePrior, ShadowedReading, ShadowingGrid, ShadowingGridConfig, Slope,
@@ -183,7 +184,7 @@ fn silences_bring_places_nearer_than_a_floor_taken_for_levels() {
 fn the_strongest_level_knows_of_silences_how_large_a_tenth_is() {
     let [received, silent, left_out] = [Below::Received, Below::Silent, Below::LeftOut]
         .map(|below| judge("strongest", Power::Free, below, FLIGHTS));
-    assert!((received.median_m - silent.median_m).abs() < 1e-9);
+    assert_abs_diff_eq!(received.median_m, silent.median_m, epsilon = 1e-9);
     assert!(silent.covered >= 0.8 && left_out.covered < silent.covered, "{silent:?} {left_out:?}");
 }
 

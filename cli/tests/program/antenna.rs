@@ -1,3 +1,4 @@
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use std::{fmt::Write as _, fs};
 
 use crate::support::{folder, foxhunt, has};
@@ -20,8 +21,12 @@ fn the_figures_of_an_antenna() {
             "header",
         ],
     );
-    assert!((read["azimuth_beamwidth_deg"].as_f64().expect("a number") - 70.1).abs() < 0.1);
-    assert!((read["front_to_back_db"].as_f64().expect("a number") - 17.0).abs() < 0.1);
+    assert_abs_diff_eq!(
+        read["azimuth_beamwidth_deg"].as_f64().expect("a number"),
+        70.1,
+        epsilon = 0.1
+    );
+    assert_abs_diff_eq!(read["front_to_back_db"].as_f64().expect("a number"), 17.0, epsilon = 0.1);
     assert!(read["elevation_beamwidth_deg"].is_null(), "the same at every elevation");
     let table = foxhunt(["antenna", "dipole"]);
     assert!(table.stdout.contains("78.1") && table.stdout.contains("2.15"), "{table:?}");
@@ -39,14 +44,14 @@ fn an_antenna_is_written_and_read_again() {
     let again = foxhunt(["antenna", &msi, "--write", &pln, "--json"]).json();
     for field in ["gain_dbi", "azimuth_beamwidth_deg", "elevation_beamwidth_deg"] {
         let [a, b] = [&first, &again].map(|r| r[field].as_f64().expect("a number"));
-        assert!((a - b).abs() < 0.1, "{field}: {a} and {b}");
+        assert!(abs_diff_eq!(a, b, epsilon = 0.1), "{field}: {a} and {b}");
     }
     assert_eq!(again["header"]["NAME"], "yagi");
     assert_eq!(fs::read(&msi).expect("written"), fs::read(&pln).expect("written"));
     assert_eq!(foxhunt(["antenna", &msi, "--write", &csv]).code, 0);
     let flat = foxhunt(["antenna", &csv, "--json"]).json();
     let [a, b] = [&first, &flat].map(|r| r["azimuth_beamwidth_deg"].as_f64().expect("a number"));
-    assert!((a - b).abs() < 0.1, "{a} and {b}");
+    assert_abs_diff_eq!(a, b, epsilon = 0.1);
     let picture = fs::read_to_string(&svg).expect("written");
     assert!(picture.starts_with("<svg") && picture.contains("yagi"), "{picture}");
 }
@@ -88,16 +93,16 @@ fn a_pattern_is_learned_from_turns_with_a_known_bearing() {
     assert_eq!(learned["learned"]["directions"], 256);
     assert_eq!(learned["learned"]["harmonics"], 1);
     let number = |value: &serde_json::Value| value.as_f64().expect("a number");
-    assert!((number(&learned["gain_dbi"]) - 7.5).abs() < 1e-6);
-    assert!((number(&learned["front_to_back_db"]) - 15.0).abs() < 1e-6);
-    assert!(number(&learned["main_lobe_azimuth_deg"]).abs() < 0.1);
+    assert_abs_diff_eq!(number(&learned["gain_dbi"]), 7.5, epsilon = 1e-6);
+    assert_abs_diff_eq!(number(&learned["front_to_back_db"]), 15.0, epsilon = 1e-6);
+    assert_abs_diff_eq!(number(&learned["main_lobe_azimuth_deg"]), 0.0, epsilon = 0.1);
     let again = foxhunt(["antenna", &csv, "--json"]).json();
     let widths = [&learned, &again].map(|r| number(&r["azimuth_beamwidth_deg"]));
-    assert!((widths[0] - widths[1]).abs() < 1e-6, "{widths:?}");
+    assert_abs_diff_eq!(widths[0], widths[1], epsilon = 1e-6);
     // Taken for 90° further to the right, the strongest direction is on the right.
     let turned = foxhunt(["antenna", "--learn", &file, "--bearing-deg", "210", "--json"]).json();
     let lobe = number(&turned["main_lobe_azimuth_deg"]);
-    assert!((lobe + 90.0).abs() < 0.1, "{lobe}");
+    assert_abs_diff_eq!(lobe, -90.0, epsilon = 0.1);
     foxhunt(["antenna", "--learn", &file, "--truth", "50,14"]).failed(2, &["--truth"]);
     let text = fs::read_to_string(&file).expect("it was written");
     let few: Vec<&str> = text.lines().take(11).collect();

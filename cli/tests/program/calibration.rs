@@ -1,3 +1,4 @@
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use std::{fmt::Write as _, fs, path::Path};
 
 use serde_json::Value;
@@ -75,7 +76,8 @@ fn a_misaligned_antenna_is_calibrated_and_corrected() {
     let (before, wide) = first(&[]);
     let (after, narrow) = first(&["--calibration", file]);
     // The first hover is East of the transmitter.
-    assert!((before - 282.0).abs() < 3.0 && (after - 270.0).abs() < 3.0, "{before} {after}");
+    assert_abs_diff_eq!(before, 282.0, epsilon = 3.0);
+    assert_abs_diff_eq!(after, 270.0, epsilon = 3.0);
     assert!(narrow < 0.5 * wide, "{wide} {narrow}");
 
     // The offset is the antenna's; σ is the extractor's.
@@ -110,7 +112,11 @@ fn ready_made_bearings_are_corrected_too() {
     let file = file.to_str().expect("the target folder is UTF-8");
     let report = foxhunt(["calibrate", "--json", &taken, "--out", file]).json();
     assert_eq!(report["calibration"]["bearings"]["extractor"], "recorded");
-    assert!((number(&report["bearings"]["offset"]["offset_deg_ccw"]) + 15.0).abs() < 2.0);
+    assert_abs_diff_eq!(
+        number(&report["bearings"]["offset"]["offset_deg_ccw"]),
+        -15.0,
+        epsilon = 2.0
+    );
     let why = report["skipped"].as_array().expect("a list");
     // Without headings nothing is known of the compass, and without levels nothing of the power.
     for what in ["path loss", "offset over the heading"] {
@@ -135,7 +141,7 @@ fn a_hunt_uses_what_was_calibrated() {
     let log = fs::read_to_string(folder.join("hunt.jsonl")).expect("it was written");
     let header: Value = serde_json::from_str(log.lines().next().expect("a header")).expect("JSON");
     assert!((number(&header["model"]["reference_dbm"]) + 31.25).abs() < 1e-12, "{header}");
-    assert!((number(&header["model"]["exponent"]) - 2.875).abs() < 1e-12, "{header}");
+    assert!(abs_diff_eq!(number(&header["model"]["exponent"]), 2.875, epsilon = 1e-12), "{header}");
     // The first bearing's σ; the places of both hunts are the same until then.
     let sigma = |log: &str| {
         let (_, after) = log.split_once("\"sigma\":").expect("a bearing");
@@ -145,7 +151,7 @@ fn a_hunt_uses_what_was_calibrated() {
     let calibrated = sigma(&log);
     assert_eq!(foxhunt(["hunt", "pritzl-7.3", "--out", out]).code, 0);
     let plain = sigma(&fs::read_to_string(folder.join("hunt.jsonl")).expect("it was written"));
-    assert!((calibrated / plain - 0.25).abs() < 1e-9, "{calibrated} {plain}");
+    assert_abs_diff_eq!(calibrated / plain, 0.25, epsilon = 1e-9);
 
     let campaign = ["campaign", "pritzl-7.3", "--runs", "1", "--calibration", &file];
     assert_eq!(foxhunt(campaign).code, 0);
@@ -223,7 +229,7 @@ fn each_station_has_antennas_of_its_own() {
             let deg = |field: &str| self::number(&antenna[field]);
             let error = deg("boresight_deg_compass") - deg("recorded_deg_compass") - off;
             let error = (error + 180.0).rem_euclid(360.0) - 180.0;
-            assert!(error.abs() < 15.0, "{name}: {antenna}");
+            assert!(abs_diff_eq!(error, 0.0, epsilon = 15.0), "{name}: {antenna}");
         }
     }
     // The bearings of both are then near the truth; of the other's calibration, 70° off.

@@ -1,3 +1,4 @@
+use approx::assert_abs_diff_eq;
 use std::{ffi::OsString, fs};
 
 use serde_json::Value;
@@ -107,7 +108,7 @@ fn every_hunt_of_a_campaign_may_be_kept() {
         let error = |hunt: &Value| hunt["beacons"][0]["error_m"].as_f64().expect("a number");
         let mean = hunts.iter().map(error).sum::<f64>() / 3.0;
         let reported = estimator["beacons"][0]["error_m"]["mean"].as_f64().expect("a number");
-        assert!((mean - reported).abs() < 1e-9, "{mean}, {reported}");
+        assert_abs_diff_eq!(mean, reported, epsilon = 1e-9);
     }
     foxhunt(["campaign", "--runs", "1", "--hunts-to", "/no/such/folder/x"])
         .failed(1, &["/no/such/folder/x"]);
@@ -176,7 +177,7 @@ fn a_campaign_flies_with_the_planner_that_is_given() {
         report["estimators"][0]["beacons"][0]["steps"]["mean"].as_f64().expect("a number")
     };
     // Ten turns of three drones.
-    assert!((steps(campaign("hold")) - 30.0).abs() < 1e-9);
+    assert_abs_diff_eq!(steps(campaign("hold")), 30.0, epsilon = 1e-9);
     foxhunt(["hunt", "--planner", "psychic"]).failed(2, &["psychic", "pritzl2018", "hold"]);
 }
 

@@ -1,5 +1,6 @@
 //! Recordings of other formats in our own.
 
+use approx::abs_diff_eq;
 use std::{fs, path::Path};
 
 use crate::support::{folder, foxhunt};
@@ -82,7 +83,7 @@ fn pulses_are_joined_with_poses_of_another_clock() {
     let bearings = ["--json", "bearing", &out, "--extractor", "first-harmonic-db"];
     let bearings = foxhunt(bearings).json();
     let first = bearings["turns"][0]["bearing_deg_compass"].as_f64().expect("a bearing");
-    assert!((first - 77.0).abs() < 20.0, "{bearings}");
+    assert!(abs_diff_eq!(first, 77.0, epsilon = 20.0), "{bearings}");
     let earlier = fs::read(&out).expect("what was written");
     // Neither the true offset in the range nor a pose at all.
     run(args(begin, &["--clock-within-s", "1"])).failed(2, &["pulses.csv", "poses.csv", "end"]);

@@ -1,3 +1,4 @@
+use approx::abs_diff_eq;
 use std::fs;
 
 use crate::support::{folder, foxhunt, has, scenario};
@@ -56,7 +57,7 @@ fn a_hunt_leaves_json_a_log_and_a_picture() {
             let shown = last["place"][index].as_f64().expect("a number");
             let found = beacon["estimate"][name].as_f64().expect("a number");
             // Rounded to millimetres.
-            assert!((shown - found).abs() <= 0.000_51, "{name}: {shown}, not {found}");
+            assert!(abs_diff_eq!(shown, found, epsilon = 0.000_51), "{name}: {shown}, not {found}");
         }
     }
     assert!(log.lines().count() > 100);

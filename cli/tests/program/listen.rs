@@ -1,3 +1,4 @@
+use approx::abs_diff_eq;
 use std::{
     fs,
     io::{BufRead, BufReader},
@@ -38,13 +39,13 @@ fn a_recording_gives_its_tags() {
     assert_eq!((tag["name"].as_str(), tag["known"].as_bool()), (Some("fox"), Some(true)));
     assert_eq!(tag["pulses"].as_u64(), Some(sent.len() as u64), "{tag}");
     let value = |field: &str| tag[field].as_f64().expect("a number");
-    assert!((value("interval_s") - 1.3).abs() < 0.01, "{tag}");
-    assert!((value("frequency_hz") - 150.1e6).abs() < 10.0, "{tag}");
+    assert!(abs_diff_eq!(value("interval_s"), 1.3, epsilon = 0.01), "{tag}");
+    assert!(abs_diff_eq!(value("frequency_hz"), 150.1e6, epsilon = 10.0), "{tag}");
     let pulses = report["pulses"].as_array().expect("a list");
     let of = |pulse: &Value, field: &str| pulse[field].as_f64().expect("a number");
     for (pulse, [time, frequency]) in pulses.iter().zip(&sent) {
-        assert!((of(pulse, "time_s") - time).abs() < 2e-3, "{pulse} at {time}");
-        assert!((of(pulse, "frequency_hz") - frequency).abs() < 15.0, "{pulse}");
+        assert!(abs_diff_eq!(of(pulse, "time_s"), time, epsilon = 2e-3), "{pulse} at {time}");
+        assert!(abs_diff_eq!(of(pulse, "frequency_hz"), frequency, epsilon = 15.0), "{pulse}");
     }
     // As CSV each pulse is the line that `foxhunt pulses` prints, and `foxhunt tags` reads it.
     let list = foxhunt(["listen", &file, "--csv"].iter().chain(&level));
@@ -104,7 +105,7 @@ fn a_server_of_rtl_tcp_is_listened_to() {
         .collect();
     for pulse in pulses {
         let frequency = pulse["frequency_hz"].as_f64().expect("a number");
-        assert!((frequency - 150.1e6).abs() < 15.0, "{pulse}");
+        assert!(abs_diff_eq!(frequency, 150.1e6, epsilon = 15.0), "{pulse}");
         let level = pulse["power_dbm"].as_f64().expect("a number");
         assert!(levels.iter().any(|sent| (sent - level).abs() < 2.0), "{level}, {levels:?}");
     }

@@ -1,3 +1,4 @@
+use approx::abs_diff_eq;
 use std::{f64::consts::TAU, fs};
 
 use crate::support::{folder, foxhunt};
@@ -45,12 +46,12 @@ fn pulses_of_a_file() {
     assert_eq!(pulses.len(), 2, "{report}");
     for (pulse, time) in pulses.iter().zip([0.51, 1.51]) {
         let value = |name: &str| pulse[name].as_f64().expect("a number");
-        assert!((value("time_s") - time).abs() < 1e-3, "{pulse}");
-        assert!((value("frequency_hz") - 150_001_500.0).abs() < 2.0, "{pulse}");
-        assert!((value("width_s") - 0.02).abs() < 1e-3, "{pulse}");
-        assert!((value("snr_db") - 40.0).abs() < 0.6, "{pulse}");
+        assert!(abs_diff_eq!(value("time_s"), time, epsilon = 1e-3), "{pulse}");
+        assert!(abs_diff_eq!(value("frequency_hz"), 150_001_500.0, epsilon = 2.0), "{pulse}");
+        assert!(abs_diff_eq!(value("width_s"), 0.02, epsilon = 1e-3), "{pulse}");
+        assert!(abs_diff_eq!(value("snr_db"), 40.0, epsilon = 0.6), "{pulse}");
         // An amplitude of 31.6 in 127.5: −12.1 dB of full scale.
-        assert!((value("power_dbm") + 32.1).abs() < 0.3, "{pulse}");
+        assert!(abs_diff_eq!(value("power_dbm"), -32.1, epsilon = 0.3), "{pulse}");
         assert!(value("p_value") < 1e-6, "{pulse}");
     }
     let table = run(&[]);
@@ -79,15 +80,15 @@ fn trains_of_a_file() {
     let trains = report["trains"].as_array().expect("a list");
     assert_eq!(trains.len(), 1, "{report}");
     let value = |name: &str| trains[0][name].as_f64().expect("a number");
-    assert!((value("interval_s") - 1.0).abs() < 1e-3, "{report}");
-    assert!((value("frequency_hz") - 150_001_500.0).abs() < 8.0, "{report}");
-    assert!((value("snr_db") - 9.0).abs() < 1.0, "{report}");
+    assert!(abs_diff_eq!(value("interval_s"), 1.0, epsilon = 1e-3), "{report}");
+    assert!(abs_diff_eq!(value("frequency_hz"), 150_001_500.0, epsilon = 8.0), "{report}");
+    assert!(abs_diff_eq!(value("snr_db"), 9.0, epsilon = 1.0), "{report}");
     assert!(value("pulses") >= 15.0 && value("p_value") < 1e-3, "{report}");
     let pulses = report["pulses"].as_array().expect("a list");
     assert_eq!(trains[0]["pulses"], pulses.len());
     for pulse in pulses {
         let time = pulse["time_s"].as_f64().expect("a number");
-        assert!(((time - 0.51) - (time - 0.51).round()).abs() < 0.01, "{pulse}");
+        assert!(abs_diff_eq!((time - 0.51), (time - 0.51).round(), epsilon = 0.01), "{pulse}");
         assert_eq!(pulse["train"], 0);
     }
     let table = run(&fold);

@@ -1,3 +1,4 @@
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use std::{fmt::Write as _, fs, path::Path};
 
 use foxhunt::{
@@ -46,9 +47,9 @@ fn a_turn_has_a_bearing() {
     // Whole-dB rounding makes a plateau of positions about the maximum; it is symmetric to
     // within half a position.
     let bearing = turn["bearing_deg_compass"].as_f64().expect("a number");
-    assert!((bearing - 120.0).abs() < 3.0, "{bearing}");
+    assert_abs_diff_eq!(bearing, 120.0, epsilon = 3.0);
     // The mean of the cosine over a turn is nothing.
-    assert!((turn["rss_dbm"].as_f64().expect("a number") + 75.0).abs() < 1e-9);
+    assert_abs_diff_eq!(turn["rss_dbm"].as_f64().expect("a number"), -75.0, epsilon = 1e-9);
     let table = foxhunt(["bearing", &file]);
     assert!(table.code == 0 && table.stdout.contains("uav1"), "{table:?}");
 }
@@ -78,7 +79,7 @@ fn sigma_holds_the_site_unless_it_is_calibrated() {
     }
     // The σ of another extractor is not calibrated.
     let other = sigma("main-lobe", &["--calibration", &calibration]).0;
-    assert!((other - sigma("main-lobe", &[]).0).abs() < 1e-9);
+    assert_abs_diff_eq!(other, sigma("main-lobe", &[]).0, epsilon = 1e-9);
     let needless = ["--calibration", &calibration, "--site", "open"];
     assert!(sigma("first-harmonic", &needless).1.contains("--site open: not used"));
     let refused = foxhunt(["bearing", &file, "--site", "moon"]);
@@ -137,10 +138,11 @@ fn compass_bearings_take_a_date() {
     // -5.06° does is to turn the fix about the middle of their circle.
     let [east, north] = place(&[]);
     let [compass_east, compass_north] = place(&["--north", "magnetic", "--date", "2026-09-05"]);
-    assert!((compass_east - east + 88.0).abs() < 30.0, "{east} {compass_east}");
-    assert!((compass_north - north).abs() < 60.0, "{north} {compass_north}");
+    assert_abs_diff_eq!(compass_east - east, -88.0, epsilon = 30.0);
+    assert_abs_diff_eq!(compass_north, north, epsilon = 60.0);
     let stated = place(&["--north", "-5.057"]);
-    assert!((stated[0] - compass_east).abs() < 1.0 && (stated[1] - compass_north).abs() < 1.0);
+    assert_abs_diff_eq!(stated[0], compass_east, epsilon = 1.0);
+    assert_abs_diff_eq!(stated[1], compass_north, epsilon = 1.0);
     for (more, part) in [
         (&["--north", "magnetic"][..], "time_utc"),
         (&["--north", "up"], "up is no North"),
@@ -165,8 +167,8 @@ fn degrees_come_back_as_degrees() {
     let report = foxhunt(["locate", "--json", &file, "--truth", truth]).json();
     let estimate = &report["estimate"];
     let (lat, lon) = (estimate["lat_deg"].as_f64(), estimate["lon_deg"].as_f64());
-    assert!((lat.expect("a number") - 50.000_322).abs() < 1e-4, "{estimate}");
-    assert!((lon.expect("a number") - 14.000_5).abs() < 1e-4, "{estimate}");
+    assert!(abs_diff_eq!(lat.expect("a number"), 50.000_322, epsilon = 1e-4), "{estimate}");
+    assert!(abs_diff_eq!(lon.expect("a number"), 14.000_5, epsilon = 1e-4), "{estimate}");
     assert!(report["error_m"].as_f64().expect("a number") < 10.0, "{report}");
 }
 
@@ -239,8 +241,8 @@ fn a_path_loss_is_fitted() {
     let file = write(&folder, "ranges.csv", &text);
     let report = foxhunt(["calibrate", "--json", &file]).json();
     // The points lie on the law; what is left is rounding.
-    assert!((report["p0_dbm"].as_f64().expect("a number") + 30.0).abs() < 1e-9, "{report}");
-    assert!((report["exponent"].as_f64().expect("a number") - 2.5).abs() < 1e-9, "{report}");
+    assert_abs_diff_eq!(report["p0_dbm"].as_f64().expect("a number"), -30.0, epsilon = 1e-9);
+    assert_abs_diff_eq!(report["exponent"].as_f64().expect("a number"), 2.5, epsilon = 1e-9);
     let bounded = foxhunt(["calibrate", "--json", &file, "--max-exponent", "2"]).json();
     assert_eq!(bounded["at_bound"], true);
     assert!(foxhunt(["calibrate", &file]).stdout.contains("exponent"));
@@ -281,7 +283,7 @@ fn real_flights_when_they_are_there() {
     let report =
         foxhunt(["locate", "--json", &bearings, "--estimator", "lenth1981-andrews"]).json();
     let error = report["error_m"].as_f64().expect("the truth is beside it");
-    assert!((error - 0.373).abs() < 0.01 && report["rejected"] == 1, "{report}");
+    assert!(abs_diff_eq!(error, 0.373, epsilon = 0.01) && report["rejected"] == 1, "{report}");
 
     let of = |file: &str, beacon: &str| {
         foxhunt(["bearing", "--json", file, "--beacon", beacon]).json()["turns"][0].clone()
@@ -326,7 +328,7 @@ fn rows_that_do_not_fit_are_named_by_file_and_line() {
         assert_eq!(row["left_out"], is_wrong, "{row}");
         let [residual, p] = ["residual", "p"].map(|key| row[key].as_f64().expect("a number"));
         if is_wrong {
-            assert!((residual - 71.0).abs() < 4.0 && p < 1e-6, "{row}");
+            assert!(abs_diff_eq!(residual, 71.0, epsilon = 4.0) && p < 1e-6, "{row}");
         } else {
             assert!(residual.abs() < 5.0 && p > 0.05, "{row}");
         }
@@ -380,7 +382,7 @@ fn fixes_are_judged_beside_baselines() {
     assert_eq!((&ours["fixes"], &ours["failed"]), (&2.into(), &0.into()), "{ours}");
     let mean = 0.5
         * fixes.iter().map(|fix| fix["answers"][0]["error_m"].as_f64().unwrap_or(1e9)).sum::<f64>();
-    assert!((ours["mean_error_m"].as_f64().expect("two fixes") - mean).abs() < 1e-9, "{ours}");
+    assert_abs_diff_eq!(ours["mean_error_m"].as_f64().expect("two fixes"), mean, epsilon = 1e-9);
     // The robust fit of the true law comes near; the strongest level is on the path.
     let of = |name: &str| {
         let all = report["estimators"].as_array().expect("a list");
@@ -566,7 +568,7 @@ fn an_explanation_and_regions_come_with_levels() {
     let regions = report["regions_95"].as_array().expect("a list");
     assert!(regions.len() == 2 && report["ellipse_is_poor"] == true, "{report}");
     let held: f64 = regions.iter().filter_map(|region| region["probability"].as_f64()).sum();
-    assert!((held - 0.95).abs() < 0.02, "{held}");
+    assert_abs_diff_eq!(held, 0.95, epsilon = 0.02);
     for region in regions {
         let outline = region["outline"].as_array().expect("a ring");
         assert!(outline.len() > 4 && outline.first() == outline.last(), "{region}");
@@ -606,7 +608,7 @@ fn one_beacon_of_several_is_chosen_by_its_name() {
         // In the metres of the file, and against the truth of this beacon.
         let miss = (place("east_m") - east).hypot(place("north_m") - north);
         assert!(miss < 5.0, "{report}");
-        assert!((report["error_m"].as_f64().expect("a number") - miss).abs() < 1e-6, "{report}");
+        assert_abs_diff_eq!(report["error_m"].as_f64().expect("a number"), miss, epsilon = 1e-6);
     }
 }
 
@@ -719,7 +721,11 @@ fn power_over_frequency_along_a_track_is_located_and_written_for_movebank() {
         ["2026-06-01 10:00:28.500", "2026-06-01 10:00:00", "2026-06-01 10:00:57"]
     );
     let lat: f64 = row[4].parse().expect("degrees");
-    assert!((lat - report["estimate"]["lat_deg"].as_f64().expect("degrees")).abs() < 1e-6);
+    assert_abs_diff_eq!(
+        lat,
+        report["estimate"]["lat_deg"].as_f64().expect("degrees"),
+        epsilon = 1e-6
+    );
     // In the computer's local time no row lies on the track, and no row has a place without it.
     let astray = foxhunt(["locate", &sweep].into_iter().chain(read));
     astray.failed(2, &["of the track"]);
@@ -748,7 +754,7 @@ fn a_floor_makes_silences_of_levels_and_of_empty_cells() {
     assert!(used(&plain) < 40, "empty cells are no levels: {plain}");
     assert_eq!(used(&floor), 40, "and silences of a receiver with a floor");
     let north = floor["estimate"]["north_m"].as_f64().expect("metres");
-    assert!((north - 40.0).abs() < 3.0, "{floor}");
+    assert!(abs_diff_eq!(north, 40.0, epsilon = 3.0), "{floor}");
 }
 
 #[test]
@@ -885,7 +891,7 @@ fn a_transmitter_behind_a_ridge_is_located_over_terrain() {
     // The same flight as an autopilot counts its heights.
     let above_launch = write(&folder, "relative.csv", &behind_ridge(&tiles, false));
     let again = locate(&above_launch, &["--terrain", &tiles, "--up-from", "take-off"]);
-    assert!((again - with).abs() < 0.5, "{again} m, {with} m");
+    assert_abs_diff_eq!(again, with, epsilon = 0.5);
 
     let refused = |more: &[&str]| foxhunt(["locate", &file].iter().chain(&law).chain(more));
     refused(&["--terrain", &tiles, "--estimator", "shadowing-grid"])
@@ -910,7 +916,7 @@ fn three_lines_without_a_header_are_a_fix() {
     let report = foxhunt(["locate", "--json", &file, "--columns", "x,y,bearing"]).json();
     for axis in ["east_m", "north_m"] {
         let metres = report["estimate"][axis].as_f64().expect("a number");
-        assert!((metres - 50.0).abs() < 1.0, "{report}");
+        assert!(abs_diff_eq!(metres, 50.0, epsilon = 1.0), "{report}");
     }
     let file = write(&folder, "typed.csv", "0,0,45\n100,0,315\n50,100,180\n");
     let command = format!("foxhunt locate {file} --columns x,y,bearing");
@@ -995,7 +1001,7 @@ fn an_autopilots_log_is_the_path_of_the_levels() {
     let began = ["--clock-offset-s", "2026-06-21T14:02:40Z"];
     let report =
         foxhunt(["locate", "--json", &own, &path, "--truth", truth].iter().chain(&began)).json();
-    assert!((report["error_m"].as_f64().expect("a number") - joined).abs() < 0.1, "{report}");
+    assert_abs_diff_eq!(report["error_m"].as_f64().expect("a number"), joined, epsilon = 0.1);
     foxhunt(["locate", &path, &levels, "--tz", "+02:00"]).failed(2, &["levels.csv", "7198 s"]);
     foxhunt(["locate", &path]).failed(2, &["an ArduPilot log", "LEVELS.csv"]);
     let other = file("flight.ulg");

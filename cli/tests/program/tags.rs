@@ -1,5 +1,6 @@
 //! `tags`: pulses assigned to tags.
 
+use approx::assert_abs_diff_eq;
 use std::fmt::Write as _;
 
 use crate::support::{folder, foxhunt, has};
@@ -35,7 +36,7 @@ fn tags_of_a_list() {
     assert_eq!(tags.len(), 1, "{report}");
     assert_eq!(tags[0]["pulses"].as_array().map(Vec::len), Some(60), "{report}");
     let interval = tags[0]["interval_s"].as_f64().expect("a number");
-    assert!((interval - 1.3).abs() < 1e-6, "{interval}");
+    assert_abs_diff_eq!(interval, 1.3, epsilon = 1e-6);
     assert!(foxhunt(["tags", &list]).stdout.contains("unknown 1"));
 
     let table = write("tags_table", "tags.csv", "name,interval_s,frequency_hz\nfox,1.3,150e6\n");

@@ -411,6 +411,7 @@ fn is_nowhere<const M: usize>(below: &SVector<bool, M>) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use nalgebra::{Matrix1, Matrix2, Vector1, Vector2};
 
     use super::*;
@@ -433,10 +434,14 @@ mod tests {
         assert!((scaled.noise() - direct.noise()).norm() < 1e-14);
         let residual = Vector2::new(0.3, 0.9);
         let error = scaled.log_density(&residual) - direct.log_density(&residual);
-        assert!(error.abs() < 1e-14, "off by {error}");
+        assert_abs_diff_eq!(error, 0.0, epsilon = 1e-14);
         let scaled = scaled.without(0);
         let direct = direct.without(0);
-        assert!((scaled.log_density(&residual) - direct.log_density(&residual)).abs() < 1e-14);
+        assert_abs_diff_eq!(
+            scaled.log_density(&residual),
+            direct.log_density(&residual),
+            epsilon = 1e-14
+        );
     }
 
     #[test]
@@ -446,8 +451,12 @@ mod tests {
         let alone = Observation::new(0.0, Pose::default(), Vector1::zeros(), Matrix1::new(4.0));
         let alone = alone.expect("proper").log_density(&Vector1::new(1.0));
         let error = pair.without(1).log_density(&Vector2::new(1.0, 7.0)) - alone;
-        assert!(error.abs() < 1e-14, "off by {error}");
-        assert!(pair.without(0).without(1).log_density(&Vector2::new(1.0, 7.0)).abs() < 1e-14);
+        assert_abs_diff_eq!(error, 0.0, epsilon = 1e-14);
+        assert_abs_diff_eq!(
+            pair.without(0).without(1).log_density(&Vector2::new(1.0, 7.0)),
+            0.0,
+            epsilon = 1e-14
+        );
     }
 
     #[test]
@@ -460,7 +469,7 @@ mod tests {
         assert!(!below.has(0) && below.has(1) && below.is_censored() && below.len() == 1);
         let residual = Vector2::new(3.0, 2.0);
         let error = below.log_density(&residual) - pair.without(0).log_density(&residual);
-        assert!(error.abs() < 1e-15);
+        assert_abs_diff_eq!(error, 0.0, epsilon = 1e-15);
         assert_eq!(below.without(0), pair.without(0), "a missing component has no limit");
         assert_eq!((pair.upper_limit(0), pair.upper_limit(7)), (None, None));
     }

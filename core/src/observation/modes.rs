@@ -70,6 +70,7 @@ impl<const M: usize> Observation<M> {
 
 #[cfg(test)]
 mod tests {
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
     use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
     use super::*;
@@ -92,12 +93,12 @@ mod tests {
     fn it_is_the_mixture_of_its_hypotheses() {
         let pair = pair();
         let (mean, sigma) = modes().moments().expect("two");
-        assert!((pair.value()[1] - mean).abs() < 1e-15);
+        assert_abs_diff_eq!(pair.value()[1], mean, epsilon = 1e-15);
         assert!((pair.noise() - Matrix2::new(4.0, 0.0, 0.0, sigma * sigma)).norm() < 1e-12);
         let total: f64 = pair.hypotheses().map(|(weight, _)| weight).sum();
-        assert!((total - 1.0).abs() < 1e-15);
+        assert_abs_diff_eq!(total, 1.0, epsilon = 1e-15);
         let (weight, far) = pair.hypotheses().nth(1).expect("two");
-        assert!((weight - 0.3).abs() < 1e-15 && far.is_plain());
+        assert!(abs_diff_eq!(weight, 0.3, epsilon = 1e-15) && far.is_plain());
         assert!((far.value() - Vector2::new(-60.0, 1.4)).norm() < 1e-15);
         assert!((far.noise() - Matrix2::new(4.0, 0.0, 0.0, 0.04)).norm() < 1e-15);
         let alone = far.hypotheses().map(|(_, one)| one).next().expect("itself");
@@ -113,10 +114,10 @@ mod tests {
         assert!(pair.marginal::<1>(0).is_plain());
         let scaled = pair.with_noise_scaled(1, 3.0);
         let (_, scaled) = scaled.hypotheses().next().expect("two");
-        assert!((scaled.noise()[(1, 1)] - 0.09).abs() < 1e-12);
+        assert_abs_diff_eq!(scaled.noise()[(1, 1)], 0.09, epsilon = 1e-12);
         let wider = pair.with_more_noise(&Matrix2::new(0.0, 0.0, 0.3, 0.0));
         let (_, wider) = wider.hypotheses().next().expect("two");
-        assert!((wider.noise()[(1, 1)] - 0.10).abs() < 1e-12);
+        assert_abs_diff_eq!(wider.noise()[(1, 1)], 0.10, epsilon = 1e-12);
         let three = Observation::new(0.0, Pose::default(), Vector3::zeros(), Matrix3::identity());
         let three = three.expect("proper").with_bearing_modes(2, modes());
         assert_eq!(three.marginal::<2>(1).bearing_modes(), Some((1, &modes())));

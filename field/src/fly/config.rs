@@ -430,6 +430,7 @@ impl FlightConfig {
 
 #[cfg(test)]
 pub(super) mod tests {
+    use approx::assert_abs_diff_eq;
     use foxhunt_hunt::config::ModelTerrain;
     use foxhunt_sensors::AntennaConfig;
 
@@ -685,7 +686,7 @@ pub(super) mod tests {
         assert_eq!(flight.hunt.airspace.altitude_m, Some([1.5, 1.5]));
         let limits = [flight.hunt.arrival_tolerance_m, flight.hunt.attendance.lost_after_s];
         assert!(limits.iter().zip([3.0, 20.0]).all(|(a, b)| (a - b).abs() < 1e-9), "{limits:?}");
-        assert!((flight.flight.deserted_timeout_s - DAY_S).abs() < 1e-9);
+        assert_abs_diff_eq!(flight.flight.deserted_timeout_s, DAY_S, epsilon = 1e-9);
     }
 
     #[test]

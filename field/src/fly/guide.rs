@@ -193,6 +193,7 @@ impl Warmth {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn the_pitch_has_equal_steps_a_floor_and_a_hold() {
@@ -202,17 +203,18 @@ mod tests {
         let lowest = pitch.hz(0.0).expect("at the floor");
         pitch.received(0.1, -70.0);
         let middle = pitch.hz(0.1).expect("above");
-        assert!((lowest - 200.0).abs() < 1e-9 && (middle - 200.0 * 10_f64.sqrt()).abs() < 1e-9);
+        assert_abs_diff_eq!(lowest, 200.0, epsilon = 1e-9);
+        assert_abs_diff_eq!(middle, 200.0 * 10_f64.sqrt(), epsilon = 1e-9);
         // A fade does not count while the stronger level is held, and counts afterwards.
         pitch.received(0.5, -90.0);
-        assert!((pitch.hz(1.5).expect("held") - middle).abs() < 1e-9);
+        assert_abs_diff_eq!(pitch.hz(1.5).expect("held"), middle, epsilon = 1e-9);
         let faded = pitch.hz(1.7).expect("the later one");
-        assert!((faded - 200.0 * 10_f64.powf(1.0 / 6.0)).abs() < 1e-9, "{faded}");
+        assert_abs_diff_eq!(faded, 200.0 * 10_f64.powf(1.0 / 6.0), epsilon = 1e-9);
         assert_eq!((pitch.hz(2.1), pitch.level_dbm(2.1)), (None, None));
         pitch.received(3.0, -100.1);
         assert_eq!(pitch.hz(3.0), None, "below the floor");
         pitch.received(4.0, 7.0);
-        assert!((pitch.hz(4.0).expect("beyond the top") - 2000.0).abs() < 1e-9);
+        assert_abs_diff_eq!(pitch.hz(4.0).expect("beyond the top"), 2000.0, epsilon = 1e-9);
         pitch.received(4.0, f64::NAN);
         assert_eq!(pitch.peak_dbm(), Some(7.0));
         let wrong = PitchConfig { highest_hz: 100.0, ..PitchConfig::default() };

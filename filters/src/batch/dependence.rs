@@ -58,10 +58,18 @@ pub fn independent_share(
         };
         let of_kept =
             DMatrix::from_fn(kept.len(), kept.len(), |i, j| correlation(kept[i], kept[j]));
+        // Where some were left out, each that was kept stands for its neighbours, which are nearly
+        // in its place.
+        let among = crate::count::number(stride);
+        let mut near = &of_kept * (among * among);
+        for (a, i) in kept.iter().enumerate().filter(|_| stride > 1) {
+            let next = correlation(*i, i.saturating_add(1).min(n - 1));
+            near[(a, a)] = among * of_kept[(a, a)] + among * (among - 1.0) * next;
+        }
         let Some((log_evidence, variance)) = restricted(of_kept, &errors, &slopes) else {
             continue;
         };
-        let Some(effect) = design_effect(jacobian, &kept, stride, correlation) else { continue };
+        let Some(effect) = design_effect(&slopes, &near, among) else { continue };
         if log_evidence > peak {
             let fade = libm::exp(peak - log_evidence);
             (total, sum, peak) = (total * fade, sum * fade, log_evidence);
@@ -109,40 +117,17 @@ fn restricted(
     Some((-log_roots - 0.5 * freedom * libm::log(square), square / (freedom - 2.0).max(1.0)))
 }
 
-/// tr((JᵀJ)⁻¹ JᵀCJ) / p of all observations. Where some of them were left out, each that was kept
-/// stands for its neighbours.
-fn design_effect(
-    jacobian: &DMatrix<f64>,
-    kept: &[usize],
-    stride: usize,
-    correlation: impl Fn(usize, usize) -> f64,
-) -> Option<f64> {
-    let p = jacobian.ncols();
-    let rows: Vec<_> = kept.iter().map(|i| jacobian.row(*i)).collect();
-    let mut spread = DMatrix::zeros(p, p);
-    let mut information = DMatrix::zeros(p, p);
-    let among = crate::count::number(stride);
-    for (a, row) in rows.iter().enumerate() {
-        information += row.transpose() * row * among;
-        for (b, other) in rows.iter().enumerate() {
-            // Those for which one stands are nearly in its place.
-            let own = correlation(kept[a], kept[a]);
-            let near = if a == b && stride > 1 {
-                let next = kept[a].saturating_add(1).min(jacobian.nrows() - 1);
-                among * own + among * (among - 1.0) * correlation(kept[a], next)
-            } else {
-                among * among * correlation(kept[a], kept[b])
-            };
-            spread += row.transpose() * other * near;
-        }
-    }
-    let effect = information.cholesky()?.solve(&spread).trace() / crate::count::number(p);
-    Some(effect)
+/// tr((JᵀJ)⁻¹ JᵀCJ) / p, where each row of J stands for `among` observations.
+fn design_effect(slopes: &DMatrix<f64>, covariance: &DMatrix<f64>, among: f64) -> Option<f64> {
+    let spread = slopes.tr_mul(&(covariance * slopes));
+    let information = (slopes.tr_mul(slopes) * among).cholesky()?;
+    Some(information.solve(&spread).trace() / crate::count::number(slopes.ncols()))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     fn straight(n: u16, step_m: f64) -> (Vec<Vector2<f64>>, DMatrix<f64>) {
         let places = (0..n).map(|i| Vector2::new(step_m * f64::from(i), 0.0)).collect();
@@ -172,7 +157,7 @@ mod tests {
         assert!(share > 0.5 && share <= 1.0, "{share}");
         let twice: Vec<f64> = residuals.iter().map(|r| 2.0 * r).collect();
         let share_of_twice = independent_share(&places, &twice, &jacobian);
-        assert!((share_of_twice / share - 0.25).abs() < 0.08, "{share_of_twice}");
+        assert_abs_diff_eq!(share_of_twice / share, 0.25, epsilon = 0.08);
     }
 
     #[test]
@@ -211,6 +196,6 @@ mod tests {
     #[test]
     fn too_few_errors_show_no_dependence() {
         let (places, jacobian) = straight(4, 10.0);
-        assert!((independent_share(&places, &[1.0; 4], &jacobian) - 1.0).abs() < 1e-12);
+        assert_abs_diff_eq!(independent_share(&places, &[1.0; 4], &jacobian), 1.0, epsilon = 1e-12);
     }
 }

@@ -299,23 +299,25 @@ fn solve(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn the_concentration_is_that_of_the_paper() {
         // 2 (1 − C) + (1 − C)² (0.48794 − 0.82905 C − 1.3915 C²) / C, by hand.
-        assert!((inverse_concentration(0.8) - 0.346_707).abs() < 1e-12);
-        assert!((inverse_concentration(0.5) - 0.862_77).abs() < 1e-12);
+        assert_abs_diff_eq!(inverse_concentration(0.8), 0.346_707, epsilon = 1e-12);
+        assert_abs_diff_eq!(inverse_concentration(0.5), 0.862_77, epsilon = 1e-12);
     }
 
     #[test]
     fn weights_fall_where_the_paper_lets_them() {
         let huber = BearingWeights::Huber { c: 1.5 };
-        assert!((huber.of(1.4) - 1.0).abs() < 1e-15 && (huber.of(3.0) - 0.5).abs() < 1e-15);
+        assert_abs_diff_eq!(huber.of(1.4), 1.0, epsilon = 1e-15);
+        assert_abs_diff_eq!(huber.of(3.0), 0.5, epsilon = 1e-15);
         let andrews = BearingWeights::Andrews { c: 1.5 };
         let quarter = 0.75 * core::f64::consts::PI;
-        assert!((andrews.of(quarter) - core::f64::consts::FRAC_2_PI).abs() < 1e-15);
+        assert_abs_diff_eq!(andrews.of(quarter), core::f64::consts::FRAC_2_PI, epsilon = 1e-15);
         assert!(andrews.of(2.0 * quarter + 1e-9) < 1e-9 && andrews.of(9.0) <= 0.0);
-        assert!((andrews.of(0.0) - 1.0).abs() < 1e-15);
+        assert_abs_diff_eq!(andrews.of(0.0), 1.0, epsilon = 1e-15);
     }
 
     #[test]
@@ -324,7 +326,7 @@ mod tests {
         for (kappa, ratio) in [(1.0, 0.446_40), (2.0, 0.697_77), (5.0, 0.893_38), (10.0, 0.948_60)]
         {
             let found = 1.0 / inverse_concentration(ratio);
-            assert!((found / kappa - 1.0).abs() < 0.03, "{found} for {kappa}");
+            assert_abs_diff_eq!(found / kappa, 1.0, epsilon = 0.03);
         }
     }
 }

@@ -310,6 +310,7 @@ pub(super) fn quantiles<const K: usize>(degrees: usize, at: [f64; K]) -> Option<
 #[cfg(test)]
 mod tests {
     use alloc::vec;
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
 
     use super::*;
 
@@ -340,28 +341,30 @@ mod tests {
             let interval = average(&vec![(1.0, degrees); count]).interval().expect("samples");
             for (at, sum) in interval.iter().zip(sums) {
                 assert!(
-                    (at * number(count) - sum).abs() < 0.01,
+                    abs_diff_eq!(at * number(count), sum, epsilon = 0.01),
                     "{interval:?}, {count}, {degrees}"
                 );
             }
         }
         // Far out, χ² is a normal: 2·10⁶ ± 1.96 · √(4·10⁶).
         let [low, high] = average(&vec![(1.0, 2000); 1000]).interval().expect("samples");
-        assert!((low - 1996.08).abs() < 0.01 && (high - 2003.92).abs() < 0.01, "{low} {high}");
+        assert_abs_diff_eq!(low, 1996.08, epsilon = 0.01);
+        assert_abs_diff_eq!(high, 2003.92, epsilon = 0.01);
     }
 
     #[test]
     fn missing_components_count_less() {
         let mixed = average(&[(3.0, 2), (0.5, 1), (f64::NAN, 0), (2.5, 2)]);
         assert_eq!((mixed.count(), mixed.degrees_of_freedom()), (3, 5));
-        assert!((mixed.average().expect("samples") - 2.0).abs() < 1e-15);
-        assert!((mixed.expected().expect("samples") - 5.0 / 3.0).abs() < 1e-15);
+        assert_abs_diff_eq!(mixed.average().expect("samples"), 2.0, epsilon = 1e-15);
+        assert_abs_diff_eq!(mixed.expected().expect("samples"), 5.0 / 3.0, epsilon = 1e-15);
         // χ²₅: 0.831 and 12.833 (Abramowitz & Stegun 1964, table 26.8).
         let [low, high] = mixed.interval().expect("samples");
-        assert!((3.0 * low - 0.831_212).abs() < 1e-5 && (3.0 * high - 12.832_50).abs() < 1e-5);
+        assert_abs_diff_eq!(3.0 * low, 0.831_212, epsilon = 1e-5);
+        assert_abs_diff_eq!(3.0 * high, 12.832_50, epsilon = 1e-5);
         // By hand: variance 1.75, over three.
         let error = mixed.standard_error().expect("samples");
-        assert!((error * error - 1.75 / 3.0).abs() < 1e-14, "{error}");
+        assert_abs_diff_eq!(error * error, 1.75 / 3.0, epsilon = 1e-14);
     }
 
     #[test]
@@ -419,7 +422,7 @@ mod tests {
         assert_eq!(coverage(0, 0).verdict(), Verdict::TooFew);
         let mut nees = Coverage::new(0.95, 0.95).expect("in range");
         [5.99, 6.0, f64::NAN].iter().for_each(|n| nees.add_nees(*n));
-        assert!((nees.share().expect("three") - 1.0 / 3.0).abs() < 1e-15);
+        assert_abs_diff_eq!(nees.share().expect("three"), 1.0 / 3.0, epsilon = 1e-15);
         assert!(Coverage::new(1.0, 0.95).is_err() && Coverage::new(0.95, 0.0).is_err());
     }
 }

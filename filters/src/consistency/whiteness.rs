@@ -114,6 +114,7 @@ impl<const M: usize> Innovation<M> {
 
 #[cfg(test)]
 mod tests {
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
     use nalgebra::{Vector1, Vector2};
     use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
     use rand_distr::StandardNormal;
@@ -129,12 +130,16 @@ mod tests {
         // (−2 − 6) / 14 and 3 / 14; variances 2 / 15 and 1 / 15.
         assert!((correlations[0].rho + 8.0 / 14.0).abs() < 1e-15 && correlations[0].lag == 1);
         assert!((correlations[1].rho - 3.0 / 14.0).abs() < 1e-15 && correlations[1].lag == 2);
-        assert!((correlations[0].sigma * correlations[0].sigma - 2.0 / 15.0).abs() < 1e-15);
+        assert_abs_diff_eq!(
+            correlations[0].sigma * correlations[0].sigma,
+            2.0 / 15.0,
+            epsilon = 1e-15
+        );
         let test = whiteness.ljung_box().expect("pairs");
         let statistic = (64.0 / 2.0 + 9.0) / 196.0 * 15.0;
-        assert!((test.statistic - statistic).abs() < 1e-12 && test.lags == 2);
+        assert!(abs_diff_eq!(test.statistic, statistic, epsilon = 1e-12) && test.lags == 2);
         // χ² of two degrees of freedom exceeds q with exp(−q / 2).
-        assert!((test.p_value - libm::exp(-0.5 * statistic)).abs() < 1e-9);
+        assert_abs_diff_eq!(test.p_value, libm::exp(-0.5 * statistic), epsilon = 1e-9);
         assert_eq!(Whiteness::new(3).ljung_box(), None);
     }
 
@@ -181,7 +186,7 @@ mod tests {
         // 3.3 standard errors of a share of 0.05 of 2000, and what the χ² is off for 5 lags of 64
         // numbers: a hundredth.
         let white = failing(|_, drawn| drawn);
-        assert!((white - 0.05).abs() < 0.026, "{white}");
+        assert_abs_diff_eq!(white, 0.05, epsilon = 0.026);
         assert!(failing(|before, drawn| 0.5 * before + drawn) > 0.7);
         assert!(failing(|_, drawn| 0.6 + drawn) > 0.7);
     }

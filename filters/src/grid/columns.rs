@@ -554,6 +554,7 @@ fn log_integral(shift: f64, information: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use nalgebra::{Matrix4, Vector4};
 
     use super::*;
@@ -566,7 +567,7 @@ mod tests {
             .fixed_view_mut::<2, 2>(2, 2)
             .copy_from(&nalgebra::Matrix2::new(4.0, 1.0, 1.0, 2.0));
         let cell = Cell::of(-3.0, &mean, &covariance).expect("definite");
-        assert!((cell.log_marginal() + 3.0).abs() < 1e-14);
+        assert_abs_diff_eq!(cell.log_marginal(), -3.0, epsilon = 1e-14);
         let mut columns = Columns::<4>::new(2, 3, &Matrix4::identity());
         columns.set(1, 2, &cell);
         let (found, spread) = columns.cell(1, 2).conditional().expect("definite");
@@ -587,6 +588,6 @@ mod tests {
             .map(|i| f64::from(i) * step)
             .map(|n| libm::exp(0.2 + 1.1 * n - 0.35 * n * n) * step)
             .sum();
-        assert!((libm::log(sum) - cell.log_marginal()).abs() < 1e-12);
+        assert_abs_diff_eq!(libm::log(sum), cell.log_marginal(), epsilon = 1e-12);
     }
 }

@@ -425,6 +425,7 @@ fn grown(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     fn lattice() -> Lattice {
         let half_sides = Matrix2::new(3.0, -1.0, 1.5, 2.0);
@@ -439,7 +440,7 @@ mod tests {
             let cell = Vector2::new(number(i % 9), number(i / 9));
             assert!((at - cell).norm() < 1e-12, "{at}");
         }
-        assert!((lattice.cell_area() - 4.0 * 7.5 / 81.0).abs() < 1e-12);
+        assert_abs_diff_eq!(lattice.cell_area(), 4.0 * 7.5 / 81.0, epsilon = 1e-12);
     }
 
     #[test]
@@ -469,7 +470,7 @@ mod tests {
             mean += x * *weight;
             square += x * x.transpose() * *weight;
         }
-        assert!((total - sum).abs() < 1e-12 * sum);
+        assert_abs_diff_eq!(total, sum, epsilon = 1e-12 * sum);
         assert!((first - mean).norm() < 1e-12 * sum && (second - square).norm() < 1e-11 * sum);
     }
 

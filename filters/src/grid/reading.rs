@@ -261,6 +261,7 @@ fn bent(four: [f64; 4], behind: usize, t: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use crate::vectorised::run;
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
 
     use super::*;
 
@@ -285,7 +286,7 @@ mod tests {
         for [x, y] in [[0.0, 0.0], [0.3, 0.4], [3.5, 7.9], [8.0, 8.0], [7.7, 0.2], [4.1, 4.9]] {
             for read in read(Vector2::new(x, y), &column) {
                 let error = read - quadratic(x, y);
-                assert!(error.abs() < 1e-11, "off by {error} at {x}, {y}");
+                assert!(abs_diff_eq!(error, 0.0, epsilon = 1e-11), "off by {error} at {x}, {y}");
             }
         }
     }
@@ -311,7 +312,7 @@ mod tests {
             for (i, value) in new.iter().enumerate() {
                 let at = origin + steps * Vector2::new(number(i % 7), number(i / 7));
                 let expected = factor * (at.x + 9.0 * at.y);
-                assert!((value - expected).abs() < 1e-12 * 81.0, "{value} for {expected}");
+                assert_abs_diff_eq!(*value, expected, epsilon = 1e-12 * 81.0);
             }
         }
     }
@@ -343,7 +344,7 @@ mod tests {
             let at = Vector2::new(0.2 * number(i % 40), 0.2 * number(i / 40)).add_scalar(0.07);
             let exact = Place::at(&at, 9).read_limited(&column, 9);
             let [any, log] = read(at, &column);
-            assert!((log - exact).abs() < 1e-10, "{log} for {exact} at {at}");
+            assert!(abs_diff_eq!(log, exact, epsilon = 1e-10), "{log} for {exact} at {at}");
             limited += usize::from((any - exact).abs() > 1e-10);
         }
         assert!((200..1400).contains(&limited), "{limited}");
@@ -354,7 +355,7 @@ mod tests {
         let mut column = [0.5; 81];
         column[40] = f64::NEG_INFINITY;
         for value in read(Vector2::new(3.2, 4.0), &column) {
-            assert!((value - 0.5).abs() < 1e-15);
+            assert_abs_diff_eq!(value, 0.5, epsilon = 1e-15);
         }
         for value in read(Vector2::new(3.9, 4.1), &column) {
             assert!(value <= f64::NEG_INFINITY);

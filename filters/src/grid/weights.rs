@@ -240,6 +240,7 @@ fn taps(variance: f64, side: usize) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn a_gaussian_stays_one_and_gains_the_variance() {
@@ -259,7 +260,7 @@ mod tests {
             let weight = |i: usize| weights[i];
             let total: f64 = weights.iter().sum();
             let expected = core::f64::consts::TAU * before;
-            assert!((total / expected - 1.0).abs() < 1e-9, "mass {total}, not {expected}");
+            assert_abs_diff_eq!(total / expected, 1.0, epsilon = 1e-9);
             for (along, added) in added.into_iter().enumerate() {
                 let at = |i: usize| axis(if along == 0 { i % SIDE } else { i / SIDE });
                 let variance =

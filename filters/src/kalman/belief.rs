@@ -168,6 +168,7 @@ pub(super) fn mix<const N: usize>(
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use foxhunt_core::{Estimate, Pose, Role};
     use nalgebra::{Matrix2, Vector2};
 
@@ -234,7 +235,7 @@ mod tests {
         let axes = [Axis::Linear; 2];
         let logs = [libm::log(share * 0.1), libm::log((1.0 - share) * 0.1)];
         let (belief, log_evidence) = mix(&prior, &posterior, logs, &axes).expect("definite");
-        assert!((log_evidence - libm::log(0.1)).abs() < 1e-15);
+        assert_abs_diff_eq!(log_evidence, libm::log(0.1), epsilon = 1e-15);
         let belief = belief.estimate();
         assert!((belief.mean - Vector2::new(1.2, 0.4)).norm() < 1e-14);
         // 0.4 P⁺ + 0.6 P + 0.24 d dᵀ with d = (3, 1).

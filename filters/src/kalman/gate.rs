@@ -149,6 +149,7 @@ impl Record {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn quantiles_are_those_of_the_tables() {
@@ -165,7 +166,7 @@ mod tests {
         }
         for dof in [1, 2, 9] {
             let error = Gate::pritzl2018().limit(dof) - 23.965_858_188_431_916;
-            assert!(error.abs() < 1e-13, "off by {error}");
+            assert_abs_diff_eq!(error, 0.0, epsilon = 1e-13);
             assert!(Gate::open().limit(dof).is_infinite());
         }
         assert!(gate.limit(0).is_infinite());

@@ -283,6 +283,7 @@ pub fn polar_moments(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn the_moments_are_those_of_an_integral() {
@@ -311,7 +312,7 @@ mod tests {
     fn a_thin_fan_keeps_its_digits() {
         let made = polar_moments((1e4, 1.0), (0.0, 1e-6));
         // Across: (r σ)² (1 − σ²) + …; along: σ_r² and half of (r σ²)².
-        assert!((made.covariance[(1, 1)] - 1e-4).abs() < 1e-10);
-        assert!((made.covariance[(0, 0)] - 1.0).abs() < 1e-10);
+        assert_abs_diff_eq!(made.covariance[(1, 1)], 1e-4, epsilon = 1e-10);
+        assert_abs_diff_eq!(made.covariance[(0, 0)], 1.0, epsilon = 1e-10);
     }
 }

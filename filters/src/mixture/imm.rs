@@ -344,6 +344,7 @@ fn product(a: &[f64], b: &[f64], n: usize) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::abs_diff_eq;
 
     #[test]
     fn two_modes_relax_exponentially() {
@@ -357,7 +358,7 @@ mod tests {
             let expected =
                 [at_rest + 0.8 * left, 0.8 - 0.8 * left, 0.2 - 0.2 * left, 0.8 + 0.2 * left];
             for (p, e) in over.iter().zip(expected) {
-                assert!((p - e).abs() < 1e-12, "{dt} s: {over:?}, not {expected:?}");
+                assert!(abs_diff_eq!(*p, e, epsilon = 1e-12), "{dt} s: {over:?}, not {expected:?}");
             }
         }
     }

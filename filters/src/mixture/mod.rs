@@ -272,6 +272,7 @@ fn nis_of_mixture<const M: usize>(
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use nalgebra::{Matrix2, Vector2};
 
     use super::*;
@@ -287,8 +288,12 @@ mod tests {
         let mixed = combine(parts.into_iter(), &axes).expect("finite");
         // By hand: the angles lie 2π − 6.2 apart, the means at ¾ of the way.
         let apart = core::f64::consts::TAU - 6.2;
-        assert!((mixed.mean.x - 3.0).abs() < 1e-14);
-        assert!((mixed.mean.y - foxhunt_core::angle::wrap(3.1 + 0.75 * apart)).abs() < 1e-14);
+        assert_abs_diff_eq!(mixed.mean.x, 3.0, epsilon = 1e-14);
+        assert_abs_diff_eq!(
+            mixed.mean.y,
+            foxhunt_core::angle::wrap(3.1 + 0.75 * apart),
+            epsilon = 1e-14
+        );
         let between = 0.25 * 0.75;
         let expected = Matrix2::new(
             1.0 + between * 16.0,

@@ -209,6 +209,7 @@ fn log_determinant<const N: usize>(estimate: &Estimate<N>) -> f64 {
 #[cfg(test)]
 mod tests {
     use alloc::vec;
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
 
     use nalgebra::Vector1;
 
@@ -221,9 +222,9 @@ mod tests {
             let moment = |power: i32| -> f64 {
                 nodes.iter().map(|(w, m)| w * libm::pow(*m, f64::from(power))).sum()
             };
-            assert!((moment(0) - 1.0).abs() < 1e-12, "{parts}");
-            assert!(moment(1).abs() < 1e-12, "{parts}");
-            assert!((moment(2) + spread * spread - 1.0).abs() < 1e-12, "{parts}");
+            assert!(abs_diff_eq!(moment(0), 1.0, epsilon = 1e-12), "{parts}");
+            assert!(abs_diff_eq!(moment(1), 0.0, epsilon = 1e-12), "{parts}");
+            assert!(abs_diff_eq!(moment(2) + spread * spread, 1.0, epsilon = 1e-12), "{parts}");
         }
     }
 
@@ -267,7 +268,8 @@ mod tests {
         let mut light =
             vec![part(0, 0.5, 0.0, 1.0), part(1, 1e-9, 9.0, 1.0), part(2, 0.5, 3.0, 1.0)];
         reduce(&mut light, 2, 0.0, &[Axis::Linear]).expect("finite");
-        assert!((light[0].weight - 0.5).abs() < 1e-6 && (light[1].weight - 0.5).abs() < 1e-6);
+        assert_abs_diff_eq!(light[0].weight, 0.5, epsilon = 1e-6);
+        assert_abs_diff_eq!(light[1].weight, 0.5, epsilon = 1e-6);
     }
 
     #[test]

@@ -102,6 +102,7 @@ impl<const N: usize> Bins<N> {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use nalgebra::Vector2;
 
     use super::*;
@@ -119,7 +120,7 @@ mod tests {
         assert_eq!(kld.particles(usize::MAX), 1_000_000);
         let coarse = kld.with_error(0.1, 0.95).expect("in range");
         // χ²₁₀ at 0.95, over 0.2.
-        assert!((number(coarse.particles(11)) / (5.0 * 18.307) - 1.0).abs() < 0.015);
+        assert_abs_diff_eq!(number(coarse.particles(11)) / (5.0 * 18.307), 1.0, epsilon = 0.015);
     }
 
     #[test]

@@ -461,6 +461,7 @@ fn check_progressive(share: f64) -> Result<f64, ParameterError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn weights_far_below_the_smallest_number_are_still_distinguished() {
@@ -468,17 +469,17 @@ mod tests {
         let mut posterior = Weights::even(4);
         posterior.log = alloc::vec![-2000.0, -2000.0 + libm::log(3.0), f64::NEG_INFINITY, -3000.0];
         let evidence = posterior.condition(&prior, Threads::One).expect("two are possible");
-        assert!((evidence + 2000.0).abs() < 1e-12, "ln(¼ (1 + 3)) = 0: {evidence}");
+        assert_abs_diff_eq!(evidence, -2000.0, epsilon = 1e-12);
         let expected = [0.25, 0.75, 0.0, 0.0];
         for (weight, expected) in posterior.linear.iter().zip(expected) {
-            assert!((weight - expected).abs() < 1e-12, "{weight}, not {expected}");
+            assert_abs_diff_eq!(*weight, expected, epsilon = 1e-12);
         }
-        assert!((posterior.effective_sample_size() - 1.6).abs() < 1e-12);
+        assert_abs_diff_eq!(posterior.effective_sample_size(), 1.6, epsilon = 1e-12);
         // What is left at −∞ makes no NaN the next time.
         let mut again = Weights::even(4);
         again.log = alloc::vec![-1.0; 4];
         let evidence = again.condition(&posterior, Threads::One).expect("possible");
-        assert!((evidence + 1.0).abs() < 1e-12);
+        assert_abs_diff_eq!(evidence, -1.0, epsilon = 1e-12);
         assert!(again.linear.iter().all(|w| w.is_finite()));
     }
 

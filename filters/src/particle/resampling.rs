@@ -451,6 +451,7 @@ impl<'a, S: Fn(f64) -> f64> Walk<'a, S> {
 #[cfg(test)]
 mod tests {
     use alloc::{vec, vec::Vec};
+    use approx::assert_abs_diff_eq;
 
     use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 
@@ -495,7 +496,7 @@ mod tests {
         for (weight, mean) in WEIGHTS.iter().zip(means) {
             // Beyond its floor a count is Bernoulli: σ ≤ 0.5 / √20 000; five of them, so a false
             // alarm comes once in 3 million runs.
-            assert!((mean - 6.0 * weight).abs() < 5.0 * 0.5 / libm::sqrt(20_000.0), "{mean}");
+            assert_abs_diff_eq!(mean, 6.0 * weight, epsilon = 5.0 * 0.5 / libm::sqrt(20_000.0));
         }
     }
 
@@ -545,12 +546,12 @@ mod tests {
         for ((weight, mean), square) in WEIGHTS.iter().zip(means).zip(squares) {
             let variance = 6.0 * weight * (1.0 - weight);
             let band = 5.0 * libm::sqrt(variance / 20_000.0);
-            assert!((mean - 6.0 * weight).abs() <= band, "{mean} of {weight}");
+            assert_abs_diff_eq!(mean, 6.0 * weight, epsilon = band);
             // The variance of a squared deviation is at most 3 of its square here, by the
             // binomial's kurtosis 3 + (1 − 6 w (1 − w)) / variance.
             let kurtosis = 3.0 + (1.0 - 6.0 * weight * (1.0 - weight)) / variance.max(1e-9);
             let band = 5.0 * variance * libm::sqrt((kurtosis - 1.0) / 20_000.0);
-            assert!((square - variance).abs() <= band, "variance {square}, not {variance}");
+            assert_abs_diff_eq!(square, variance, epsilon = band);
         }
     }
 
@@ -564,7 +565,7 @@ mod tests {
         });
         for (weight, mean) in WEIGHTS.iter().zip(means) {
             // Two draws of at most ½: a variance of ½; five σ of the mean of 20 000.
-            assert!((mean - 6.0 * weight).abs() < 5.0 * libm::sqrt(0.5 / 20_000.0), "{mean}");
+            assert_abs_diff_eq!(mean, 6.0 * weight, epsilon = 5.0 * libm::sqrt(0.5 / 20_000.0));
         }
         // Even weights are all copied once.
         let mut ancestors = [u32::MAX; 10];
@@ -582,7 +583,7 @@ mod tests {
         });
         for (weight, mean) in WEIGHTS.iter().zip(means) {
             // A draw in each of two strides may or may not fall to a particle: a variance of ½.
-            assert!((mean - 6.0 * weight).abs() < 5.0 * libm::sqrt(0.5 / 20_000.0), "{mean}");
+            assert_abs_diff_eq!(mean, 6.0 * weight, epsilon = 5.0 * libm::sqrt(0.5 / 20_000.0));
         }
     }
 }

@@ -303,6 +303,7 @@ pub(super) fn moments<const N: usize>(
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use foxhunt_core::nalgebra::Vector2;
 
     use super::*;
@@ -320,8 +321,12 @@ mod tests {
         let variance = |w: [f64; 3]| -> f64 {
             w.iter().zip(turned).map(|(w, t)| w * (t - angle) * (t - angle)).sum()
         };
-        assert!((estimate.covariance[(1, 1)] - variance([0.5, 0.25, 0.25])).abs() < 1e-14);
-        assert!((estimate.covariance[(0, 0)] - 2.75).abs() < 1e-14);
+        assert_abs_diff_eq!(
+            estimate.covariance[(1, 1)],
+            variance([0.5, 0.25, 0.25]),
+            epsilon = 1e-14
+        );
+        assert_abs_diff_eq!(estimate.covariance[(0, 0)], 2.75, epsilon = 1e-14);
     }
 
     #[test]
@@ -329,7 +334,7 @@ mod tests {
         // About 3.0, −0.3 and 0.1 lie on different sides.
         let columns = [alloc::vec![3.0, -0.3, 0.1]];
         let estimate = moments(&columns, &[0.0, 0.5, 0.5], &[Axis::Angle], Threads::One);
-        assert!((estimate.mean[0] + 0.1).abs() < 1e-14, "{}", estimate.mean);
-        assert!((estimate.covariance[0] - 0.04).abs() < 1e-14, "{}", estimate.covariance);
+        assert_abs_diff_eq!(estimate.mean[0], -0.1, epsilon = 1e-14);
+        assert_abs_diff_eq!(estimate.covariance[0], 0.04, epsilon = 1e-14);
     }
 }

@@ -167,6 +167,7 @@ pub(super) fn silverman(dimension: usize, count: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
 
     #[test]
     fn the_numbers_are_those_of_the_generator() {
@@ -227,11 +228,11 @@ mod tests {
             [1.0, 1.0, 2.0, 2.0, 15.0, 15.0, 96.0, 96.0, 1.0, 3.0, 3.0, 8.0],
         );
         for ((sum, mean), variance) in sums.iter().zip(means).zip(variances) {
-            assert!((sum - mean).abs() < 5.0 * libm::sqrt(variance / 4e5), "{sum}, not {mean}");
+            assert_abs_diff_eq!(*sum, mean, epsilon = 5.0 * libm::sqrt(variance / 4e5));
         }
         for (count, share) in inside.iter().zip([0.382_924_922_548_026, 0.066_807_201_268_858]) {
             let error = libm::sqrt(share * (1.0 - share) / 4e5);
-            assert!((f64::from(*count) / 4e5 - share).abs() < 5.0 * error, "{count}");
+            assert!(abs_diff_eq!(f64::from(*count) / 4e5, share, epsilon = 5.0 * error), "{count}");
         }
     }
 
@@ -248,7 +249,7 @@ mod tests {
             sum += draws.iter().sum::<f64>() / 512e3;
             squares += draws.iter().map(|draw| draw * draw).sum::<f64>() / 512e3;
         }
-        assert!((sum - 1.0).abs() < 5.0 / libm::sqrt(512e3), "{sum}");
-        assert!((squares - 2.0).abs() < 5.0 * libm::sqrt(20.0 / 512e3), "{squares}");
+        assert_abs_diff_eq!(sum, 1.0, epsilon = 5.0 / libm::sqrt(512e3));
+        assert_abs_diff_eq!(squares, 2.0, epsilon = 5.0 * libm::sqrt(20.0 / 512e3));
     }
 }

@@ -275,6 +275,7 @@ fn remaining(
 #[cfg(test)]
 mod tests {
     use alloc::vec;
+    use approx::assert_abs_diff_eq;
 
     use nalgebra::DMatrix;
 
@@ -312,17 +313,17 @@ mod tests {
         let weights = c.lu().solve(&with).expect("regular");
         let given = &censored.given[0][0];
         let mean: f64 = weights.iter().zip(&values).map(|(weight, value)| weight * value).sum();
-        assert!((given.value - mean).abs() < 1e-12, "{} {mean}", given.value);
-        assert!((given.ones - (1.0 - weights.sum())).abs() < 1e-12);
-        assert!((given.variance - (1.0 - weights.dot(&with))).abs() < 1e-12);
+        assert_abs_diff_eq!(given.value, mean, epsilon = 1e-12);
+        assert_abs_diff_eq!(given.ones, 1.0 - weights.sum(), epsilon = 1e-12);
+        assert_abs_diff_eq!(given.variance, 1.0 - weights.dot(&with), epsilon = 1e-12);
 
         // A regressor that the values follow is taken off in the same way.
         let row = |value: f64| [[value; 16], [2.0 * value; 16]];
         let mut beyond = Vec::new();
         let known: Vec<[Row; 2]> = values.iter().map(|value| row(*value)).collect();
         censored.beyond_neighbours(0, &[row(7.0)], &known, &mut beyond);
-        assert!((beyond[0][0][3] - (7.0 - mean)).abs() < 1e-12);
-        assert!((beyond[0][1][3] - 2.0 * (7.0 - mean)).abs() < 1e-12);
+        assert_abs_diff_eq!(beyond[0][0][3], 7.0 - mean, epsilon = 1e-12);
+        assert_abs_diff_eq!(beyond[0][1][3], 2.0 * (7.0 - mean), epsilon = 1e-12);
     }
 
     #[test]
@@ -351,11 +352,11 @@ mod tests {
             let all = censored.log_probability(0, &law, &none, 0, f64::NEG_INFINITY);
             all / log_normal_cdf(-1.0)
         };
-        assert!((of(&[(0.0, 0.0)]) - 1.0).abs() < 1e-6);
-        assert!((of(&[(0.0, 0.0), (0.0, 0.0)]) - 1.0).abs() < 1e-6);
-        assert!((of(&[(0.0, 0.0), (1e4, 0.0)]) - 2.0).abs() < 1e-6);
+        assert_abs_diff_eq!(of(&[(0.0, 0.0)]), 1.0, epsilon = 1e-6);
+        assert_abs_diff_eq!(of(&[(0.0, 0.0), (0.0, 0.0)]), 1.0, epsilon = 1e-6);
+        assert_abs_diff_eq!(of(&[(0.0, 0.0), (1e4, 0.0)]), 2.0, epsilon = 1e-6);
         // Of 300 side by side 100 are weighed, each for three.
         let many: Vec<(f64, f64)> = (0..300).map(|i| (1e3 * f64::from(i), 0.0)).collect();
-        assert!((of(&many) - 300.0).abs() < 1e-3);
+        assert_abs_diff_eq!(of(&many), 300.0, epsilon = 1e-3);
     }
 }

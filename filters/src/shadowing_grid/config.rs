@@ -303,6 +303,7 @@ impl ShadowingGridConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn lengths_follow_the_extent() {
@@ -337,6 +338,6 @@ mod tests {
             assert!((density(east, north) - students(beyond)).abs() < 1e-12, "{east} {north}");
         }
         let even = PlacePrior::Even.log_density(&low, &high);
-        assert!(even(&Vector2::new(1e6, 0.0)).abs() < 1e-300);
+        assert_abs_diff_eq!(even(&Vector2::new(1e6, 0.0)), 0.0, epsilon = 1e-300);
     }
 }

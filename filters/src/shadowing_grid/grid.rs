@@ -367,6 +367,7 @@ const NEGLIGIBLE: f64 = 1.5e-8;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn cells_grow_until_they_are_few_enough() {
@@ -389,7 +390,7 @@ mod tests {
         let mut mass = alloc::vec![0.0; 12];
         (mass[4], mass[7], mass[11]) = (0.5, 0.25, 0.25); // (1, 1), (1, 2) inside; (2, 3) a corner
         let map = PosteriorMap::new(grid, mass);
-        assert!((map.border_mass() - 0.25).abs() < 1e-15);
+        assert_abs_diff_eq!(map.border_mass(), 0.25, epsilon = 1e-15);
         let estimate = map.estimate();
         assert!((estimate.mean - Vector2::new(1.75, 2.25)).norm() < 1e-12);
         let twelfth = 1.0 / 12.0;
@@ -407,7 +408,7 @@ mod tests {
         // Fine cells for a wide blur, and cells that are far larger than the blur.
         for (sigma_m, max_cells) in [(4.0, 10_000), (0.05, 10_000), (4.0, 9)] {
             let blurred = map.blurred(sigma_m, max_cells);
-            assert!((blurred.mass().iter().sum::<f64>() - 1.0).abs() < 1e-12);
+            assert_abs_diff_eq!(blurred.mass().iter().sum::<f64>(), 1.0, epsilon = 1e-12);
             let after = blurred.estimate();
             assert!((after.mean - before.mean).norm() < 1e-6, "{after:?}");
             let added = (after.covariance - before.covariance).diagonal();
@@ -432,7 +433,7 @@ mod tests {
         assert!((median - Vector2::new(5.5, 5.5)).norm() < 0.1, "{median}");
         // 0.1 · 94² away from the median along East, and a cell's own share.
         let about = map.about(Vector2::new(5.5, 5.5)).covariance;
-        assert!((about[(0, 0)] - 883.6 - 1.0 / 12.0).abs() < 1e-9, "{about}");
+        assert_abs_diff_eq!(about[(0, 0)] - 883.6, 1.0 / 12.0, epsilon = 1e-9);
     }
 
     #[test]
@@ -442,7 +443,8 @@ mod tests {
         // 9 / √12 = 2.6 m is the σ on each axis.
         let middle = Vector2::repeat(4.5);
         let at = |east: f64| map.centre(middle + Vector2::new(east, 0.0)).x - middle.x;
-        assert!((at(0.2) - 0.2).abs() < 1e-6 && at(2.0).abs() < 1e-6, "{} {}", at(0.2), at(2.0));
+        assert_abs_diff_eq!(at(0.2), 0.2, epsilon = 1e-6);
+        assert_abs_diff_eq!(at(2.0), 0.0, epsilon = 1e-6);
         assert!(at(0.4) > 0.05 && at(0.4) < 0.4, "{}", at(0.4));
     }
 

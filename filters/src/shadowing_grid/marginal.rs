@@ -88,6 +88,7 @@ impl Moments {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn a_mixture_has_the_variance_of_its_parts_and_between_them() {
@@ -95,9 +96,9 @@ mod tests {
         mixture.add(1.0, 1e6, 4.0);
         mixture.add(0.0, f64::NAN, f64::NAN); // no weight, no effect
         mixture.add(3.0, 1e6 + 8.0, 1.0);
-        assert!((mixture.mean() - (1e6 + 6.0)).abs() < 1e-9);
+        assert_abs_diff_eq!(mixture.mean(), 1e6 + 6.0, epsilon = 1e-9);
         // (4 + 3 · 1) / 4 within and (36 + 3 · 4) / 4 between.
-        assert!((mixture.variance() - 13.75).abs() < 1e-9);
-        assert!((mixture.marginal().sd - libm::sqrt(13.75)).abs() < 1e-9);
+        assert_abs_diff_eq!(mixture.variance(), 13.75, epsilon = 1e-9);
+        assert_abs_diff_eq!(mixture.marginal().sd, libm::sqrt(13.75), epsilon = 1e-9);
     }
 }

@@ -376,6 +376,7 @@ fn quantile_of(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     const MEDIAN: Summary = Summary::Quantile(0.5);
 
@@ -434,8 +435,10 @@ mod tests {
         let values = [-60.0, -50.0, -90.0, -52.0, -85.0];
         let readings = values.map(|value| reading(value, Censoring::None));
         let quantile = |q| Summary::Quantile(q).of(&readings, &mut Vec::new()).0;
-        assert!((quantile(0.9) - -50.8).abs() < 1e-12 && (quantile(1.0) - -50.0).abs() < 1e-12);
-        assert!((quantile(0.5) - -60.0).abs() < 1e-12 && (quantile(0.0) - -90.0).abs() < 1e-12);
+        assert_abs_diff_eq!(quantile(0.9), -50.8, epsilon = 1e-12);
+        assert_abs_diff_eq!(quantile(1.0), -50.0, epsilon = 1e-12);
+        assert_abs_diff_eq!(quantile(0.5), -60.0, epsilon = 1e-12);
+        assert_abs_diff_eq!(quantile(0.0), -90.0, epsilon = 1e-12);
     }
 
     #[test]

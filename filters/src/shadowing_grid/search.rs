@@ -172,6 +172,7 @@ const LITTLE_ON_BORDER: f64 = 2e-3;
 #[cfg(test)]
 mod tests {
     use alloc::vec::Vec;
+    use approx::assert_abs_diff_eq;
 
     use super::*;
 
@@ -244,6 +245,6 @@ mod tests {
         assert!(searched.border_mass() < LITTLE_ON_BORDER, "{}", searched.border_mass());
         let found = refined.expect("cells are too coarse").estimate();
         assert!((found.mean - place).norm() < 0.01, "{}", found.mean);
-        assert!((found.covariance[(0, 0)].sqrt() - 1.5).abs() < 0.02, "{}", found.covariance);
+        assert_abs_diff_eq!(found.covariance[(0, 0)].sqrt(), 1.5, epsilon = 0.02);
     }
 }

@@ -227,6 +227,7 @@ impl<S: Shape> FormationPlanner for FollowEstimate<S> {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use foxhunt_core::{Estimate, Pose, laws};
     use proptest::prelude::*;
 
@@ -252,8 +253,8 @@ mod tests {
         let mut stations = stations();
         planner.begin(&mut stations).expect("three drones");
         assert!((planner.centre() - Vector2::new(1.0, 1.0)).norm() < 1e-12);
-        assert!((stations[0].goal.position.x - 7.0).abs() < 1e-12);
-        assert!((stations[0].goal.position.z - 4.0).abs() < 1e-12);
+        assert_abs_diff_eq!(stations[0].goal.position.x, 7.0, epsilon = 1e-12);
+        assert_abs_diff_eq!(stations[0].goal.position.z, 4.0, epsilon = 1e-12);
 
         // Settled at once, but fewer than three positions were measured.
         for _ in 0..2 {
@@ -263,23 +264,23 @@ mod tests {
         // Moved too far, then settled.
         let decision = planner.plan(&at(3.0, 1.0), &mut stations);
         assert_eq!(decision, Ok(Decision::Listen(Stage::Searching)));
-        assert!(planner.rotation().abs() < 1e-12);
+        assert_abs_diff_eq!(planner.rotation(), 0.0, epsilon = 1e-12);
         for turned in 1..=4 {
             let decision = planner.plan(&at(3.1, 1.0), &mut stations);
             assert_eq!(decision, Ok(Decision::Listen(Stage::Finishing)));
-            assert!((planner.rotation() - f64::from(turned) * PI / 6.0).abs() < 1e-12);
-            assert!((stations[1].goal.position.z - 3.0).abs() < 1e-12);
+            assert_abs_diff_eq!(planner.rotation(), f64::from(turned) * PI / 6.0, epsilon = 1e-12);
+            assert_abs_diff_eq!(stations[1].goal.position.z, 3.0, epsilon = 1e-12);
             let direction =
                 crate::planners::direction(planner.centre(), &stations[0].goal.position.xy());
-            assert!((direction - planner.rotation()).abs() < 1e-9);
+            assert_abs_diff_eq!(direction, planner.rotation(), epsilon = 1e-9);
         }
         let decision = planner.plan(&at(3.2, 1.0), &mut stations);
         assert_eq!(decision, Ok(Decision::Finish(Outcome::Converged)));
 
         // The next target: back to the search altitude, the rotation kept.
         planner.begin(&mut stations).expect("three drones");
-        assert!((stations[0].goal.position.z - 4.0).abs() < 1e-12);
-        assert!((planner.rotation() - 4.0 * PI / 6.0).abs() < 1e-12);
+        assert_abs_diff_eq!(stations[0].goal.position.z, 4.0, epsilon = 1e-12);
+        assert_abs_diff_eq!(planner.rotation(), 4.0 * PI / 6.0, epsilon = 1e-12);
 
         // One of which something is known: around where it is believed to be.
         planner.resume(&at(8.0, -3.0), &mut stations).expect("three drones");

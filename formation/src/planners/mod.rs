@@ -314,6 +314,7 @@ pub(super) fn spiral(
 
 #[cfg(test)]
 mod tests {
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
     use core::f64::consts::FRAC_PI_6;
 
     use super::*;
@@ -324,10 +325,10 @@ mod tests {
         assert_eq!(rule.check(), Ok(()));
         for distance in [4.0, 10.0, 30.0] {
             let elevation = libm::atan2(rule.altitude(distance), distance);
-            assert!((elevation - 0.5).abs() < 1e-12, "{elevation} at {distance} m");
+            assert!(abs_diff_eq!(elevation, 0.5, epsilon = 1e-12), "{elevation} at {distance} m");
         }
         for (distance, altitude) in [(0.0, 2.0), (1.0, 2.0), (300.0, 20.0)] {
-            assert!((rule.altitude(distance) - altitude).abs() < 1e-12);
+            assert_abs_diff_eq!(rule.altitude(distance), altitude, epsilon = 1e-12);
         }
     }
 

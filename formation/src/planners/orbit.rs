@@ -255,6 +255,7 @@ impl FormationPlanner for Arcs {
 
 #[cfg(test)]
 mod tests {
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
     use foxhunt_core::{Estimate, Outcome, Pose, Stage, laws};
 
     use super::*;
@@ -272,14 +273,14 @@ mod tests {
         let end = target.search(&mut orbit(), &mut drones, |_, stations| {
             let goals = || stations.iter().map(|station| station.goal.position);
             let centre = goals().map(|goal| goal.xy()).sum::<Vector2<f64>>() / 3.0;
-            assert!(goals().all(|goal| (goal.z - 4.0).abs() < 1e-12));
+            assert!(goals().all(|goal| abs_diff_eq!(goal.z, 4.0, epsilon = 1e-12)));
             assert!(goals().all(|goal| ((goal.xy() - centre).norm() - 10.0).abs() < 1e-9));
         });
         assert_eq!(end.outcome, Outcome::Converged);
         // The last goals are a triangle about the estimate.
         for drone in &drones {
             let radius = (drone.goal.position.xy() - target.estimate().mean).norm();
-            assert!((radius - 10.0).abs() < 1e-9, "{radius}");
+            assert_abs_diff_eq!(radius, 10.0, epsilon = 1e-9);
         }
     }
 

@@ -144,6 +144,7 @@ fn hold(stations: &mut [Station]) {
 
 #[cfg(test)]
 mod tests {
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
     use foxhunt_core::{Estimate, Pose, laws};
     use nalgebra::Vector2;
 
@@ -166,12 +167,12 @@ mod tests {
                 stations.iter().map(|s| s.goal.position.xy()).sum::<Vector2<f64>>() / 3.0
             };
             assert!((centre(&stations) - PLACES[0].xy()).norm() < 1e-12);
-            assert!(stations.iter().all(|s| (s.goal.position.z - 4.0).abs() < 1e-12));
+            assert!(stations.iter().all(|s| abs_diff_eq!(s.goal.position.z, 4.0, epsilon = 1e-12)));
             let radius = (stations[0].goal.position.xy() - PLACES[0].xy()).norm();
-            assert!((radius - 6.0).abs() < 1e-12);
+            assert_abs_diff_eq!(radius, 6.0, epsilon = 1e-12);
             assert_eq!(sweep.plan(&belief, &mut stations), Ok(Decision::Listen(Stage::Searching)));
             assert!((centre(&stations) - PLACES[1].xy()).norm() < 1e-12);
-            assert!(stations.iter().all(|s| (s.goal.position.z - 2.5).abs() < 1e-12));
+            assert!(stations.iter().all(|s| abs_diff_eq!(s.goal.position.z, 2.5, epsilon = 1e-12)));
             let done = sweep.plan(&belief, &mut stations);
             assert_eq!(done, Ok(Decision::Finish(Outcome::PathDone)));
             assert!((centre(&stations) - PLACES[1].xy()).norm() < 1e-12);

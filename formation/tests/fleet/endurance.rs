@@ -1,3 +1,4 @@
+use approx::assert_abs_diff_eq;
 use std::f64::consts::PI;
 
 use foxhunt_formation::{AirspaceConfig, Endurance, EnduranceConfig, Travel};
@@ -22,7 +23,7 @@ fn nonsense_is_refused_by_name() {
     assert_eq!(refused(EnduranceConfig { climb_mps: f64::NAN, ..config }), "climb_mps");
     assert_eq!(refused(EnduranceConfig { reserve_s: 900.0, ..config }), "reserve_s");
     assert_eq!(refused(EnduranceConfig { endurance_s: f64::INFINITY, ..config }), "endurance_s");
-    assert!((endurance().left_s(700.0) - 80.0).abs() < 1e-9);
+    assert_abs_diff_eq!(endurance().left_s(700.0), 80.0, epsilon = 1e-9);
 }
 
 #[test]
@@ -33,12 +34,12 @@ fn a_return_takes_what_its_way_takes() {
         endurance().return_s(&flown.traffic, drones, homes).expect("there is a way")
     };
     // 100 m and two metres for stopping at 2 m/s, 4 m down at 1 m/s; side by side.
-    assert!((seconds(&[0], &homes) - 55.0).abs() < 1e-9);
-    assert!((seconds(&[0, 1], &homes) - 55.0).abs() < 1e-9);
+    assert_abs_diff_eq!(seconds(&[0], &homes), 55.0, epsilon = 1e-9);
+    assert_abs_diff_eq!(seconds(&[0, 1], &homes), 55.0, epsilon = 1e-9);
     // One after the other where the ways cross, and more.
     let crossed = [homes[1], homes[0]];
     assert!(seconds(&[0, 1], &crossed) > 2.0 * 55.0);
-    assert!(seconds(&[], &homes).abs() < 1e-9);
+    assert_abs_diff_eq!(seconds(&[], &homes), 0.0, epsilon = 1e-9);
     assert_eq!(endurance().return_s(&flown.traffic, &[2], &homes), None);
 
     let walled = Flown::new(&corner(), &[at(5.0, 18.0)]);
@@ -49,7 +50,7 @@ fn a_return_takes_what_its_way_takes() {
 
     let formation = flown.traffic.form(&[0], &[at(120.0, 0.0)]).expect("one drone");
     let round = endurance().round_s(&flown.traffic, &formation, &homes, 30.0).expect("a way");
-    assert!((round - (11.0 + 30.0 + 65.0)).abs() < 1e-9, "{round}");
+    assert_abs_diff_eq!(round, 11.0 + 30.0 + 65.0, epsilon = 1e-9);
 }
 
 /// Lines keep 3 m; a drone has 2 m to stop, and flies half around each disc of 3 m that a resting
@@ -65,9 +66,9 @@ fn a_resting_drone_in_the_way_costs_half_a_circle() {
     let straight = (100.0 + 2.0) / 2.0;
     assert!((seconds(&[at(50.0, 3.1)]) - straight).abs() < 1e-9, "it is not in the way");
     let one = straight + PI * 3.0 / 2.0;
-    assert!((seconds(&[at(50.0, 2.9)]) - one).abs() < 1e-9, "{}", seconds(&[at(50.0, 2.9)]));
+    assert_abs_diff_eq!(seconds(&[at(50.0, 2.9)]), one, epsilon = 1e-9);
     let two = one + PI * 3.0 / 2.0;
-    assert!((seconds(&[at(50.0, 2.9), at(20.0, -1.0)]) - two).abs() < 1e-9);
+    assert_abs_diff_eq!(seconds(&[at(50.0, 2.9), at(20.0, -1.0)]), two, epsilon = 1e-9);
 }
 
 /// Two that cross fly one after the other, each once aside by 6 times 3 m and back, and each half
@@ -78,7 +79,7 @@ fn ways_that_cross_add_up() {
     let homes = [at(60.0, 80.0), at(60.0, 0.0)];
     let seconds = endurance().return_s(&flown.traffic, &[0, 1], &homes).expect("a way");
     let metres = 2.0 * (100.0 + 2.0) + 2.0 * (2.0 * 6.0 * 3.0 + PI * 3.0);
-    assert!((seconds - metres / 2.0).abs() < 1e-9, "{seconds}, not {}", metres / 2.0);
+    assert_abs_diff_eq!(seconds, metres / 2.0, epsilon = 1e-9);
 }
 
 /// Seeded: in 200 random worlds, fleets without failures are home within the bound.

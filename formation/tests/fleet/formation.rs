@@ -1,3 +1,4 @@
+use approx::abs_diff_eq;
 use foxhunt_core::{Belief, Estimate};
 use foxhunt_formation::{
     Airspace, AirspaceConfig, MovedReason, Traffic, TrafficConfig, TrafficError, Void,
@@ -32,7 +33,7 @@ fn places_are_moved_no_farther_than_needed() {
     let by_fence = moved(&formation, MovedReason::Airspace);
     assert_eq!(by_fence.wanted, wanted[0]);
     let (east, north) = (by_fence.goal.x - 5.0, by_fence.goal.y - 15.0);
-    assert!((by_fence.goal.y - 19.5).abs() < 0.01, "by the tolerance inside");
+    assert!(abs_diff_eq!(by_fence.goal.y, 19.5, epsilon = 0.01), "by the tolerance inside");
     assert!(east.hypot(north) >= 3.0, "3 m from the drone at (5, 15)");
     assert_eq!(formation.moved.len(), 1);
     assert!(formation.goals.contains(&wanted[1]));

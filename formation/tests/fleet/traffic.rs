@@ -1,5 +1,6 @@
 //! Scripted flights.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_formation::{
     Airspace, AirspaceConfig, KeepOut, OrderReason, Traffic, TrafficConfig, TrafficError, Travel,
     Void,
@@ -82,7 +83,7 @@ fn nothing_happens_before_one_arrives_or_has_released_enough() {
     let tolerance_m = flown.traffic.config().tolerance_m;
     let arrives = (200.0 - 0.5 * tolerance_m) / 2.0;
     let quiet = flown.traffic.undisturbed_s(&flies(east(2.0))).expect("it flies straight");
-    assert!((quiet - arrives).abs() < 1e-9, "{quiet} s, not {arrives}");
+    assert_abs_diff_eq!(quiet, arrives, epsilon = 1e-9);
     // Elsewhere than it was sent, or one that should rest.
     assert_eq!(flown.traffic.undisturbed_s(&flies(Vector3::new(2.0, 0.1, 0.0))), None);
     let drifts = [(places[0], east(2.0)), (places[1], east(0.1))];
@@ -92,7 +93,7 @@ fn nothing_happens_before_one_arrives_or_has_released_enough() {
     let _ = flown.traffic.step();
     let released = 0.25 * flown.traffic.config().keep_m() / 2.0;
     let quiet = flown.traffic.undisturbed_s(&flies(east(2.0))).expect("it flies straight");
-    assert!((quiet - released).abs() < 1e-9, "{quiet} s, not {released}");
+    assert_abs_diff_eq!(quiet, released, epsilon = 1e-9);
 }
 
 #[test]
@@ -234,7 +235,7 @@ fn one_that_the_wind_moves_is_taken_from_there() {
     }
     flown.places[0].y = 5.0;
     flown.step(&[]);
-    assert!((flown.traffic.place(0).expect("it is there").y - 5.0).abs() < 0.1);
+    assert_abs_diff_eq!(flown.traffic.place(0).expect("it is there").y, 5.0, epsilon = 0.1);
     flown.traffic.go(1, &at(10.0, 4.0)).expect("there are two");
     flown.settle();
     assert!((flown.places[0] - at(20.0, 0.0)).norm() < 0.5);
@@ -333,7 +334,7 @@ fn files_are_read_as_written() {
     let config: TrafficConfig = serde_json::from_str(text).expect("it is written so");
     let void = Some(Void { radius_m: 10.0, probability: 0.05 });
     assert_eq!(config, TrafficConfig { separation_m: 3.0, void, ..TrafficConfig::default() });
-    assert!((config.keep_m() - 4.0).abs() < 1e-12);
+    assert_abs_diff_eq!(config.keep_m(), 4.0, epsilon = 1e-12);
     assert!(serde_json::from_str::<TrafficConfig>(r#"{ "separation": 3 }"#).is_err());
     assert!(serde_json::from_str::<TrafficConfig>(r#"{ "void": { "radius_m": 3 } }"#).is_err());
     let config: EnduranceConfig = serde_json::from_str(r#"{ "reserve_s": 60 }"#).expect("so");

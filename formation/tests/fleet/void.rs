@@ -1,5 +1,6 @@
 //! Keeping away from targets.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_core::{Belief, Estimate};
 use foxhunt_formation::{AirspaceConfig, Endurance, EnduranceConfig, TrafficConfig, Travel, Void};
 use nalgebra::{Matrix2, Vector2};
@@ -64,7 +65,7 @@ fn the_way_around_a_target_counts_on_the_way_out() {
     };
     // There and back 100 m at 2 m/s, with two metres for stopping.
     let (needed_s, ..) = round(None);
-    assert!((needed_s - 102.0).abs() < 1e-9, "{needed_s}");
+    assert_abs_diff_eq!(needed_s, 102.0, epsilon = 1e-9);
     let (needed_s, out_s, home_s) = round(Some(void));
     assert!(out_s > 52.0, "around: {out_s}");
     assert!(home_s < 51.0, "straight: {home_s}");
@@ -107,7 +108,7 @@ pub(crate) fn true_mass(belief: &Estimate<2>, place: Vector2<f64>, radius: f64) 
 fn the_probability_is_that_of_the_gaussian() {
     let round = Estimate::isotropic(Vector2::new(5.0, -2.0), 3.0);
     let centre = mass(&round, round.mean, 3.0);
-    assert!((centre - (1.0 - (-0.5_f64).exp())).abs() < 0.006, "39 %: {centre}");
+    assert_abs_diff_eq!(centre, 1.0 - (-0.5_f64).exp(), epsilon = 0.006);
     let long = Estimate { covariance: Matrix2::new(16.0, 6.0, 6.0, 4.0), ..round };
     for belief in [round, long] {
         for (east, north) in [(0.0, 0.0), (2.0, 1.0), (-3.0, 2.0), (4.0, -5.0), (0.0, 7.0)] {

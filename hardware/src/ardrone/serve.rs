@@ -276,6 +276,7 @@ fn share(value: f64) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use approx::abs_diff_eq;
     use std::f64::consts::FRAC_PI_2;
 
     use super::*;
@@ -304,6 +305,6 @@ mod tests {
         assert!(roll > 0.3 && pitch.abs() < 1e-6);
         // Higher, and the nose to the left: counter-clockwise.
         let [.., climb, yaw] = ordered(goal(0.0, 0.0, 3.0, 1.0), 0.0);
-        assert!((climb - 1.0).abs() < 1e-6 && yaw < -0.5);
+        assert!(abs_diff_eq!(climb, 1.0, epsilon = 1e-6) && yaw < -0.5);
     }
 }

@@ -401,6 +401,7 @@ fn waypoint(place: &Geodetic) -> String {
 
 #[cfg(test)]
 mod tests {
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
     use std::{cell::RefCell, f64::consts::FRAC_PI_2, rc::Rc};
 
     use foxhunt_wire::memory_pair;
@@ -448,7 +449,7 @@ mod tests {
         };
         // At a walk to the North: the antenna is 2 m in front, and the height is the carrier's.
         let walks = pose([0.0, 1.4], None);
-        assert!((walks.heading - FRAC_PI_2).abs() < 1e-12);
+        assert_abs_diff_eq!(walks.heading, FRAC_PI_2, epsilon = 1e-12);
         assert!((walks.position - Vector3::new(10.0, 18.0, 1.5)).norm() < 1e-3, "{walks:?}");
         assert_eq!(walks.velocity, Some(Vector3::new(0.0, 1.4, 0.0)));
         assert!((pose([-0.4, 0.0], None).heading - FRAC_PI_2).abs() < 1e-12, "it stands");
@@ -457,7 +458,7 @@ mod tests {
         let config = CarriedConfig { heading_deg_compass: Some(90.0), ..CarriedConfig::default() };
         let mut kept = CarriedVehicle::new(config, reports(0.0, 0.0), frame());
         kept.gnss().0.heading = Some(2.0);
-        assert!(kept.pose().expect("a place").heading.abs() < 1e-12);
+        assert_abs_diff_eq!(kept.pose().expect("a place").heading, 0.0, epsilon = 1e-12);
     }
 
     #[test]
@@ -489,9 +490,9 @@ mod tests {
         assert!(!state.commanded && state.hindrance.contains("walk some metres"), "{state:?}");
         // After some metres it is the course, and stays.
         walker.gnss().0.velocity_mps = Some(Vector3::new(0.0, 1.4, 0.0));
-        assert!((walker.pose().expect("a course").heading - FRAC_PI_2).abs() < 1e-12);
+        assert_abs_diff_eq!(walker.pose().expect("a course").heading, FRAC_PI_2, epsilon = 1e-12);
         walker.gnss().0.velocity_mps = Some(Vector3::zeros());
-        assert!((walker.pose().expect("the last").heading - FRAC_PI_2).abs() < 1e-12);
+        assert_abs_diff_eq!(walker.pose().expect("the last").heading, FRAC_PI_2, epsilon = 1e-12);
         // An antenna without a direction goes on, with the arm of the GNSS as a part of σ.
         let mut omni = CarriedVehicle::new(CarriedConfig::default(), unknown(), frame())
             .with_antenna(arm)
@@ -499,7 +500,7 @@ mod tests {
         let pose = omni.pose().expect("a place");
         assert!((pose.position - Vector3::new(10.0, 20.0, 1.5)).norm() < 1e-3, "{pose:?}");
         let sigma = omni.position_sigma().expect("with the place");
-        assert!((sigma.x - (4.0 + 12.5_f64).sqrt()).abs() < 1e-12, "{sigma}");
+        assert_abs_diff_eq!(sigma.x, (4.0 + 12.5_f64).sqrt(), epsilon = 1e-12);
         omni.set_heading(0.0);
         let pose = omni.pose().expect("a place");
         assert!((pose.position - Vector3::new(7.0, 16.0, 1.5)).norm() < 1e-3, "{pose:?}");
@@ -511,7 +512,7 @@ mod tests {
         let mut walker = CarriedVehicle::new(CarriedConfig::default(), reports(1.0, 2.0), frame());
         walker.gnss().0.height = HeightOrigin::SeaLevel;
         let position = walker.pose().expect("a place").position;
-        assert!((position.z - 1.5).abs() < 1e-12, "{position}");
+        assert_abs_diff_eq!(position.z, 1.5, epsilon = 1e-12);
     }
 
     /// A guide that fails where the test orders it, and may be opened again.
@@ -587,7 +588,7 @@ mod tests {
         let mut station = CarriedVehicle::fixed(config, [5.0, -7.0], frame());
         let pose = station.pose().expect("a mark");
         assert!((pose.position - Vector3::new(5.0, -7.0, 3.0)).norm() < 1e-3, "{pose:?}");
-        assert!((pose.heading - FRAC_PI_2).abs() < 1e-12, "North");
+        assert!(abs_diff_eq!(pose.heading, FRAC_PI_2, epsilon = 1e-12), "North");
         assert_eq!(station.position_sigma(), Some(Vector3::repeat(0.2)));
         assert!(station.state().expect("a state").rooted);
     }

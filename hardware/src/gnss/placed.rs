@@ -137,6 +137,7 @@ fn to_world(pose: &Pose, body: &Vector3<f64>) -> Vector3<f64> {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use std::{f64::consts::FRAC_PI_2, io};
 
     use foxhunt_wire::{FixQuality, geodesy::Geodetic};
@@ -197,7 +198,7 @@ mod tests {
             "{}",
             pose.position
         );
-        assert!((pose.heading - FRAC_PI_2).abs() <= 0.0);
+        assert_abs_diff_eq!(pose.heading, FRAC_PI_2, epsilon = 0.0);
         assert_eq!(placed.position_sigma(), Some(Vector3::new(1.0, 2.0, 3.0)));
         assert_eq!(pose.velocity, Some(Vector3::new(0.5, 0.0, 0.0)), "the receiver's");
         let moving = Pose { velocity: Some(Vector3::y()), ..own };
@@ -227,7 +228,11 @@ mod tests {
         let mut placed = Placed::new(own, gnss, frame, Vector3::zeros());
         for height in [HeightOrigin::Fix, HeightOrigin::Geoid, HeightOrigin::Earlier] {
             placed.gnss().1 = height;
-            assert!((placed.pose().expect("a height").position.z + 355.0).abs() < 1e-6);
+            assert_abs_diff_eq!(
+                placed.pose().expect("a height").position.z,
+                -355.0,
+                epsilon = 1e-6
+            );
         }
         placed.gnss().1 = HeightOrigin::SeaLevel;
         let refused = placed.pose();

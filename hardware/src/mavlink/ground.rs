@@ -148,6 +148,7 @@ fn above_terrain(autopilot: Autopilot, of: &ALTITUDE_DATA) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use foxhunt_wire::mavlink::dialect::{RANGEFINDER_DATA, TERRAIN_REPORT_DATA};
 
     use super::*;
@@ -222,7 +223,7 @@ mod tests {
         let value = ATTITUDE_DATA { roll: 0.3, pitch: -0.2, ..ATTITUDE_DATA::default() };
         let height = ground.height(0.0, Some(&Timed { at: 0.0, value })).expect("a reading");
         let expected = 10.0 * 0.3_f64.cos() * 0.2_f64.cos();
-        assert!((height.height.metres - expected).abs() < 1e-6, "{height:?}");
+        assert_abs_diff_eq!(height.height.metres, expected, epsilon = 1e-6);
     }
 
     #[test]

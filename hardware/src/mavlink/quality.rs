@@ -150,6 +150,7 @@ pub(super) fn position_sigma(telemetry: &Telemetry, now: f64, old_s: f64) -> Opt
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use foxhunt_wire::mavlink::dialect::GPS_RAW_INT_DATA;
 
     use super::*;
@@ -177,7 +178,7 @@ mod tests {
         assert!(position_sigma(&Telemetry::default(), 1.0, 1.0).is_none());
         let in_space = GpsFixType::GPS_FIX_TYPE_3D_FIX;
         let old = position_sigma(&telemetry(in_space, 800, 90), 11.0, 1.0).expect("a GPS");
-        assert!((old.x - 20.0_f64.hypot(0.8)).abs() < 1e-9, "ten seconds old: {old}");
+        assert_abs_diff_eq!(old.x, 20.0_f64.hypot(0.8), epsilon = 1e-9);
         assert!(close(sigma(in_space, 800, 90), [0.8, 0.8, 6.25]));
         assert!(close(sigma(in_space, 0, 90), [2.25, 2.25, 6.25]), "dilution times 2.5 m");
         assert!(close(sigma(in_space, u32::MAX, u16::MAX), [3.75, 3.75, 6.25]), "nothing reported");

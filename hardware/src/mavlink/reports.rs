@@ -134,6 +134,7 @@ pub(super) fn parameter(autopilot: Autopilot, message: &PARAM_VALUE_DATA) -> f64
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use foxhunt_wire::mavlink::CharArray;
 
     use super::*;
@@ -194,12 +195,12 @@ mod tests {
             param_id: CharArray::from("X"),
         };
         let bits = message(f32::from_bits(3), MavParamType::MAV_PARAM_TYPE_INT32);
-        assert!((parameter(Autopilot::Px4, &bits) - 3.0).abs() < 1e-9);
+        assert_abs_diff_eq!(parameter(Autopilot::Px4, &bits), 3.0, epsilon = 1e-9);
         let minus = message(f32::from_bits(u32::MAX), MavParamType::MAV_PARAM_TYPE_INT32);
-        assert!((parameter(Autopilot::Px4, &minus) + 1.0).abs() < 1e-9);
+        assert_abs_diff_eq!(parameter(Autopilot::Px4, &minus), -1.0, epsilon = 1e-9);
         let cast = message(3.0, MavParamType::MAV_PARAM_TYPE_INT32);
-        assert!((parameter(Autopilot::ArduPilot, &cast) - 3.0).abs() < 1e-9);
+        assert_abs_diff_eq!(parameter(Autopilot::ArduPilot, &cast), 3.0, epsilon = 1e-9);
         let float = message(2.5, MavParamType::MAV_PARAM_TYPE_REAL32);
-        assert!((parameter(Autopilot::Px4, &float) - 2.5).abs() < 1e-9);
+        assert_abs_diff_eq!(parameter(Autopilot::Px4, &float), 2.5, epsilon = 1e-9);
     }
 }

@@ -276,6 +276,7 @@ fn seconds(samples: u64, rate_hz: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     const RATE: f64 = 1000.0;
 
@@ -304,7 +305,7 @@ mod tests {
         let (lost, timeline) = run(60, |n| Some(if n == 40 { 0.8 } else { 0.02 }));
         assert_eq!(lost, 0);
         let place = timeline.time_of(30_000.0).expect("it has begun");
-        assert!((place - 30.0).abs() < 0.05, "{place}");
+        assert_abs_diff_eq!(place, 30.0, epsilon = 0.05);
     }
 
     #[test]

@@ -292,6 +292,7 @@ impl Gearing {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use proptest::prelude::*;
 
     use super::*;
@@ -301,7 +302,7 @@ mod tests {
 
     #[test]
     fn a_thousand_turns_do_not_drift() {
-        assert!((GEAR.per_turn() - 4_075.772_8).abs() < 1e-4);
+        assert_abs_diff_eq!(GEAR.per_turn(), 4_075.772_8, epsilon = 1e-4);
         for turn in -1000..=1000_i32 {
             for position in 0..16 {
                 let angle = TAU * (f64::from(turn) + f64::from(position) / 16.0);

@@ -252,6 +252,7 @@ pub enum ConformalError {
 
 #[cfg(test)]
 mod tests {
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
     use foxhunt_core::Estimate;
     use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
     use rand_distr::StandardNormal;
@@ -313,13 +314,13 @@ mod tests {
         let Deviation { ellipse, circle } = deviation;
         // χ²₂ at 95 % is 5.9915.
         let nees = estimate.nees(&truth).expect("positive definite");
-        assert!((ellipse.powi(2) * 5.991_464 - nees).abs() < 1e-4, "{ellipse} {nees}");
+        assert_abs_diff_eq!(ellipse.powi(2) * 5.991_464, nees, epsilon = 1e-4);
         let factors = ConformalFactors { estimator: "a".to_owned(), fixes: 19, ellipse, circle };
         assert_eq!(factors.hold(&deviation), [true, true]);
         let regions = factors.regions(&located).expect("it has an ellipse");
-        assert!((regions.circle_m - (truth - estimate.mean).norm()).abs() < 1e-9);
+        assert_abs_diff_eq!(regions.circle_m, (truth - estimate.mean).norm(), epsilon = 1e-9);
         let scaled = Located { own_ellipse_95: Some(regions.ellipse), ..Located::at(estimate) };
-        assert!((scaled.ellipses_away(&truth).expect("an ellipse") - 1.0).abs() < 1e-9);
+        assert_abs_diff_eq!(scaled.ellipses_away(&truth).expect("an ellipse"), 1.0, epsilon = 1e-9);
     }
 
     /// True errors are twice as large as the ellipses say. In 2,000 draws of 39 fixes to calibrate
@@ -355,10 +356,10 @@ mod tests {
         let expected = 38.0 / 40.0;
         let interval = 3.29 * f64::sqrt(expected * (1.0 - expected) / count);
         for share in [ellipse, circle] {
-            assert!((share - expected).abs() < interval, "{share} ± {interval}");
+            assert!(abs_diff_eq!(share, expected, epsilon = interval), "{share} ± {interval}");
         }
         let expected = 1.0 - f64::exp(-5.991_464 / 8.0);
         let interval = 3.29 * f64::sqrt(expected * (1.0 - expected) / count);
-        assert!((own - expected).abs() < interval, "{own} of {expected}");
+        assert_abs_diff_eq!(own, expected, epsilon = interval);
     }
 }

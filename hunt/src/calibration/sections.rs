@@ -357,6 +357,7 @@ impl From<&StationModel> for StationModelSection {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     /// A new bearing's error has the variance of the offset beside its own, and the fewer bearings
     /// were fitted the less its scale is known.
@@ -373,11 +374,11 @@ mod tests {
         };
         assert_eq!(section(None, None).predictive(), correction);
         let many = section(Some(1003), Some([19.6, 0.0, 0.0])).predictive();
-        assert!((many.sigma_scale - 2.0 * (1000.0_f64 / 998.0).sqrt()).abs() < 1e-12, "{many:?}");
-        assert!((many.sigma_floor_deg - 10.0).abs() < 1e-12, "{many:?}");
+        assert_abs_diff_eq!(many.sigma_scale, 2.0 * (1000.0_f64 / 998.0).sqrt(), epsilon = 1e-12);
+        assert_abs_diff_eq!(many.sigma_floor_deg, 10.0, epsilon = 1e-12);
         let few = section(Some(7), Some([0.0, 19.6, 19.6])).predictive();
-        assert!((few.sigma_scale - 2.0 * 2.0_f64.sqrt()).abs() < 1e-12, "{few:?}");
-        assert!((few.sigma_floor_deg - 10.0).abs() < 1e-12, "{few:?}");
+        assert_abs_diff_eq!(few.sigma_scale, 2.0 * 2.0_f64.sqrt(), epsilon = 1e-12);
+        assert_abs_diff_eq!(few.sigma_floor_deg, 10.0, epsilon = 1e-12);
     }
 
     #[test]

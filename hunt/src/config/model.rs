@@ -140,6 +140,7 @@ fn no_terrain() -> FieldError {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use foxhunt_core::{MeasurementModel, Pose};
     use foxhunt_sensors::{Antenna, Dipole};
     use nalgebra::Vector2;
@@ -165,7 +166,7 @@ mod tests {
             let dipole = format!("{up}antenna = \"dipole\"");
             let gain = Dipole.gain_dbi(0.0, elevation) - Dipole.gain_dbi(0.0, 0.0);
             let difference = level(&dipole, &drone) - level(up, &drone);
-            assert!((difference - gain).abs() < 1e-6, "{difference}, not {gain} dB");
+            assert_abs_diff_eq!(difference, gain, epsilon = 1e-6);
         }
     }
 

@@ -39,6 +39,7 @@ pub fn cloud(belief: &dyn Belief, places: u32) -> Option<Vec<Vector2<f64>>> {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use foxhunt_core::Estimate;
 
     use super::*;
@@ -66,7 +67,7 @@ mod tests {
         assert_eq!(places.len(), 300);
         // A density that rises from 0 to 1000 has its mean at two thirds.
         let mean = places.iter().map(|place| place.x).sum::<f64>() / 300.0;
-        assert!((mean - 667.0).abs() < 1.5, "{mean}");
+        assert_abs_diff_eq!(mean, 667.0, epsilon = 1.5);
         assert_eq!(cloud(&Estimate::isotropic(Vector2::zeros(), 1.0), 300), None);
         assert_eq!(cloud(&Ladder(99), 300), None);
     }

@@ -121,6 +121,7 @@ pub(crate) fn reference_power(
 
 #[cfg(all(test, feature = "batch"))]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use foxhunt_core::{Pose, Reception};
 
     use super::*;
@@ -139,6 +140,6 @@ mod tests {
             assert!((starts[start] - Vector2::new(place.0, place.1)).norm() < 1e-9, "{start}");
         }
         let prior = area.prior();
-        assert!((prior.covariance[(0, 0)] - 1200.0).abs() < 1e-9, "{prior:?}");
+        assert_abs_diff_eq!(prior.covariance[(0, 0)], 1200.0, epsilon = 1e-9);
     }
 }

@@ -293,6 +293,7 @@ pub struct Listener {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     /// Levels of a law at a range have the variance of the covariance's quadratic form, and the
     /// prior of γ makes them no less certain than the calibration alone.
@@ -306,21 +307,21 @@ mod tests {
             points: 20,
         };
         let centroid = calibrated.centroid();
-        assert!((centroid.loss + 20.0).abs() < 1e-12, "{centroid:?}");
-        assert!((centroid.reference_dbm(2.3) + 30.0).abs() < 1e-12, "{centroid:?}");
-        assert!((centroid.variance - 1.0).abs() < 1e-12, "{centroid:?}");
+        assert_abs_diff_eq!(centroid.loss, -20.0, epsilon = 1e-12);
+        assert_abs_diff_eq!(centroid.reference_dbm(2.3), -30.0, epsilon = 1e-12);
+        assert_abs_diff_eq!(centroid.variance, 1.0, epsilon = 1e-12);
         // 1/0.06 + 1/0.25.
         let sigma = (1.0_f64 / (1.0 / 0.06 + 4.0)).sqrt();
-        assert!((centroid.exponent_sigma - sigma).abs() < 1e-12, "{centroid:?}");
-        assert!((centroid.exponent - 2.3).abs() < 1e-12, "{centroid:?}");
+        assert_abs_diff_eq!(centroid.exponent_sigma, sigma, epsilon = 1e-12);
+        assert_abs_diff_eq!(centroid.exponent, 2.3, epsilon = 1e-12);
         let at = |range: f64| centroid.sigma_db(range).powi(2);
-        assert!((at(100.0) - 1.0).abs() < 1e-12);
-        assert!((at(1e4) - 1.0 - 400.0 * sigma * sigma).abs() < 1e-9);
+        assert_abs_diff_eq!(at(100.0), 1.0, epsilon = 1e-12);
+        assert_abs_diff_eq!(at(1e4) - 1.0, 400.0 * sigma * sigma, epsilon = 1e-9);
         let steep = CalibratedPower { exponent: 0.8, ..calibrated }.centroid();
         assert!(steep.exponent > 0.8 && steep.exponent < 1.2, "{steep:?}");
         let bound = CalibratedPower { covariance: [[4.0, 0.0], [0.0, 0.0]], ..calibrated };
         let Centroid { exponent, exponent_sigma, variance, .. } = bound.centroid();
         assert!(exponent.to_bits() == 2.3_f64.to_bits() && exponent_sigma <= 0.0, "{exponent}");
-        assert!((variance - 4.0).abs() < 1e-12);
+        assert_abs_diff_eq!(variance, 4.0, epsilon = 1e-12);
     }
 }

@@ -428,6 +428,7 @@ pub(super) fn levels(receptions: &Receptions) -> Result<Vec<(Pose, f64)>, Locate
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     fn square(from: f64, to: f64) -> Vec<Vector2<f64>> {
         let corners = [(from, from), (to, from), (to, to), (from, to), (from, from)];
@@ -440,11 +441,11 @@ mod tests {
         let mut located = Located::at(Estimate::isotropic(Vector2::zeros(), 2.0));
         let normal = |square: f64| (-0.5 * square).exp() / (core::f64::consts::TAU * 4.0);
         let alone = located.log_score(&place).expect("positive definite");
-        assert!((alone + normal(25.0 / 4.0).ln()).abs() < 1e-12, "{alone}");
+        assert_abs_diff_eq!(alone + normal(25.0 / 4.0).ln(), 0.0, epsilon = 1e-12);
         located.rivals = vec![Rival { place: Vector2::new(3.0, 3.0), relative_density: 0.5 }];
         let both = (normal(25.0 / 4.0) + 0.5 * normal(0.25)) / 1.5;
         let score = located.log_score(&place).expect("positive definite");
-        assert!((score + both.ln()).abs() < 1e-12, "{score}");
+        assert_abs_diff_eq!(score + both.ln(), 0.0, epsilon = 1e-12);
         let far = located.log_score(&Vector2::new(1e6, 0.0)).expect("positive definite");
         assert!(far.is_finite() && far > 1e9, "{far}");
     }

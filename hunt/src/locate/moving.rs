@@ -569,6 +569,7 @@ fn students_below(t: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
     use foxhunt_core::{Bearing, Level};
     use nalgebra::Vector2;
     use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
@@ -581,7 +582,7 @@ mod tests {
     fn the_distribution_is_students() {
         let students = StudentsT::new(0.0, 1.0, 4.0).expect("a distribution");
         for t in [-7.0, -1.3, -0.2, 0.0, 0.4, 2.0, 11.0] {
-            assert!((students_below(t) - students.cdf(t)).abs() < 1e-9, "{t}");
+            assert!(abs_diff_eq!(students_below(t), students.cdf(t), epsilon = 1e-9), "{t}");
         }
     }
 
@@ -760,7 +761,7 @@ mod tests {
         let mean = |listeners: &[Listener]| mean_of(&received, listeners);
         let without = mean(&[]);
         let with = mean(&listeners());
-        assert!(without.abs() < 40.0, "{without}: no direction is preferred");
+        assert_abs_diff_eq!(without, 0.0, epsilon = 40.0);
         assert!(with < -80.0, "{with}: away from the silent stations in the north-east");
         // What they received is struck out: they were not silent for that.
         let theirs = received.iter().flat_map(|one| {
@@ -771,7 +772,7 @@ mod tests {
         let received = [received.clone(), struck].concat();
         let without = mean_of(&received, &[]);
         let with = mean_of(&received, &listeners());
-        assert!((with - without).abs() < 1e-6, "{with} for {without}: as without them");
+        assert_abs_diff_eq!(with, without, epsilon = 1e-6);
     }
 
     /// Five bearings that meet within metres, and one a minute later, when it may be anywhere in a

@@ -121,6 +121,7 @@ impl Sums {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use std::f64::consts::TAU;
 
     use super::*;
@@ -151,7 +152,7 @@ mod tests {
         let [first, second] = &found[..] else { panic!("{found:?}") };
         for (part, centre, probability) in [(first, east, 0.7), (second, west, 0.3)] {
             assert!((part.estimate.mean - centre).norm() < 0.5, "{part:?}");
-            assert!((part.probability - probability).abs() < 0.01, "{part:?}");
+            assert_abs_diff_eq!(part.probability, probability, epsilon = 0.01);
             let variance = part.estimate.covariance[(0, 0)];
             assert!((85.0..110.0).contains(&variance), "{part:?}");
         }

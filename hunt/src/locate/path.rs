@@ -75,6 +75,7 @@ impl<'a> Paths<'a> {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use foxhunt_core::Pose;
     use proptest::{collection::vec, prelude::*};
 
@@ -124,7 +125,7 @@ mod tests {
         // A second receiver has a path of its own.
         let both: Receptions = walks.iter().chain([reception(0.0, 50.0)]).collect();
         assert_eq!(east(&both, 1.0), [2.0, 4.0, 6.0, 8.0, 8.0, 50.0]);
-        assert!((Paths::new(&both).length_m() - 8.0).abs() < 1e-12);
+        assert_abs_diff_eq!(Paths::new(&both).length_m(), 8.0, epsilon = 1e-12);
         let apart: Receptions = [reception(0.0, 0.0), reception(1.0, 5000.0)].into_iter().collect();
         assert_eq!(east(&apart, 0.5), [0.0, 5000.0]);
         assert!(Paths::new(&Receptions::default()).shifted(1.0, 1).is_empty());

@@ -267,6 +267,7 @@ impl FormationPlanner for BayesianOptimisation {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use foxhunt_core::{Estimate, Level, laws};
 
     use super::*;
@@ -329,7 +330,7 @@ mod tests {
         }
         assert_eq!((known(&planner, 0), known(&planner, 1)), (MOST_READINGS, 1));
         let oldest = planner.levels.iter().find(|(of, ..)| *of == BeaconId(0)).expect("200");
-        assert!((oldest.1.position.x - 50.0).abs() < 1e-12);
+        assert_abs_diff_eq!(oldest.1.position.x, 50.0, epsilon = 1e-12);
         let belief = Estimate::isotropic(Vector2::zeros(), 20.0);
         let target = |beacon| Target { beacon: BeaconId(beacon), belief: &belief };
         let small = Estimate::isotropic(Vector2::zeros(), 0.5);

@@ -558,6 +558,7 @@ const TABLES: [KeyTable; 26] = [
 
 #[cfg(test)]
 mod tests {
+    use approx::abs_diff_eq;
     use std::collections::BTreeSet;
 
     use foxhunt_formation::{AirspaceConfig, AttendanceConfig, EnduranceConfig, StopRules, Void};
@@ -645,7 +646,7 @@ mod tests {
     fn assert_near(stated: Option<&Value>, is: f64, at: &str) {
         let stated = stated.and_then(Value::as_float).unwrap_or(f64::NAN);
         // Three digits of a number that has more.
-        assert!((stated - is).abs() <= 1e-3 * is.abs(), "{at} is not {is}");
+        assert!(abs_diff_eq!(stated, is, epsilon = 1e-3 * is.abs()), "{at} is not {is}");
     }
 
     #[test]

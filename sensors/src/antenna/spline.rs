@@ -156,6 +156,7 @@ fn curvatures(length: &[f64], slope: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
 
     fn rows() -> Vec<(f64, f64)> {
         let gains = [3.0, -7.0, 2.5, 0.0, -40.0, 1.0, 8.0];
@@ -168,12 +169,12 @@ mod tests {
     fn it_goes_through_its_rows_with_two_continuous_derivatives() {
         let spline = PeriodicSpline::new(&rows());
         for (i, (angle, value)) in rows().into_iter().enumerate() {
-            assert!((spline.at(angle) - value).abs() < 1e-12);
+            assert_abs_diff_eq!(spline.at(angle), value, epsilon = 1e-12);
             let after = spline.pieces[i];
             let before = spline.pieces[(i + 6) % 7];
             let end = if i == 0 { TAU } else { after.from };
             let slope = before.slope(end - before.from);
-            assert!((slope - after.slope(0.0)).abs() < 1e-10, "at row {i}");
+            assert!(abs_diff_eq!(slope, after.slope(0.0), epsilon = 1e-10), "at row {i}");
             // Second derivatives by differences: of a cubic they are exact but for rounding.
             let step = 1e-3;
             let curve = |middle: f64| {
@@ -182,7 +183,7 @@ mod tests {
             };
             let aside =
                 |side: f64| 2.0 * curve(angle + side * step) - curve(angle + 2.0 * side * step);
-            assert!((aside(1.0) - aside(-1.0)).abs() < 1e-4, "at row {i}");
+            assert!(abs_diff_eq!(aside(1.0), aside(-1.0), epsilon = 1e-4), "at row {i}");
         }
     }
 
@@ -205,6 +206,6 @@ mod tests {
     fn its_mean_is_exact() {
         let spline = PeriodicSpline::new(&rows());
         let sum: f64 = (0..100_000_u32).map(|i| spline.at(f64::from(i) * TAU / 100_000.0)).sum();
-        assert!((spline.mean(|value| value) - sum / 100_000.0).abs() < 1e-6);
+        assert_abs_diff_eq!(spline.mean(|value| value), sum / 100_000.0, epsilon = 1e-6);
     }
 }

@@ -278,6 +278,7 @@ pub fn heading_towards(sweep: &Sweep<'_>, direction: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use foxhunt_core::{BeaconId, NoBearing, Pose, Sample};
 
     use super::*;
@@ -378,10 +379,10 @@ mod tests {
         ];
         let mut square = 0.0;
         for (site, deg) in derived {
-            assert!((site.sigma().to_degrees() - deg).abs() < 0.6, "{site} {deg}");
+            assert_abs_diff_eq!(site.sigma().to_degrees(), deg, epsilon = 0.6);
             square += deg * deg / 4.0;
         }
-        assert!((Site::Unknown.sigma().to_degrees() - libm::sqrt(square)).abs() < 0.6);
+        assert_abs_diff_eq!(Site::Unknown.sigma().to_degrees(), libm::sqrt(square), epsilon = 0.6);
         for site in Site::ALL {
             assert_eq!(site.name().parse(), Ok(site));
         }

@@ -98,6 +98,7 @@ fn row(boresight: f64) -> SVector<f64, HARMONIC_PATTERN_UNKNOWNS> {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use std::vec::Vec;
 
     use super::*;
@@ -109,9 +110,9 @@ mod tests {
             [(1.0, 0.95, 12.706), (10.0, 0.95, 2.228), (30.0, 0.99, 2.750), (4.0, 0.9, 2.132)]
         {
             let t = quantile(freedom, probability).expect("proper");
-            assert!((t - expected).abs() < 1e-3, "{t}, should be {expected}");
+            assert_abs_diff_eq!(t, expected, epsilon = 1e-3);
             let p = two_sided(freedom, -t).expect("proper");
-            assert!((p - (1.0 - probability)).abs() < 1e-6, "{p}");
+            assert_abs_diff_eq!(p, 1.0 - probability, epsilon = 1e-6);
         }
         assert_eq!(quantile(5.0, 1.0), None);
     }
@@ -120,7 +121,7 @@ mod tests {
     #[test]
     fn it_has_the_published_probability() {
         let p = p_value(0.713, 15.0).expect("enough points");
-        assert!((p - 0.0028).abs() < 1e-4, "{p}");
+        assert_abs_diff_eq!(p, 0.0028, epsilon = 1e-4);
     }
 
     #[test]
@@ -129,7 +130,8 @@ mod tests {
         let Correlation { coefficient, p_value } = of([1.1, 1.9, 3.2, 3.9, 5.1]).expect("varies");
         assert!(coefficient > 0.99 && p_value < 0.001, "{coefficient} {p_value}");
         let Correlation { coefficient, p_value } = of([1.0, -1.0, 0.0, -1.0, 1.0]).expect("varies");
-        assert!(coefficient.abs() < 1e-12 && (p_value - 1.0).abs() < 1e-9);
+        assert_abs_diff_eq!(coefficient, 0.0, epsilon = 1e-12);
+        assert_abs_diff_eq!(p_value, 1.0, epsilon = 1e-9);
         assert_eq!(of([0.1; 5]), None);
         assert_eq!(Correlation::of([(1.0, 2.0), (2.0, 1.0)].into_iter()), None);
     }
@@ -144,6 +146,6 @@ mod tests {
         assert!(unexplained_by_harmonics(&pattern, &boresights) < 1e-6);
         let fifth = of(|at| (5.0 * at).cos());
         let left = unexplained_by_harmonics(&fifth, &boresights);
-        assert!((left - 20.0).abs() < 0.5, "{left}: half a square dB for each of 40");
+        assert_abs_diff_eq!(left, 20.0, epsilon = 0.5);
     }
 }

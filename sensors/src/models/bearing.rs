@@ -293,13 +293,14 @@ impl BearingMixture {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn without_outliers_the_information_is_the_inverse_variance() {
         for sigma in [1e-3, 0.05, 0.2468] {
             let exact = 1.0 / (sigma * sigma);
             let gaussian = BearingMixture::new(0.0, 0.3, sigma).expect("in range");
-            assert!((gaussian.fisher_information() / exact - 1.0).abs() < 1e-12);
+            assert_abs_diff_eq!(gaussian.fisher_information() / exact, 1.0, epsilon = 1e-12);
         }
     }
 
@@ -308,7 +309,7 @@ mod tests {
         let mixture = BearingMixture::new(0.19, 0.1, 0.2468).expect("in range");
         let step = TAU / 4096.0;
         let total: f64 = (0..4096).map(|i| mixture.density(f64::from(i) * step) * step).sum();
-        assert!((total - 1.0).abs() < 1e-12);
+        assert_abs_diff_eq!(total, 1.0, epsilon = 1e-12);
     }
 
     #[test]
@@ -329,9 +330,9 @@ mod tests {
         let fit = BearingMixture::fit(&errors).expect("enough errors");
         // Four standard deviations of what 4000 errors leave unknown: of the bias 0.0048 rad (the
         // Fisher information is 11.45 rad⁻²), of σ 0.0044 rad, of the share 0.008.
-        assert!((fit.bias - truth.bias).abs() < 0.019, "{fit:?}");
-        assert!((fit.sigma - truth.sigma).abs() < 0.018, "{fit:?}");
-        assert!((fit.outlier_share - truth.outlier_share).abs() < 0.032, "{fit:?}");
+        assert_abs_diff_eq!(fit.bias, truth.bias, epsilon = 0.019);
+        assert_abs_diff_eq!(fit.sigma, truth.sigma, epsilon = 0.018);
+        assert_abs_diff_eq!(fit.outlier_share, truth.outlier_share, epsilon = 0.032);
         // It is more likely than the density that they were drawn from.
         let likelihood = |of: &BearingMixture| -> f64 {
             errors.iter().map(|error| libm::log(of.density(*error))).sum()

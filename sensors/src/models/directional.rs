@@ -278,6 +278,7 @@ fn elevation(sight: &Vector3<f64>) -> (f64, f64) {
 mod tests {
     use super::*;
     use crate::{Dipole, LogDistance, PatternTable};
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
 
     #[test]
     fn it_follows_the_antenna_in_the_frame_of_the_body() {
@@ -291,7 +292,7 @@ mod tests {
         let flat = Pose { heading: 1.1, ..Pose::default() };
         for (boresight, turn) in [(0.0, 0.0), (0.7, 0.0), (-2.0, 0.4)] {
             let off = level(&flat, boresight, turn) - expected(-boresight - turn);
-            assert!(off.abs() < 1e-9, "{boresight}, {turn}: {off}");
+            assert!(abs_diff_eq!(off, 0.0, epsilon = 1e-9), "{boresight}, {turn}: {off}");
         }
     }
 
@@ -302,7 +303,7 @@ mod tests {
         let east = Vector2::new(10.0, 0.0);
         let level = |pitch| model.level_dbm(&east, &Pose { pitch, ..Pose::default() }, 0.0, 0.0);
         let off = Dipole.gain_dbi(0.0, -0.5) - Dipole.gain_dbi(0.0, 0.0);
-        assert!((level(0.5) - level(0.0) - off).abs() < 1e-9);
+        assert_abs_diff_eq!(level(0.5) - level(0.0), off, epsilon = 1e-9);
         assert!(off < -0.5);
     }
 }

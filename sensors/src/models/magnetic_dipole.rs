@@ -107,6 +107,7 @@ impl<const N: usize> MeasurementModel<N, 3> for MagneticDipole {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use core::f64::consts::TAU;
 
     use nalgebra::SVector;
@@ -129,10 +130,10 @@ mod tests {
         assert!((ahead + 2.0 * abeam).norm() < 1e-9);
         // The least that a beacon must have 10 m off (ETSI EN 300 718-1), 0.5 µA/m abeam.
         let least = field([TAU, 0.0, 0.0], [0.0, 0.0, 10.0]).norm();
-        assert!((least - 0.5).abs() < 1e-4);
+        assert_abs_diff_eq!(least, 0.5, epsilon = 1e-4);
         // Twice as far an eighth.
         let far = field([TAU, 0.0, 0.0], [0.0, 0.0, 20.0]).norm();
-        assert!((far - least / 8.0).abs() < 1e-12);
+        assert_abs_diff_eq!(far, least / 8.0, epsilon = 1e-12);
     }
 
     /// Flux lines: at the latitude λ from the dipole's equator the field dips by atan(2 tan λ), so
@@ -145,7 +146,7 @@ mod tests {
             let h = field([0.0, 5.0, 0.0], [10.0 * cos, 10.0 * sin, 0.0]);
             let along = h.x * cos + h.y * sin;
             let across = -h.x * sin + h.y * cos;
-            assert!((-along / across - 2.0 * latitude.tan()).abs() < 1e-9);
+            assert_abs_diff_eq!(-along / across, 2.0 * latitude.tan(), epsilon = 1e-9);
         }
     }
 
@@ -161,7 +162,7 @@ mod tests {
         let dx = slope(at(x + step, y, z), at(x - step, y, z));
         let dy = slope(at(x, y + step, z), at(x, y - step, z));
         let dz = slope(at(x, y, z + step), at(x, y, z - step));
-        assert!((dx.x + dy.y + dz.z).abs() < 1e-7);
+        assert_abs_diff_eq!(dx.x + dy.y + dz.z, 0.0, epsilon = 1e-7);
         let curl = Vector3::new(dy.z - dz.y, dz.x - dx.z, dx.y - dy.x);
         assert!(curl.norm() < 1e-7 && dx.norm() > 0.1, "{curl}");
     }

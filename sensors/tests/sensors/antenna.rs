@@ -1,5 +1,6 @@
 //! Antennas: their published figures, the laws, the gains of tables between rows, refusals.
 
+use approx::assert_abs_diff_eq;
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use foxhunt_sensors::{
@@ -64,14 +65,14 @@ proptest! {
 #[test]
 fn the_dipole_has_the_textbook_figures() {
     let dipole = Dipole;
-    assert!((dipole.directivity_dbi() - 2.1509).abs() < 1e-3);
-    assert!((dipole.main_lobe().gain_dbi - 2.1509).abs() < 1e-4);
+    assert_abs_diff_eq!(dipole.directivity_dbi(), 2.1509, epsilon = 1e-3);
+    assert_abs_diff_eq!(dipole.main_lobe().gain_dbi, 2.1509, epsilon = 1e-4);
     let width = dipole.elevation_half_power_beamwidth().expect("it has nulls").to_degrees();
-    assert!((width - 78.08).abs() < 0.01, "{width}°");
+    assert_abs_diff_eq!(width, 78.08, epsilon = 0.01);
     assert_eq!(dipole.half_power_beamwidth(), None);
     // cos(π/2 · sin 30°) / cos 30° = √½ / √¾.
     let at_30 = dipole.gain_dbi(0.3, PI / 6.0) - dipole.gain_dbi(0.3, 0.0);
-    assert!((at_30 - 10.0 * (2.0_f64 / 3.0).log10()).abs() < 1e-12);
+    assert_abs_diff_eq!(at_30, 10.0 * (2.0_f64 / 3.0).log10(), epsilon = 1e-12);
     for pole in [FRAC_PI_2, -FRAC_PI_2] {
         assert!((dipole.gain_dbi(0.0, pole) - 2.1509 + 60.0).abs() < 1e-3, "the null is filled");
     }
@@ -83,12 +84,12 @@ fn the_cardioid_has_the_textbook_figures() {
     let cardioid = Cardioid::default();
     let width = 2.0 * (2.0_f64.sqrt() - 1.0).acos();
     for ours in [cardioid.half_power_beamwidth(), cardioid.elevation_half_power_beamwidth()] {
-        assert!((ours.expect("it is directional") - width).abs() < 1e-9);
+        assert_abs_diff_eq!(ours.expect("it is directional"), width, epsilon = 1e-9);
     }
-    assert!((cardioid.main_lobe().gain_dbi - 10.0 * 3.0_f64.log10()).abs() < 1e-12);
-    assert!((cardioid.front_to_back_db() - 60.0).abs() < 1e-9);
+    assert_abs_diff_eq!(cardioid.main_lobe().gain_dbi, 10.0 * 3.0_f64.log10(), epsilon = 1e-12);
+    assert_abs_diff_eq!(cardioid.front_to_back_db(), 60.0, epsilon = 1e-9);
     let limacon = Cardioid::new(20.0).expect("positive");
-    assert!((limacon.front_to_back_db() - 20.0).abs() < 1e-9);
+    assert_abs_diff_eq!(limacon.front_to_back_db(), 20.0, epsilon = 1e-9);
 }
 
 #[test]
@@ -98,10 +99,10 @@ fn a_patch_has_the_figures_of_its_data_sheet() {
         let patch = Patch::new(across.to_radians(), up.to_radians(), ratio).expect("in range");
         let width = patch.half_power_beamwidth().expect("it is directional").to_degrees();
         // Only the tail of the back lobe is on top.
-        assert!((width - across).abs() < 0.1, "{width}°, not {across}°");
+        assert_abs_diff_eq!(width, across, epsilon = 0.1);
         let width = patch.elevation_half_power_beamwidth().expect("it is directional");
-        assert!((width.to_degrees() - up).abs() < 0.1, "{}°, not {up}°", width.to_degrees());
-        assert!((patch.front_to_back_db() - ratio).abs() < 0.01);
+        assert_abs_diff_eq!(width.to_degrees(), up, epsilon = 0.1);
+        assert_abs_diff_eq!(patch.front_to_back_db(), ratio, epsilon = 0.01);
     }
 }
 
@@ -113,9 +114,10 @@ fn a_yagi_is_as_wide_as_a_hansen_woodyard_array() {
         let width = yagi.half_power_beamwidth().expect("it is directional");
         let expected = 2.0 * (1.0 - 0.1398 / (f64::from(elements) * 0.25)).acos();
         // The formula is one for long arrays.
-        assert!((width / expected - 1.0).abs() < 0.05, "{width}, not {expected} rad");
+        assert_abs_diff_eq!(width / expected, 1.0, epsilon = 0.05);
         let lobe = yagi.main_lobe();
-        assert!(lobe.azimuth.abs() < 1e-9 && lobe.elevation.abs() < 1e-9);
+        assert_abs_diff_eq!(lobe.azimuth, 0.0, epsilon = 1e-9);
+        assert_abs_diff_eq!(lobe.elevation, 0.0, epsilon = 1e-9);
         let narrower = yagi.elevation_half_power_beamwidth().expect("it is directional");
         assert!(narrower < width, "the dipoles' own pattern narrows it");
     }
@@ -155,7 +157,7 @@ fn a_table_is_exact_at_its_rows_and_closes_on_itself() {
             assert!((ours - gain).abs() < 1e-9, "{ours} dB at {angle}, should be {gain}");
         }
     }
-    assert!((table.gain_db(PI - 1e-9) - table.gain_db(1e-9 - PI)).abs() < 1e-6);
+    assert_abs_diff_eq!(table.gain_db(PI - 1e-9), table.gain_db(1e-9 - PI), epsilon = 1e-6);
     assert_eq!(table.rows().map(|(_, gain)| gain).collect::<Vec<_>>(), ROWS.map(|(_, g)| g));
 }
 
@@ -165,22 +167,21 @@ fn a_tables_figures_are_those_of_its_rows() {
     let round = PatternTable::equally_spaced(&[2.0; 8]).expect("a table");
     assert_eq!(round.half_power_beamwidth(), None);
     assert_eq!(table().elevation_half_power_beamwidth(), None, "the same at every elevation");
-    assert!(
-        (round.mean_gain_db(0.3) - 2.0).abs() < 1e-12 && round.front_to_back_db().abs() < 1e-12
-    );
+    assert_abs_diff_eq!(round.mean_gain_db(0.3), 2.0, epsilon = 1e-12);
+    assert_abs_diff_eq!(round.front_to_back_db(), 0.0, epsilon = 1e-12);
     let wave: Vec<f64> = (0..72_u16).map(|i| 5.0 * (f64::from(i) * TAU / 72.0).cos()).collect();
     let wave = PatternTable::equally_spaced(&wave).expect("a table");
-    assert!(wave.mean_gain_db(0.0).abs() < 1e-12);
-    assert!((wave.front_to_back_db() - 10.0).abs() < 1e-12);
+    assert_abs_diff_eq!(wave.mean_gain_db(0.0), 0.0, epsilon = 1e-12);
+    assert_abs_diff_eq!(wave.front_to_back_db(), 10.0, epsilon = 1e-12);
     let width = 2.0 * (1.0 - 0.2 * 10.0 * 2.0_f64.log10()).acos();
     let ours = wave.half_power_beamwidth().expect("it is directional");
     // The spline's bound: 5/384 of the step to its fourth power, times 5 dB, over the slope.
-    assert!((ours - width).abs() < 2e-6, "{ours}, should be {width}");
+    assert_abs_diff_eq!(ours, width, epsilon = 2e-6);
     // The lobe may lie across the table's ends.
     let turned: Vec<_> = wave.rows().map(|(angle, gain)| (angle - 3.0, gain)).collect();
     let turned = PatternTable::from_rows(&turned).expect("a table");
-    assert!((turned.half_power_beamwidth().expect("as above") - ours).abs() < 1e-9);
-    assert!((turned.main_lobe().azimuth.rem_euclid(TAU) - (TAU - 3.0)).abs() < 1e-3);
+    assert_abs_diff_eq!(turned.half_power_beamwidth().expect("as above"), ours, epsilon = 1e-9);
+    assert_abs_diff_eq!(turned.main_lobe().azimuth.rem_euclid(TAU), TAU - 3.0, epsilon = 1e-3);
 }
 
 #[test]
@@ -192,7 +193,7 @@ fn a_null_one_row_wide_does_not_ring_above_the_maximum() {
         let gain = table.gain_db(f64::from(i) * TAU / 3600.0);
         assert!((-40.0..=0.0).contains(&gain), "{gain} dB");
     }
-    assert!((table.gain_db(FRAC_PI_2) + 40.0).abs() < 1e-9);
+    assert_abs_diff_eq!(table.gain_db(FRAC_PI_2), -40.0, epsilon = 1e-9);
 }
 
 proptest! {
@@ -252,12 +253,12 @@ fn principal_cuts_are_the_cuts_themselves() {
             assert!((ours - up.gain_db(angle)).abs() < 1e-9, "{ours} dB at elevation {i}°");
         }
     }
-    assert!((antenna.gain_dbi(0.0, 0.0) - 9.0).abs() < 1e-12);
+    assert_abs_diff_eq!(antenna.gain_dbi(0.0, 0.0), 9.0, epsilon = 1e-12);
     // By hand at h = v = ½: equal weights make 2 · −3.01 dB / √2.
     let half = 10.0 * 2.0_f64.log10();
     let at = |deepest: f64| (1.0 - half / deepest).acos();
     let ours = antenna.gain_dbi(at(8.0), at(12.0)) - 9.0;
-    assert!((ours + half * 2.0_f64.sqrt()).abs() < 1e-4, "{ours} dB");
+    assert_abs_diff_eq!(ours + half * 2.0_f64.sqrt(), 0.0, epsilon = 1e-4);
 }
 
 #[test]

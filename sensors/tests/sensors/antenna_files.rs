@@ -1,5 +1,6 @@
 //! Antennas out of files: those at hand, what writes back, what is refused and in which line.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::{fmt::Write as _, fs, path::PathBuf};
 
@@ -76,16 +77,17 @@ fn vendor_files_have_the_figures_of_their_own_headers() {
             degrees(antenna.elevation_half_power_beamwidth()),
         ];
         // Headers are nominal: the first has 65° where its own rows fall by 3 dB at ±33°.
-        assert!((widths[0] - across).abs() < 4.0 && (widths[1] - up).abs() < 1.5, "{widths:?}");
+        assert_abs_diff_eq!(widths[0], across, epsilon = 4.0);
+        assert_abs_diff_eq!(widths[1], up, epsilon = 1.5);
     }
     let Some(text) = pattern("sample_AMB4520R8v06_05T.msi") else { return };
     let file = MsiFile::parse(&text).expect("in order");
     assert_eq!(file.field("tilt"), Some("ELECTRICAL"));
     let lobe = file.antenna().expect("in order").main_lobe();
     // 5° down, and the beam at 32° clockwise.
-    assert!((lobe.elevation.to_degrees() + 5.0).abs() < 1.0, "{lobe:?}");
-    assert!((lobe.azimuth.to_degrees() + 32.0).abs() < 1.0, "{lobe:?}");
-    assert!((lobe.gain_dbi - 19.10).abs() < 0.05, "{lobe:?}");
+    assert_abs_diff_eq!(lobe.elevation.to_degrees(), -5.0, epsilon = 1.0);
+    assert_abs_diff_eq!(lobe.azimuth.to_degrees(), -32.0, epsilon = 1.0);
+    assert_abs_diff_eq!(lobe.gain_dbi, 19.10, epsilon = 0.05);
 }
 
 /// Agreement of one NEC model's table over the angle, its table over both angles, and its two cuts.
@@ -128,9 +130,9 @@ fn the_formulas_are_near_the_computed_antennas() {
         let computed = MsiFile::parse(&text).expect("in order").antenna().expect("in order");
         let yagi = Yagi::new(elements, 0.25, 20.0).expect("in range");
         let widths = [&computed as &dyn Antenna, &yagi].map(|a| degrees(a.half_power_beamwidth()));
-        assert!((widths[0] - widths[1]).abs() < 3.0, "{name}: {widths:?}");
+        assert!(abs_diff_eq!(widths[0], widths[1], epsilon = 3.0), "{name}: {widths:?}");
         let gains = [computed.main_lobe().gain_dbi, yagi.main_lobe().gain_dbi];
-        assert!((gains[0] - gains[1]).abs() < 1.1, "{name}: {gains:?} {widths:?}");
+        assert!(abs_diff_eq!(gains[0], gains[1], epsilon = 1.1), "{name}: {gains:?} {widths:?}");
     }
     let Some(text) = pattern("nec_panel8_2g4_3d.csv") else { return };
     let computed = PatternTable3d::from_csv(&text).expect("in order");
@@ -138,7 +140,7 @@ fn the_formulas_are_near_the_computed_antennas() {
     let widths = [across, up].map(|width| width.expect("it is directional"));
     let patch = Patch::new(widths[0], widths[1], computed.front_to_back_db()).expect("in range");
     let gains = [computed.main_lobe().gain_dbi, patch.main_lobe().gain_dbi];
-    assert!((gains[0] - gains[1]).abs() < 1.0, "{gains:?}");
+    assert_abs_diff_eq!(gains[0], gains[1], epsilon = 1.0);
 }
 
 /// MSI angles run clockwise and down.
@@ -149,8 +151,8 @@ fn right_and_down_follow_the_file() {
     let antenna = MsiFile::parse(&text).expect("in order").antenna().expect("in order");
     assert!((antenna.gain_dbi(-FRAC_PI_2, 0.0) - (3.0 - 6.0)).abs() < 1e-9, "to the right");
     assert!((antenna.gain_dbi(FRAC_PI_2, 0.0) - (3.0 - 18.0)).abs() < 1e-9, "to the left");
-    assert!((antenna.gain_dbi(0.0, -FRAC_PI_2) - (3.0 - 5.0)).abs() < 1e-9, "down");
-    assert!((antenna.gain_dbi(0.0, FRAC_PI_2) - (3.0 - 9.0)).abs() < 1e-9, "up");
+    assert!(abs_diff_eq!(antenna.gain_dbi(0.0, -FRAC_PI_2), 3.0 - 5.0, epsilon = 1e-9), "down");
+    assert!(abs_diff_eq!(antenna.gain_dbi(0.0, FRAC_PI_2), 3.0 - 9.0, epsilon = 1e-9), "up");
 }
 
 #[test]
@@ -165,7 +167,7 @@ fn what_is_written_of_an_antenna_is_that_antenna() {
         for (azimuth, elevation) in [(angle, 0.0), (0.0, angle), (angle + PI, 0.0)] {
             let (a, b) = (yagi.gain_dbi(azimuth, elevation), antenna.gain_dbi(azimuth, elevation));
             // Between rows of 1°, near the nulls of the array and of the dipoles.
-            assert!((a - b).abs() < 0.2, "{a} and {b} dB at {azimuth}, {elevation}");
+            assert!(abs_diff_eq!(a, b, epsilon = 0.2), "{a} and {b} dB at {azimuth}, {elevation}");
         }
     }
     let table = PatternTable::from_rows(&[(-1.0, -3.5), (0.25, 8.0), (2.0, 1e-3)]).expect("proper");
@@ -178,7 +180,7 @@ fn what_is_written_of_an_antenna_is_that_antenna() {
 #[test]
 fn tabs_dbd_and_carriage_returns_are_read() {
     let plain = MsiFile::parse(&sample()).expect("in order");
-    assert!((plain.gain_dbi() - 12.65).abs() < 1e-12);
+    assert_abs_diff_eq!(plain.gain_dbi(), 12.65, epsilon = 1e-12);
     assert_eq!((plain.field("MAKE"), plain.field("TILT")), (Some(""), Some("")));
     assert_eq!(plain.electrical_tilt_deg(), None);
     let tabs =
@@ -225,7 +227,7 @@ fn tables_rise_or_fall_and_may_close() {
     let (a, b) = (a.expect("in order"), b.expect("in order"));
     for i in 0..100 {
         let angle = 0.1 * f64::from(i);
-        assert!((a.gain_db(angle) - b.gain_db(angle)).abs() < 1e-9, "at {angle}");
+        assert!(abs_diff_eq!(a.gain_db(angle), b.gain_db(angle), epsilon = 1e-9), "at {angle}");
     }
     let grid = "elevation_deg\\azimuth_deg,180,90,0,-90,-180\n90,1,1,1,1,1\n0,-9,2,8,4,-9\n";
     let grid = PatternTable3d::from_csv(grid).expect("in order");
@@ -233,7 +235,7 @@ fn tables_rise_or_fall_and_may_close() {
         [(90.0_f64, 0.0_f64, 2.0), (-90.0, 0.0, 4.0), (0.0, 45.0, 4.5)]
     {
         let ours = grid.gain_dbi(azimuth.to_radians(), elevation.to_radians());
-        assert!((ours - gain).abs() < 1e-9, "{ours} dB at {azimuth}°, {elevation}°");
+        assert!(abs_diff_eq!(ours, gain, epsilon = 1e-9), "{ours} dB at {azimuth}°, {elevation}°");
     }
 }
 

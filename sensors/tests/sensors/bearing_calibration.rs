@@ -1,5 +1,6 @@
 //! Offsets of bearings and scales of their σ: closed forms, recovery, coverage, refusals.
 
+use approx::assert_abs_diff_eq;
 use core::f64::consts::{PI, TAU};
 
 use foxhunt_core::angle::{distance, wrap};
@@ -38,8 +39,8 @@ fn exact_bearings_give_the_offset_back() {
     let known = bearings(STATED, 20, &mut rng, exact);
     let fit = fit_bearing_offset(known.iter().copied(), OffsetTerms::Heading).expect("a fit");
     assert!(distance(fit.offset.constant, STATED.constant) < 1e-9, "{fit:?}");
-    assert!((fit.offset.sin_heading - STATED.sin_heading).abs() < 1e-9, "{fit:?}");
-    assert!((fit.offset.cos_heading - STATED.cos_heading).abs() < 1e-9, "{fit:?}");
+    assert_abs_diff_eq!(fit.offset.sin_heading, STATED.sin_heading, epsilon = 1e-9);
+    assert_abs_diff_eq!(fit.offset.cos_heading, STATED.cos_heading, epsilon = 1e-9);
     for point in &known {
         assert!(distance(fit.offset.correct(point.measured, point.heading), point.truth) < 1e-9);
     }
@@ -124,7 +125,7 @@ fn the_test_for_a_harmonic_is_honest() {
         f64::from(found) / 2000.0
     };
     let none = share(BearingOffset { constant: 1.0, ..<_>::default() });
-    assert!((none - 0.05).abs() < 0.0295, "{none}");
+    assert_abs_diff_eq!(none, 0.05, epsilon = 0.0295);
     let there = share(STATED);
     assert!(there > 0.95, "{there}");
 }
@@ -143,9 +144,10 @@ fn scale_and_floor_of_sigma_come_back_within_their_intervals() {
         (0..count).map(one).collect()
     };
     let fit = fit_sigma(draw(4000)).expect("a fit");
-    assert!((fit.scale - 1.7).abs() < 0.1 && (fit.floor - 0.1).abs() < 0.025, "{fit:?}");
+    assert_abs_diff_eq!(fit.scale, 1.7, epsilon = 0.1);
+    assert_abs_diff_eq!(fit.floor, 0.1, epsilon = 0.025);
     // 95 % ± 4·√(0.95·0.05/4000).
-    assert!((fit.fitted_coverage_95 - 0.95).abs() < 0.0138, "{fit:?}");
+    assert_abs_diff_eq!(fit.fitted_coverage_95, 0.95, epsilon = 0.0138);
     assert!(fit.coverage_95 < 0.75 && fit.rms_ratio > 1.7, "{fit:?}");
     assert!(fit.correlation.is_some_and(|r| r > 0.2), "{fit:?}");
     assert!(fit.correlation_p_value.is_some_and(|p| p < 1e-6), "{fit:?}");
@@ -158,7 +160,7 @@ fn scale_and_floor_of_sigma_come_back_within_their_intervals() {
     }
     for held in [scale, floor] {
         let share = f64::from(held) / 300.0;
-        assert!((share - 0.95).abs() < 0.05, "{share}");
+        assert_abs_diff_eq!(share, 0.95, epsilon = 0.05);
     }
 }
 
@@ -168,15 +170,15 @@ fn the_correlation_is_tested_as_in_the_reference() {
     let stated = [(1.0, 1.0), (2.0, -3.0), (3.0, 2.0), (4.0, -4.0), (5.0, 5.0)];
     let fit = fit_sigma(stated.map(|(sigma, error)| BearingError { error, sigma })).expect("a fit");
     // |error| is 1, 3, 2, 4, 5: their products sum to 9 of 10.
-    assert!((fit.correlation.expect("they vary") - 0.9).abs() < 1e-12, "{fit:?}");
+    assert_abs_diff_eq!(fit.correlation.expect("they vary"), 0.9, epsilon = 1e-12);
     // t = 0.9·√(3/0.19) = 3.576; P = 0.0374.
-    assert!((fit.correlation_p_value.expect("it has one") - 0.0374).abs() < 2e-4, "{fit:?}");
+    assert_abs_diff_eq!(fit.correlation_p_value.expect("it has one"), 0.0374, epsilon = 2e-4);
     // The same σ for all has no correlation, and a scale of the errors' rms over it.
     let same =
         fit_sigma(stated.map(|(_, error)| BearingError { error, sigma: 2.0 })).expect("a fit");
     assert_eq!((same.correlation, same.correlation_p_value, same.floor), (None, None, 0.0));
-    assert!((same.scale - (55.0_f64 / 5.0).sqrt() / 2.0).abs() < 1e-6, "{same:?}");
-    assert!((same.scale - same.rms_ratio).abs() < 1e-6);
+    assert_abs_diff_eq!(same.scale, (55.0_f64 / 5.0).sqrt() / 2.0, epsilon = 1e-6);
+    assert_abs_diff_eq!(same.scale, same.rms_ratio, epsilon = 1e-6);
 }
 
 #[test]

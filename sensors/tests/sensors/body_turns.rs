@@ -1,5 +1,6 @@
 //! A body that turns with its antenna, and an antenna that need not.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use core::f64::consts::{PI, TAU};
 
 use foxhunt_core::{BeaconId, PatternSource, Pose, Sample, Sweep, Unanswered, angle, laws};
@@ -78,7 +79,7 @@ fn a_turn_goes_all_the_way_round_once() {
         let config = BodyConfig { rate_rad_s, mount_offset_rad: 0.4, ..BodyConfig::isaacs2014() };
         let mut source = handle.body(config);
         let Turn { samples, seconds, .. } = turn(&handle, &mut source);
-        assert!((seconds - TAU / 1.3).abs() < 0.02, "{seconds} s for {} s", TAU / 1.3);
+        assert_abs_diff_eq!(seconds, TAU / 1.3, epsilon = 0.02);
         assert!(samples.len() > 450, "{} samples every 10 ms", samples.len());
         for sample in &samples {
             let since = sample.time - start.0;
@@ -106,7 +107,7 @@ fn the_references_turn_polls_six_times_at_each_heading_and_ends_at_rest() {
     let Turn { samples, seconds, .. } = turn(&handle, &mut source);
     // Polled every few milliseconds, a question is late by as much.
     assert!((350..=384).contains(&samples.len()), "{}", samples.len());
-    assert!((seconds - 12.8).abs() < 0.02, "{seconds} s");
+    assert_abs_diff_eq!(seconds, 12.8, epsilon = 0.02);
     for pair in samples.windows(2) {
         let step = angle::wrap(pair[1].boresight - pair[0].boresight);
         assert!((TAU / 384.0 - 1e-9..TAU / 340.0).contains(&step), "{step}");
@@ -117,7 +118,7 @@ fn the_references_turn_polls_six_times_at_each_heading_and_ends_at_rest() {
     assert_eq!(source.poll(), Ok(None));
     source.begin(&[]).expect("it ends");
     assert_eq!(handle.with(|w| w.spins.len()), 4);
-    assert!(handle.with(|w| w.rate).abs() < 1e-12);
+    assert_abs_diff_eq!(handle.with(|w| w.rate), 0.0, epsilon = 1e-12);
 }
 
 #[test]
@@ -132,7 +133,7 @@ fn the_moment_of_the_power_is_where_the_sample_lies() {
         let Turn { samples, .. } = turn(&handle, &mut source);
         let questions = handle.with(|w| w.questions.clone());
         for (sample, (_, requested)) in samples.iter().zip(questions) {
-            assert!((sample.time - requested - late).abs() < 1e-9);
+            assert_abs_diff_eq!(sample.time - requested, late, epsilon = 1e-9);
             let heading = 3.0 + 0.5 * PI * (sample.time - begun);
             assert!(angle::distance(sample.boresight, heading) < 1e-9);
         }
@@ -158,7 +159,7 @@ fn beacons_are_polled_in_turn() {
     for (turn, silent) in received.iter().zip([true, false, false]) {
         let (answers, none) = (turn.samples.len(), turn.unanswered.len());
         let count = f64::from(u32::try_from(answers.max(none)).expect("few"));
-        assert!((count - rounds).abs() < 3.0, "{count}, not {rounds}");
+        assert_abs_diff_eq!(count, rounds, epsilon = 3.0);
         assert_eq!((answers == 0, none > 0), (silent, silent));
     }
 }
@@ -174,8 +175,8 @@ fn a_body_that_does_not_turn_is_reported() {
         assert!(turn.samples.len() > 300, "it keeps what it has");
         assert_eq!(turn.failures.is_empty(), sound);
         if let Some(BodyError::NotAround { turned, seconds }) = turn.failures.first() {
-            assert!((turned - follows * 12.0 * 0.5 * PI).abs() < 0.02, "{turned} rad");
-            assert!((seconds - 12.0).abs() < 0.011 && turn.failures.len() == 1);
+            assert_abs_diff_eq!(*turned, follows * 12.0 * 0.5 * PI, epsilon = 0.02);
+            assert!(abs_diff_eq!(*seconds, 12.0, epsilon = 0.011) && turn.failures.len() == 1);
         }
     }
 }

@@ -1,5 +1,6 @@
 //! A misaligned antenna is found out and corrected.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use core::f64::consts::{PI, TAU};
 
 use foxhunt_core::{
@@ -59,7 +60,7 @@ fn a_misaligned_antenna_is_recovered_within_its_interval() {
         }
     }
     for held in held {
-        assert!((f64::from(held) - 190.0).abs() < 12.3 + 5.0, "{held} of 200");
+        assert!(abs_diff_eq!(f64::from(held), 190.0, epsilon = 12.3 + 5.0), "{held} of 200");
     }
 }
 
@@ -98,12 +99,12 @@ fn a_calibrated_extractor_is_right_and_honest() {
         sigma: *sigma,
     };
     let honest = fit_sigma(after.iter().map(rest)).expect("a fit");
-    assert!((honest.rms_ratio - 1.0).abs() < 0.28, "{honest:?}");
+    assert_abs_diff_eq!(honest.rms_ratio, 1.0, epsilon = 0.28);
     let again = fit_bearing_offset(after.iter().map(|(p, _)| *p), OffsetTerms::Heading);
     let left = again.expect("a fit").offset;
     // 3.7° over √100, times three terms, four standard errors.
     for value in [left.constant, left.sin_heading, left.cos_heading] {
-        assert!(value.abs() < 0.04, "{left:?}");
+        assert!(abs_diff_eq!(value, 0.0, epsilon = 0.04), "{left:?}");
     }
 }
 
@@ -147,7 +148,7 @@ fn the_heading_is_that_of_the_look() {
         angle::distance(heading_towards(&sweep, TAU * 5.0 / 16.0 + 0.5), TAU * 5.0 / 16.0) < 1e-9
     );
     let empty = Sweep { samples: &[], receiver: Pose { heading: 1.5, ..Pose::default() }, ..sweep };
-    assert!((heading_towards(&empty, 0.0) - 1.5).abs() < 1e-12);
+    assert_abs_diff_eq!(heading_towards(&empty, 0.0), 1.5, epsilon = 1e-12);
 }
 
 /// Two opposite directions and no bearing, as of an antenna whose back is its front.
@@ -183,7 +184,7 @@ fn directions_that_compete_are_corrected_each_for_itself() {
     let reading = extractor.extract(&sweep_of(&samples)).expect("it has a level");
     for (mode, heading) in reading.modes.as_slice().iter().zip([0.3, 0.3 - PI]) {
         let error = angle::distance(mode.angle, heading - OFF.at(heading));
-        assert!(error < 1e-12 && (mode.sigma - 0.2).abs() < 1e-12, "{mode:?}");
+        assert!(error < 1e-12 && abs_diff_eq!(mode.sigma, 0.2, epsilon = 1e-12), "{mode:?}");
     }
     assert_eq!(reading.modes.as_slice().len(), 2);
 }
@@ -207,8 +208,10 @@ fn outliers_point_anywhere() {
     let reading = plain.extract(&sweep).expect("it has a level");
     assert_eq!(reading.bearing, Plain.extract(&sweep).expect("it has a level").bearing);
     let [own, any] = reading.modes.as_slice() else { panic!("{:?}", reading.modes) };
-    assert!((own.weight - 0.98).abs() < 1e-12 && (own.angle - 0.3).abs() < 1e-12);
-    assert!((any.weight - 0.02).abs() < 1e-12 && (any.sigma - PI / 3.0_f64.sqrt()).abs() < 1e-12);
+    assert_abs_diff_eq!(own.weight, 0.98, epsilon = 1e-12);
+    assert_abs_diff_eq!(own.angle, 0.3, epsilon = 1e-12);
+    assert_abs_diff_eq!(any.weight, 0.02, epsilon = 1e-12);
+    assert_abs_diff_eq!(any.sigma, PI / 3.0_f64.sqrt(), epsilon = 1e-12);
     let two = Calibrated::new(Opposite).with_outliers(0.5).expect("a share");
     let reading = two.extract(&sweep).expect("it has a level");
     let weights: Vec<f64> = reading.modes.as_slice().iter().map(|mode| mode.weight).collect();

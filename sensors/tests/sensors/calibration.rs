@@ -1,5 +1,6 @@
 //! Path-loss calibration: closed form, recovery, real readings.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use foxhunt_sensors::{CalibrationError, LogDistance, Propagation, fit_log_distance};
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::{Distribution, Normal};
@@ -22,7 +23,7 @@ fn the_closed_form() {
         (fit.covariance[(0, 1)], 1.5 * 10.0 / 200.0),
         (fit.covariance[(1, 0)], 1.5 * 10.0 / 200.0),
     ] {
-        assert!((ours - exact).abs() < 1e-12, "{ours}, should be {exact}");
+        assert_abs_diff_eq!(ours, exact, epsilon = 1e-12);
     }
     assert!(!fit.at_bound && fit.points == 3);
 }
@@ -32,13 +33,13 @@ fn the_closed_form() {
 fn a_bound_holds_the_exponent_and_conditions_the_power() {
     let points = [(1.0, -30.0), (10.0, -51.0), (100.0, -69.0)];
     let fit = fit_log_distance(points, Some(1.5)).expect("a fit");
-    assert!(fit.at_bound && (fit.exponent - 1.5).abs() < 1e-15);
+    assert!(fit.at_bound && abs_diff_eq!(fit.exponent, 1.5, epsilon = 1e-15));
     // P₀ = −50 + 1.5 · 10; residuals 5, −1, −4 dB.
-    assert!((fit.reference_dbm + 35.0).abs() < 1e-12);
-    assert!((fit.rmse_db - (42.0_f64 / 3.0).sqrt()).abs() < 1e-12);
-    assert!((fit.sigma_db - 21.0_f64.sqrt()).abs() < 1e-12);
-    assert!((fit.reference_error_db() - 7.0_f64.sqrt()).abs() < 1e-12);
-    assert!(fit.exponent_error().abs() < 1e-15);
+    assert_abs_diff_eq!(fit.reference_dbm, -35.0, epsilon = 1e-12);
+    assert_abs_diff_eq!(fit.rmse_db, (42.0_f64 / 3.0).sqrt(), epsilon = 1e-12);
+    assert_abs_diff_eq!(fit.sigma_db, 21.0_f64.sqrt(), epsilon = 1e-12);
+    assert_abs_diff_eq!(fit.reference_error_db(), 7.0_f64.sqrt(), epsilon = 1e-12);
+    assert_abs_diff_eq!(fit.exponent_error(), 0.0, epsilon = 1e-15);
     // A bound that does not bind changes nothing.
     assert_eq!(fit_log_distance(points, Some(3.0)), fit_log_distance(points, None));
 }
@@ -68,7 +69,7 @@ fn standard_errors_are_honest() {
         statistic += error.dot(&factor.solve(&error)) / 2.0;
     }
     let mean = statistic / 1000.0;
-    assert!((mean - 38.0 / 36.0).abs() < 0.141, "{mean}");
+    assert_abs_diff_eq!(mean, 38.0 / 36.0, epsilon = 0.141);
 }
 
 /// The covariance of the closed form is inverted by Cramer's rule; the rim of the ellipse is where
@@ -85,18 +86,18 @@ fn the_rim_of_the_region_is_the_quantile_of_f() {
         (region.semi_major * cos, region.semi_major * sin),
         (-region.semi_minor * sin, region.semi_minor * cos),
     ] {
-        assert!((weigh(x, y) / (2.0 * 199.5) - 1.0).abs() < 1e-4, "{}", weigh(x, y));
+        assert!(abs_diff_eq!(weigh(x, y) / (2.0 * 199.5), 1.0, epsilon = 1e-4), "{}", weigh(x, y));
     }
     // Student's t with one degree of freedom at 95 % is 12.706.
     let [low, high] = fit.exponent_interval(0.95).expect("it is free");
-    assert!((high - 1.95 - 12.706 * fit.exponent_error()).abs() < 1e-3 && low < 1.95);
-    assert!((fit.correlation() - b / (a * c).sqrt()).abs() < 1e-12);
+    assert!(abs_diff_eq!(high - 1.95, 12.706 * fit.exponent_error(), epsilon = 1e-3) && low < 1.95);
+    assert_abs_diff_eq!(fit.correlation(), b / (a * c).sqrt(), epsilon = 1e-12);
     let held = fit_log_distance([(1.0, -30.0), (10.0, -51.0), (100.0, -69.0)], Some(1.5));
     let held = held.expect("a fit");
     assert!(held.region(0.95).is_none() && held.exponent_interval(0.95).is_none());
     // Two degrees of freedom: 4.3027.
     let [low, high] = held.reference_interval(0.95).expect("it is free");
-    assert!((0.5 * (high - low) - 4.3027 * held.reference_error_db()).abs() < 1e-3);
+    assert_abs_diff_eq!(0.5 * (high - low), 4.3027 * held.reference_error_db(), epsilon = 1e-3);
     assert!(fit.region(1.0).is_none() && fit.reference_interval(0.0).is_none());
 }
 
@@ -131,7 +132,7 @@ fn the_joint_region_has_its_level() {
     }
     for held in [joint, power, exponent] {
         let share = f64::from(held) / 4000.0;
-        assert!((share - 0.95).abs() < 0.0138, "{share}");
+        assert_abs_diff_eq!(share, 0.95, epsilon = 0.0138);
     }
 }
 
@@ -150,8 +151,8 @@ fn real_readings_have_the_published_exponent() {
         .collect();
     assert_eq!(points.len(), 847);
     let fit = fit_log_distance(points, None).expect("a fit");
-    assert!((fit.exponent - 2.29).abs() < 0.005, "exponent {}", fit.exponent);
-    assert!((fit.sigma_db - 4.1).abs() < 0.05, "standard deviation {} dB", fit.sigma_db);
+    assert_abs_diff_eq!(fit.exponent, 2.29, epsilon = 0.005);
+    assert_abs_diff_eq!(fit.sigma_db, 4.1, epsilon = 0.05);
 }
 
 #[test]
@@ -173,10 +174,10 @@ fn what_cannot_be_fitted_is_refused() {
     ));
     assert!(matches!(
         fit(&[(7.3, -40.0), (7.3, -41.0), (7.3, -39.0)]),
-        Err(CalibrationError::OneRange { range }) if (range - 7.3).abs() < 1e-9
+        Err(CalibrationError::OneRange { range }) if abs_diff_eq!(range, 7.3, epsilon = 1e-9)
     ));
     assert_eq!(fit_log_distance(two, Some(0.0)), Err(CalibrationError::Bound { bound: 0.0 }));
     // Power that rises with range is fitted, but is no law.
     let rising = fit(&[(1.0, -60.0), (10.0, -50.0), (100.0, -40.0)]).expect("a fit");
-    assert!((rising.exponent + 1.0).abs() < 1e-12 && rising.law().is_err());
+    assert!(abs_diff_eq!(rising.exponent, -1.0, epsilon = 1e-12) && rising.law().is_err());
 }

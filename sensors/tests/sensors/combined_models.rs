@@ -1,5 +1,6 @@
 //! Differences of two receivers, stacked models and silence.
 
+use approx::assert_abs_diff_eq;
 use core::f64::consts::TAU;
 
 use foxhunt_core::{Axis, MeasurementModel, Observation, Pose, Quantity, State, laws};
@@ -127,9 +128,9 @@ fn differences_are_those_of_two_receivers() {
     let other = Pose::at(30.0, -40.0, 5.0);
     let model = RangeDifference::new(reference).and_then(|m| m.with_target_up(1.5));
     let z: Vector1<f64> = model.expect("finite").expected(&state, &receiver);
-    assert!((z[0] - (range(&receiver) - range(&other))).abs() < 1e-12);
+    assert_abs_diff_eq!(z[0], range(&receiver) - range(&other), epsilon = 1e-12);
     // A light-microsecond is 300 m.
-    assert!((RangeDifference::SPEED_OF_LIGHT * 1e-6 - 299.79).abs() < 0.01);
+    assert_abs_diff_eq!(RangeDifference::SPEED_OF_LIGHT * 1e-6, 299.79, epsilon = 0.01);
     for power in [-60.0, 0.0] {
         let law = LogDistance::new(power, 2.5).expect("proper");
         let level = Rss::new(law).with_target_up(1.5).expect("finite");
@@ -157,7 +158,7 @@ fn a_stack_keeps_its_parts_likelihoods() {
     let opposite = expected + Vector2::new(0.0, 3.0);
     let z = Observation::new(0.0, receiver, opposite, noise).expect("proper");
     let outlier = (0.19 / TAU).ln() - 0.5 * (TAU * 36.0).ln();
-    assert!((stack.log_likelihood(&state, &z) - outlier).abs() < 1e-9);
+    assert_abs_diff_eq!(stack.log_likelihood(&state, &z), outlier, epsilon = 1e-9);
 }
 
 /// Models state the quantities that their data are checked against.

@@ -1,5 +1,6 @@
 //! Models with the antenna's vertical pattern: the laws, and the pattern's gain.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
 use foxhunt_core::{MeasurementModel, Observation, Pose, State, laws};
@@ -52,14 +53,18 @@ fn the_pattern_is_the_mean_over_the_turn() {
     for degree in -90_i8..=90 {
         let elevation = f64::from(degree).to_radians();
         let gain = patch.mean_gain_db(elevation) - patch.mean_gain_db(0.0);
-        assert!((pattern.gain_db(elevation) - gain).abs() < 1e-9, "at {degree}°");
+        assert!(abs_diff_eq!(pattern.gain_db(elevation), gain, epsilon = 1e-9), "at {degree}°");
         let step = 1e-5;
         let numeric = (pattern.gain_db(elevation * 0.99 + step)
             - pattern.gain_db(elevation * 0.99 - step))
             / (2.0 * step);
-        assert!((pattern.slope(elevation * 0.99) - numeric).abs() < 1e-4 * (1.0 + numeric.abs()));
+        assert_abs_diff_eq!(
+            pattern.slope(elevation * 0.99),
+            numeric,
+            epsilon = 1e-4 * (1.0 + numeric.abs())
+        );
     }
-    assert!(pattern.slope(FRAC_PI_2).abs() < 1e-6, "flat over the pole");
+    assert!(abs_diff_eq!(pattern.slope(FRAC_PI_2), 0.0, epsilon = 1e-6), "flat over the pole");
 }
 
 #[test]
@@ -72,9 +77,9 @@ fn a_body_that_leans_receives_off_its_horizon() {
     let pose = Pose::at(0.0, 0.0, 40.0);
     let at_45 = Dipole.gain_dbi(0.0, FRAC_PI_4) - Dipole.gain_dbi(0.0, 0.0);
     let flat: Vector1<f64> = Rss::new(law()).expected(&Vector2::new(40.0, 0.0), &pose);
-    assert!((level(&pose) - flat[0] - at_45).abs() < 1e-6);
+    assert_abs_diff_eq!(level(&pose) - flat[0], at_45, epsilon = 1e-6);
     // Nose down by 45°, the beacon is on the body's horizon.
-    assert!((level(&Pose { pitch: -FRAC_PI_4, ..pose }) - flat[0]).abs() < 1e-9);
+    assert_abs_diff_eq!(level(&Pose { pitch: -FRAC_PI_4, ..pose }), flat[0], epsilon = 1e-9);
 }
 
 #[test]
@@ -103,7 +108,11 @@ fn without_a_pattern_it_is_the_model_inside() {
     let noise = Matrix2::new(36.0, 0.5, 0.5, 0.16);
     let z = Observation::new(3.0, pose, Vector2::new(-70.0, 0.3), noise).expect("proper");
     laws::measurement_model::<2, 2>(&model, &state, &z);
-    assert!((model.log_likelihood(&state, &z) - inside.log_likelihood(&state, &z)).abs() < 1e-12);
+    assert_abs_diff_eq!(
+        model.log_likelihood(&state, &z),
+        inside.log_likelihood(&state, &z),
+        epsilon = 1e-12
+    );
     let free = model.map(FreePowerRssBearing::from);
     assert_eq!(free.model(), &FreePowerRssBearing::from(inside));
 }

@@ -1,5 +1,6 @@
 //! The exported laws over the extractor, and what it refuses.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use foxhunt_core::{BearingExtractor, NoBearing, NoReading, Pose, Sample, Sweep, angle, laws};
 use foxhunt_sensors::{Pattern, PatternTable, Pritzl2018, resultant_confidence};
 use proptest::prelude::*;
@@ -130,7 +131,7 @@ fn a_window_never_laps_the_turn() {
     let sweep = Sweep { positions: 3, ..sweep_of(&samples) };
     let pattern = Pattern::new(&sweep, 7).expect("a turn");
     for cell in pattern.cells() {
-        assert!(cell.smoothed_dbm().is_some_and(|dbm| (dbm + 10.0).abs() < 1e-12));
+        assert!(cell.smoothed_dbm().is_some_and(|dbm| abs_diff_eq!(dbm, -10.0, epsilon = 1e-12)));
     }
 }
 
@@ -160,7 +161,7 @@ fn the_floor_is_under_a_sharp_lobe() {
         .collect();
     let plain = Pritzl2018::default().with_window(1).expect("odd");
     let bearing = plain.extract(&sweep_of(&samples)).expect("a turn").bearing.expect("one lobe");
-    assert!((bearing.sigma - 0.05).abs() < 1e-15);
+    assert_abs_diff_eq!(bearing.sigma, 0.05, epsilon = 1e-15);
     assert!(angle::distance(bearing.angle, samples[40].boresight) < 1e-12);
 }
 
@@ -197,11 +198,11 @@ fn confidence_is_the_resultant_of_the_power() {
     let exact = 0.5 / 1.001;
     for positions in [16, 128] {
         let confidence = cardioid_confidence(positions, |_| true);
-        assert!((confidence - exact).abs() < 1e-9, "{confidence}, should be {exact}");
+        assert_abs_diff_eq!(confidence, exact, epsilon = 1e-9);
     }
     // Every fourth position stands for as much of the circle as all of them.
     let sparse = cardioid_confidence(128, |position| position % 4 == 0);
-    assert!((sparse - exact).abs() < 1e-9, "{sparse}, should be {exact}");
+    assert_abs_diff_eq!(sparse, exact, epsilon = 1e-9);
 }
 
 /// Positions crowd the half of the circle with the lobe: each weighs its arc, not its count.
@@ -209,7 +210,7 @@ fn confidence_is_the_resultant_of_the_power() {
 fn confidence_weighs_arcs() {
     let uneven = cardioid_confidence(128, |p| p % 8 == 0 || !(32..96).contains(&p));
     // The trapezoidal sum over uneven arcs is off by the square of the larger step.
-    assert!((uneven - 0.5 / 1.001).abs() < 0.01, "{uneven}");
+    assert_abs_diff_eq!(uneven, 0.5 / 1.001, epsilon = 0.01);
 }
 
 /// Missing readings count against the confidence: an arc is 45° at most.
@@ -220,5 +221,5 @@ fn confidence_counts_what_was_not_received() {
     let received = (62.0 * 360.0 / 128.0 + 2.0 * 45.0) / 360.0;
     assert!(half < received, "{half}");
     let one = cardioid_confidence(128, |position| position == 0);
-    assert!((one - 0.125).abs() < 1e-12, "one position counts for 45° and no more: {one}");
+    assert_abs_diff_eq!(one, 0.125, epsilon = 1e-12);
 }

@@ -1,5 +1,6 @@
 //! Configurations from files are checked like those from code.
 
+use approx::abs_diff_eq;
 use foxhunt_sensors::{LogDistance, Pritzl2018, StepperConfig};
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -72,7 +73,7 @@ fn antennas_are_chosen_by_name() {
         assert_eq!(read, config);
         comes_back(&config);
         let lobe = read.build().expect("in range").main_lobe();
-        assert!((lobe.gain_dbi - gain).abs() < 0.1, "{text}: {} dBi", lobe.gain_dbi);
+        assert!(abs_diff_eq!(lobe.gain_dbi, gain, epsilon = 0.1), "{text}: {} dBi", lobe.gain_dbi);
     }
     for name in AntennaConfig::NAMES {
         assert!(AntennaConfig::named(name).expect(name).build().is_ok(), "{name}");

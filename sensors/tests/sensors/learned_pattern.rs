@@ -1,5 +1,6 @@
 //! Patterns learned from turns with a known bearing.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_core::{BeaconId, Sample, Sweep};
 use foxhunt_sensors::{Antenna, LearnPatternError, PatternTable, learn_pattern};
 
@@ -37,9 +38,9 @@ fn one_turn_is_enough_for_a_pattern() {
         assert!(error < 0.75, "{error} dB with {} harmonics", learned.harmonics);
         assert!((4..=20).contains(&learned.harmonics), "{} harmonics", learned.harmonics);
         // 2 dB over √6 samples, ± 4 standard errors of 1/√(2 · 100).
-        assert!((learned.sigma_db / 0.816 - 1.0).abs() < 0.29, "{} dB", learned.sigma_db);
+        assert_abs_diff_eq!(learned.sigma_db / 0.816, 1.0, epsilon = 0.29);
         assert_eq!(learned.directions, 128);
-        assert!(learned.table.mean_gain_db(0.0).abs() < 1e-4);
+        assert_abs_diff_eq!(learned.table.mean_gain_db(0.0), 0.0, epsilon = 1e-4);
     }
 }
 
@@ -79,7 +80,7 @@ fn what_cannot_be_learned_from_is_refused_with_the_reason() {
     let Some(LearnPatternError::Gap { gap_deg, .. }) = refused(&whole[..600], 0.0) else {
         panic!("28 of 128 positions are missing");
     };
-    assert!((gap_deg - 29.0 * 2.8125).abs() < 1e-6, "{gap_deg}°");
+    assert_abs_diff_eq!(gap_deg, 29.0 * 2.8125, epsilon = 1e-6);
     let mut broken = whole.clone();
     broken[5].rss_dbm = f64::INFINITY;
     assert!(refused(&broken, 0.0).is_some());

@@ -1,5 +1,6 @@
 //! The likelihood extractors against simulated turns.
 
+use approx::assert_abs_diff_eq;
 use core::f64::consts::{PI, TAU};
 
 use foxhunt_core::{
@@ -45,7 +46,7 @@ fn errors(extractor: &impl BearingExtractor, conditions: Conditions, turns: u16)
         let error = angle::wrap(found.angle - bearing);
         squares += error * error;
         ratios += (error / found.sigma) * (error / found.sigma);
-        assert!((reading.rss_dbm + 60.0).abs() < 0.5, "level {}", reading.rss_dbm);
+        assert_abs_diff_eq!(reading.rss_dbm, -60.0, epsilon = 0.5);
     }
     let turns = f64::from(turns);
     ((squares / turns).sqrt().to_degrees(), (ratios / turns).sqrt())
@@ -121,7 +122,7 @@ fn two_looks_are_too_few_and_a_flat_turn_fits_nothing() {
     let reading: Reading = patch()
         .extract(&Sweep { positions: 128, samples: &flat, ..Sweep::default() })
         .expect("a level");
-    assert!((reading.rss_dbm + 50.0).abs() < 0.2);
+    assert_abs_diff_eq!(reading.rss_dbm, -50.0, epsilon = 0.2);
 }
 
 /// A floor 3 dB below the mean hides most of the turn; what it hides is the back of the pattern.

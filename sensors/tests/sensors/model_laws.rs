@@ -1,5 +1,6 @@
 //! The exported laws over every measurement model, and their values at the singularities.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_core::{MeasurementModel, Observation, Pose, State, laws};
 use foxhunt_sensors::{
     BearingOnly, FreePathLossRssBearing, FreePowerRssBearing, Friis, LogDistance, ParameterError,
@@ -99,8 +100,9 @@ fn laws_are_finite_at_every_range_and_flat_where_they_are_cut_off() {
         for range in [0.0, 1e-300, 1e-3, 1.0, 1e300, f64::MAX, f64::INFINITY] {
             assert!(law.rss_dbm(range).is_finite() && law.slope(range).is_finite(), "{range}");
         }
-        assert!(law.slope(0.0).abs() < 1e-300 && law.slope(f64::INFINITY).abs() < 1e-300);
-        assert!((law.rss_dbm(0.0) - law.rss_dbm(1e-3)).abs() < 1e-12);
+        assert_abs_diff_eq!(law.slope(0.0), 0.0, epsilon = 1e-300);
+        assert_abs_diff_eq!(law.slope(f64::INFINITY), 0.0, epsilon = 1e-300);
+        assert_abs_diff_eq!(law.rss_dbm(0.0), law.rss_dbm(1e-3), epsilon = 1e-12);
     }
 }
 
@@ -110,7 +112,7 @@ fn presets_are_the_published_laws() {
     let (field, urban) = (LogDistance::pritzl2018_field(), LogDistance::pritzl2018_urban());
     assert_eq!(Ok(field), LogDistance::new(-29.06, 2.765));
     assert_eq!(Ok(urban), LogDistance::new(-33.96, 3.0));
-    assert!((urban.rss_dbm(10.0) + 63.96).abs() < 1e-12);
+    assert_abs_diff_eq!(urban.rss_dbm(10.0), -63.96, epsilon = 1e-12);
 }
 
 #[test]
@@ -124,7 +126,7 @@ fn overhead_a_bearing_gives_no_information_and_nothing_is_nan() {
         assert!(model.expected(&above, &receiver).iter().all(|v| v.is_finite()));
         // A hand's breadth beside it, the bearing has its slope again: 1/r.
         let jacobian = model.jacobian(&Vector2::new(3.1, -2.0), &receiver);
-        assert!((jacobian[(1, 1)] - 10.0).abs() < 1e-9);
+        assert_abs_diff_eq!(jacobian[(1, 1)], 10.0, epsilon = 1e-9);
     }
 }
 

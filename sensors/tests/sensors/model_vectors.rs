@@ -1,5 +1,6 @@
 //! h, its Jacobian and the bearing mixture, against the shared vectors.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_core::{MeasurementModel, Observation, Pose};
 use foxhunt_sensors::{BearingMixture, BearingOnly, LogDistance, RssBearing};
 use nalgebra::{Matrix1, Matrix2, Vector1, Vector2};
@@ -52,7 +53,7 @@ fn the_bearing_mixture_agrees() {
     }
     let theirs = number(&file["bearing_information"]).expect("an information");
     let information = mixture.fisher_information();
-    assert!((information - theirs).abs() < 1e-9, "{information}, should be {theirs}");
+    assert_abs_diff_eq!(information, theirs, epsilon = 1e-9);
 }
 
 /// The likelihood under [`BearingOnly`] of a bearing that is `e` radians off.

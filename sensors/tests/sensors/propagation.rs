@@ -1,5 +1,6 @@
 //! Laws of propagation and multipath against closed forms.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use foxhunt_sensors::{
@@ -58,7 +59,7 @@ fn far_away_power_falls_with_the_fourth_power() {
     let law = two_ray(20.0, 30.0).with_ground(15.0, Polarisation::Horizontal).expect("in range");
     for range in [1e6, 1e7, 1e9] {
         let plane = 10.0 + 20.0 * (20.0_f64 * 30.0 / range / range).log10();
-        assert!((law.rss_dbm(range) - plane).abs() < 0.05, "at {range} m");
+        assert!(abs_diff_eq!(law.rss_dbm(range), plane, epsilon = 0.05), "at {range} m");
         let per_decade = law.slope(range) * range * core::f64::consts::LN_10;
         assert!((per_decade + 40.0).abs() < 0.05, "{per_decade} dB per decade at {range} m");
     }
@@ -88,7 +89,7 @@ fn two_ray_is_finite_at_every_range_and_refuses_what_is_out_of_range() {
         for range in [0.0, 1e-300, 1e-3, 1.0, 1e9, 1e300, f64::MAX, f64::INFINITY] {
             assert!(law.rss_dbm(range).is_finite() && law.slope(range).is_finite(), "{range}");
         }
-        assert!(law.slope(f64::INFINITY).abs() < 1e-300);
+        assert_abs_diff_eq!(law.slope(f64::INFINITY), 0.0, epsilon = 1e-300);
     }
     for [power, wavelength, from, to] in [
         [f64::NAN, 0.1, 1.0, 1.0],
@@ -105,7 +106,7 @@ fn two_ray_is_finite_at_every_range_and_refuses_what_is_out_of_range() {
 fn reflections_add_in_amplitude() {
     let wave = |amplitude, phase| ReflectedWave { azimuth: 1.0, elevation: 0.0, amplitude, phase };
     let gain = |waves: &[ReflectedWave]| multipath_gain_dbi(&Isotropic, 0.0, 0.0, waves);
-    assert!(gain(&[]).abs() < 1e-12);
+    assert_abs_diff_eq!(gain(&[]), 0.0, epsilon = 1e-12);
     for (phase, sum) in [(0.0, 1.5), (PI, 0.5), (FRAC_PI_2, 1.25_f64.sqrt())] {
         assert!((gain(&[wave(0.5, phase)]) - 20.0 * sum.log10()).abs() < 1e-9, "at {phase}");
     }
@@ -116,5 +117,5 @@ fn reflections_add_in_amplitude() {
     let side = ReflectedWave { azimuth: FRAC_PI_2, elevation: 0.0, amplitude: 1.0, phase: 0.0 };
     let ours = multipath_gain_dbi(&cardioid, 0.0, 0.0, &[side]);
     let alone = multipath_gain_dbi(&cardioid, 0.0, 0.0, &[]);
-    assert!((ours - alone - 20.0 * 1.5_f64.log10()).abs() < 1e-9);
+    assert_abs_diff_eq!(ours - alone, 20.0 * 1.5_f64.log10(), epsilon = 1e-9);
 }

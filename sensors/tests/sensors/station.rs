@@ -1,5 +1,6 @@
 //! A station's fixed antennas: what it makes of bursts, and what a fit finds of it.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use core::f64::consts::{FRAC_PI_2, PI};
 
 use foxhunt_core::{
@@ -63,7 +64,7 @@ fn exact_bursts_have_their_direction_and_level() {
         let error = distance(bearing.angle, direction);
         assert!(error < 1.5 * bearing.sigma + 0.02, "{direction}: {bearing:?}");
         assert!(bearing.sigma < 0.35, "{direction}: {bearing:?}");
-        assert!((read.rss_dbm - (-60.0 + mean)).abs() < 1.5, "{read:?} {mean}");
+        assert_abs_diff_eq!(read.rss_dbm, -60.0 + mean, epsilon = 1.5);
     }
 }
 
@@ -135,10 +136,10 @@ fn a_fit_finds_boresights_and_is_honest_about_unseen_bursts() {
         // Twice the half interval is 4.7 standard errors of seven degrees of freedom: 0.2 % each.
         assert!(error < 2.0 * half && *half < 0.15, "{error} ± {half}");
     }
-    assert!((fit.pattern.residual_db() - 3.0).abs() < 0.6, "{}", fit.pattern.residual_db());
-    assert!((fit.pattern.beamwidth() - 1.0).abs() < 0.12, "{}", fit.pattern.beamwidth());
+    assert_abs_diff_eq!(fit.pattern.residual_db(), 3.0, epsilon = 0.6);
+    assert_abs_diff_eq!(fit.pattern.beamwidth(), 1.0, epsilon = 0.12);
     let [floor, _] = fit.pattern.floor().expect("it was fitted");
-    assert!((floor + 105.0).abs() < 1.5, "{floor}");
+    assert_abs_diff_eq!(floor, -105.0, epsilon = 1.5);
 
     let (mut within, mut bearings, mut sizes) = (0.0, 0.0, Vec::new());
     for (burst, group) in all.iter().zip(&fit.groups) {
@@ -156,7 +157,7 @@ fn a_fit_finds_boresights_and_is_honest_about_unseen_bursts() {
     }
     sizes.sort_by(f64::total_cmp);
     let share: f64 = within / bearings;
-    assert!((share - 0.95).abs() < 0.064, "{share} of {bearings}");
+    assert!(abs_diff_eq!(share, 0.95, epsilon = 0.064), "{share} of {bearings}");
     let median = sizes[sizes.len() / 2];
     assert!(bearings > 350.0 && median < 0.3, "{median} of {bearings}");
 }
@@ -178,7 +179,7 @@ fn intervals_of_boresights_have_their_level() {
         }
     }
     let share: f64 = within / 240.0;
-    assert!((share - 0.95).abs() < 0.076, "{share}");
+    assert_abs_diff_eq!(share, 0.95, epsilon = 0.076);
 }
 
 /// A station as it is built: recorded boresights, true ones and gains of its antennas.
@@ -261,7 +262,7 @@ fn unknown_boresights_and_gains_are_part_of_sigma() {
         }
     }
     let [honest, sure] = shares.map(|(within, count): (f64, f64)| within / count);
-    assert!((honest - 0.95).abs() < 0.051, "{honest} of {shares:?}");
+    assert!(abs_diff_eq!(honest, 0.95, epsilon = 0.051), "{honest} of {shares:?}");
     assert!(sure < 0.91, "{sure} of {shares:?}");
 }
 
@@ -281,8 +282,8 @@ fn stations_of_few_bursts_lean_on_each_other() {
     let kappa_deg = model.boresight_sigma.to_degrees();
     assert!((6.0..16.0).contains(&kappa_deg), "{kappa_deg}");
     assert!((1.8..4.5).contains(&model.gain_sigma_db), "{model:?}");
-    assert!((model.beamwidth - 1.0).abs() < 0.2, "{model:?}");
-    assert!((model.front_to_back_db - 16.0).abs() < 3.5, "{model:?}");
+    assert_abs_diff_eq!(model.beamwidth, 1.0, epsilon = 0.2);
+    assert_abs_diff_eq!(model.front_to_back_db, 16.0, epsilon = 3.5);
     assert!((2.4..4.5).contains(&model.residual_db), "{model:?}");
 
     let mut fitted_squares = 0.0;
@@ -292,7 +293,7 @@ fn stations_of_few_bursts_lean_on_each_other() {
         for (antenna, truth) in own.pattern.antennas().iter().zip(&built.boresights) {
             fitted_squares += distance(antenna.boresight, *truth).powi(2);
             recorded_squares += distance(antenna.recorded_boresight, *truth).powi(2);
-            assert!(antenna.gain_db.abs() < 10.0, "{antenna:?}");
+            assert_abs_diff_eq!(antenna.gain_db, 0.0, epsilon = 10.0);
         }
     }
     assert!(fitted_squares < 0.95 * recorded_squares, "{fitted_squares} {recorded_squares}");

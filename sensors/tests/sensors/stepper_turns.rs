@@ -1,5 +1,6 @@
 //! The stepper source with devices that work.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use core::f64::consts::{PI, TAU};
 
 use foxhunt_core::{BeaconId, PatternSource, Pose, Sample, angle, laws};
@@ -49,7 +50,7 @@ fn a_turn_is_128_positions_of_6_samples() {
     assert!((receiver.position - nalgebra::Vector3::new(3.0, -2.0, 4.0)).norm() < 1e-12);
     assert!(angle::distance(receiver.heading, 0.7) < 1e-12);
     // It ends when its last answer has come.
-    assert!((time - samples[767].time).abs() < 1e-12);
+    assert_abs_diff_eq!(time, samples[767].time, epsilon = 1e-12);
     assert!(handle.with(|w| w.questions.iter().all(|q| q.0 == BeaconId(3))));
     assert_eq!(source.dropped(), 0);
     // A sweep is lent once.
@@ -73,7 +74,7 @@ fn turns_go_to_and_fro() {
         let orders = handle.with(|w| w.orders.clone());
         assert_eq!(orders.len(), 128);
         for pair in orders.windows(2) {
-            assert!((pair[1].0 - pair[0].0).abs() < TAU / 128.0 + 1e-12);
+            assert_abs_diff_eq!(pair[1].0, pair[0].0, epsilon = TAU / 128.0 + 1e-12);
         }
     }
 }
@@ -116,9 +117,9 @@ fn the_first_position_has_longer_than_the_others() {
     assert_eq!(samples.iter().map(|s| s.position).collect::<Vec<_>>(), [0; 6]);
     let orders = handle.with(|w| w.orders.clone());
     for pair in orders[1..].windows(2) {
-        assert!((pair[1].1 - pair[0].1 - 0.4).abs() < 0.006, "0.4 s for a position");
+        assert!(abs_diff_eq!(pair[1].1 - pair[0].1, 0.4, epsilon = 0.006), "0.4 s for a position");
     }
-    assert!((time - orders[7].1 - 0.4).abs() < 0.006);
+    assert_abs_diff_eq!(time - orders[7].1, 0.4, epsilon = 0.006);
 }
 
 #[test]
@@ -132,8 +133,8 @@ fn a_lost_answer_costs_the_rest_of_its_position() {
     assert!((0..128).all(|p| count(p) == 3));
     let orders = handle.with(|w| w.orders.clone());
     // The time-out runs from the order, not from the standstill or the last answer.
-    assert!((orders[1].1 - orders[0].1 - 2.0).abs() < 0.006);
-    assert!((orders[2].1 - orders[1].1 - 0.4).abs() < 0.006);
+    assert_abs_diff_eq!(orders[1].1 - orders[0].1, 2.0, epsilon = 0.006);
+    assert_abs_diff_eq!(orders[2].1 - orders[1].1, 0.4, epsilon = 0.006);
 }
 
 #[test]
@@ -180,7 +181,7 @@ fn the_receiver_is_the_mean_over_the_turn() {
         handle.with(|w| w.pose = Pose { heading: side * 3.1, ..Pose::at(5.0 + side, 1.0, 4.0) });
         if let Some(sweep) = source.poll().expect("the devices work") {
             let east = sweep.samples.iter().map(|s| s.receiver.position.x).sum::<f64>() / 768.0;
-            assert!((sweep.receiver.position.x - east).abs() < 1e-12);
+            assert_abs_diff_eq!(sweep.receiver.position.x, east, epsilon = 1e-12);
             break sweep.receiver;
         }
         handle.wait(0.005);
@@ -237,7 +238,7 @@ fn a_beacon_that_is_mute_costs_the_other_time_alone() {
         let received = shared(&handle, &mut source, &[BeaconId(0), BeaconId(1)]);
         assert_eq!((received[mute].len(), received[other].len()), (0, 768));
         let longest = config.longest_turn(2);
-        assert!((longest - 104.0).abs() < 1e-12, "2 s and 255 times 0.4 s: {longest}");
+        assert_abs_diff_eq!(longest, 104.0, epsilon = 1e-12);
         let seconds = handle.with(|w| w.now) - begun;
         assert!(seconds < longest, "{seconds} s");
     }
@@ -251,7 +252,7 @@ fn settings_are_checked() {
     assert!(config.with_timeouts(1.0, f64::NAN).is_err());
     assert!(config.with_mount_offset(f64::INFINITY).is_err());
     // 2 s and 127 times 0.4 s.
-    assert!((config.longest_turn(1) - 52.8).abs() < 1e-12);
+    assert_abs_diff_eq!(config.longest_turn(1), 52.8, epsilon = 1e-12);
 }
 
 /// One of every five questions has no answer. It ends its position, so that no position has two of

@@ -1,6 +1,7 @@
 //! Diffraction over terrain, and models with it. The losses expected come from a separate program
 //! that follows ITU-R P.526-15, §4.1 and §4.5.1, in kilometres, with heights every 5 cm.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use std::sync::Arc;
 
 use foxhunt_core::{MeasurementModel, Observation, Pose, State, Terrain, laws, numeric_jacobian};
@@ -51,7 +52,7 @@ fn a_knife_edge_is_that_of_the_recommendation() {
     }
     // 6 m above the line, 100 and 300 m off, at 3 m: √(2/3 (1/100 + 1/300)) is √(8/900).
     let parameter = fresnel_parameter(6.0, [100.0, 300.0], 3.0);
-    assert!((parameter - 6.0 * (8.0_f64 / 900.0).sqrt()).abs() < 1e-12);
+    assert_abs_diff_eq!(parameter, 6.0 * (8.0_f64 / 900.0).sqrt(), epsilon = 1e-12);
     assert!(knife_edge_loss_db(1e300).is_finite());
 }
 
@@ -70,7 +71,7 @@ fn hills_take_what_the_recommendation_takes() {
     ] {
         let db = loss(terrain, wavelength).loss_db(&from, &to);
         // Steps of an eighth of a radius miss a little of each top.
-        assert!((db - expected).abs() < 0.25, "{from} {to}: {db}, not {expected} dB");
+        assert!(abs_diff_eq!(db, expected, epsilon = 0.25), "{from} {to}: {db}, not {expected} dB");
     }
 }
 
@@ -95,14 +96,18 @@ fn ground_that_rises_evenly_takes_nothing() {
     }
     // Beyond what is known, at the same place, and at the end of the numbers: nothing.
     for to in [[2000.0, 0.0, 1.0], [0.0, 0.0, 0.0], [1e308, -1e308, 1e308], [f64::NAN, 0.0, 0.0]] {
-        assert!(slope.loss_db(&Vector3::zeros(), &Vector3::from(to)).abs() < 1e-9);
+        assert_abs_diff_eq!(
+            slope.loss_db(&Vector3::zeros(), &Vector3::from(to)),
+            0.0,
+            epsilon = 1e-9
+        );
     }
 }
 
 #[test]
 fn a_raster_is_the_terrain_up_to_its_reach() {
     let raster = HeightRaster::read(&two(), 300.0).expect("in range");
-    assert!((raster.step_m() - 2.5).abs() < 1e-12);
+    assert_abs_diff_eq!(raster.step_m(), 2.5, epsilon = 1e-12);
     for (east, north) in [(0.0, 0.0), (61.3, 8.2), (150.0, -10.0), (-300.0, 300.0), (300.0, 300.0)]
     {
         let place = Vector2::new(east, north);
@@ -116,7 +121,7 @@ fn a_raster_is_the_terrain_up_to_its_reach() {
     }
     let (from, to) = (Vector3::new(0.0, 0.0, 4.0), Vector3::new(220.0, 5.0, 1.5));
     let [read, own] = [loss(raster, 2.0).loss_db(&from, &to), loss(two(), 2.0).loss_db(&from, &to)];
-    assert!((read - own).abs() < 0.1, "{read}, not {own} dB");
+    assert_abs_diff_eq!(read, own, epsilon = 0.1);
     assert!(HeightRaster::read(&two(), f64::NAN).is_err());
 }
 
@@ -198,7 +203,7 @@ fn the_level_is_lower_by_the_loss_and_the_bearing_is_as_it_was() {
     let [lower, plain]: [Vector2<f64>; 2] =
         [model.expected(&state, &pose), inside.expected(&state, &pose)];
     let db = over.loss_db(&pose.position, &state.push(1.0));
-    assert!(db > 40.0 && (plain[0] - lower[0] - db).abs() < 1e-9);
+    assert!(db > 40.0 && abs_diff_eq!(plain[0] - lower[0], db, epsilon = 1e-9));
     assert_eq!(plain[1].to_bits(), lower[1].to_bits());
     assert!(model.with_target_up(f64::NAN).is_err());
 }

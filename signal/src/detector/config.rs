@@ -286,12 +286,13 @@ pub(super) fn discrete(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
 
     #[test]
     fn steps_make_maxima_rarer() {
         // exp(−0.583 x) for small steps (Siegmund 1985, equation 4.38).
         for x in [0.1_f64, 0.5, 1.0] {
-            assert!((discrete(x) / (-0.583 * x).exp() - 1.0).abs() < 0.02, "{x}");
+            assert_abs_diff_eq!(discrete(x) / (-0.583 * x).exp(), 1.0, epsilon = 0.02);
         }
     }
 
@@ -302,7 +303,7 @@ mod tests {
             for known in [100.0, 1e4] {
                 let threshold = alarms.threshold(rate, known);
                 let back = alarms.rate_hz(threshold, known);
-                assert!((back / rate - 1.0).abs() < 1e-6, "{rate} {known}: {back}");
+                assert!(abs_diff_eq!(back / rate, 1.0, epsilon = 1e-6), "{rate} {known}: {back}");
             }
         }
         let known = alarms.threshold(1e-3, 1e6);

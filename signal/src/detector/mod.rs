@@ -480,6 +480,7 @@ fn median(values: &mut [f64]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     /// A tone of this amplitude in a stretch of 1,000 samples that are 0 otherwise.
     fn tone(range: Range<usize>, amplitude: f32) -> Vec<Complex32> {
@@ -526,10 +527,10 @@ mod tests {
         }
         // Level 10 by sixteen cells: (1 + 4/8)^-8.
         let left = over_burst(40.0, &mut cells(10.0, 16));
-        assert!((left - 8.0 * 1.5_f64.ln()).abs() < 1e-9, "{left}");
+        assert_abs_diff_eq!(left, 8.0 * 1.5_f64.ln(), epsilon = 1e-9);
         // Level 2.4 by 32 cells.
         let weak = over_burst(40.0, &mut cells(2.4, 32));
-        assert!((weak - 16.0 * (40.0_f64 / 2.4 / 16.0).ln_1p()).abs() < 1e-9, "{weak}");
+        assert_abs_diff_eq!(weak, 16.0 * (40.0_f64 / 2.4 / 16.0).ln_1p(), epsilon = 1e-9);
         // The fewer cells the less is known of the level, and the less is left.
         let few = over_burst(40.0, &mut cells(10.0, 8));
         assert!(few < left && few > 2.0, "{few}");

@@ -42,6 +42,7 @@ pub(super) fn header(begin: &[u8]) -> Option<Sdriq> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     /// By Python's `struct` and `zlib.crc32`: 48 kS/s about 150.1 MHz, 24 bits.
     const HEADER: [u8; 32] = [
@@ -54,7 +55,7 @@ mod tests {
     fn a_header_is_known_by_its_checksum() {
         let read = header(&HEADER).expect("a header");
         assert_eq!((read.encoding, read.rate_hz), (Encoding::Wide(24), 48_000.0));
-        assert!((read.center_hz - 150.1e6).abs() < 1e-6);
+        assert_abs_diff_eq!(read.center_hz, 150.1e6, epsilon = 1e-6);
         for index in 0..HEADER.len() {
             let mut damaged = HEADER;
             damaged[index] ^= 1;

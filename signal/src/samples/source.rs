@@ -259,6 +259,7 @@ impl SampleSource {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use std::io::Cursor;
 
     use super::*;
@@ -329,7 +330,7 @@ mod tests {
             let values = [full / 2, -full / 4].map(|v| i32::try_from(v).expect("it fits"));
             let input = Box::new(Cursor::new(wav(spec, &values)));
             let source = SampleSource::wav("a.wav", input, None).expect("a WAV file");
-            assert!((source.rate_hz() - 48e3).abs() < 1e-9);
+            assert_abs_diff_eq!(source.rate_hz(), 48e3, epsilon = 1e-9);
             assert_eq!(all(source), [(0, Complex32::new(0.5, -0.25))], "{bits} bits");
         }
         let spec = hound::WavSpec {

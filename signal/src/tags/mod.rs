@@ -560,6 +560,7 @@ fn spread(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::abs_diff_eq;
 
     fn model(detection: f64) -> TrainModel {
         TrainModel {
@@ -579,7 +580,7 @@ mod tests {
     fn some_pulse_is_the_next() {
         for detection in [0.3, 0.9] {
             let sum: f64 = (1..2_000).map(|n| model(detection).missed(n).exp()).sum();
-            assert!((sum - 1.0).abs() < 1e-9, "{detection}: {sum}");
+            assert!(abs_diff_eq!(sum, 1.0, epsilon = 1e-9), "{detection}: {sum}");
             assert!(model(detection).missed(2) < model(detection).missed(1));
         }
     }

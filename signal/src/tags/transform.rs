@@ -175,6 +175,7 @@ pub(super) fn count(number: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::abs_diff_eq;
 
     /// Two trains in one list: their intervals are peaks, and twice an interval, which as many
     /// pairs have, is not.
@@ -195,6 +196,6 @@ mod tests {
         assert!(has(1.0) && has(1.37), "{peaks:?}");
         assert!(!has(2.0) && !has(2.74) && !has(3.0), "{peaks:?}");
         let strongest = peaks[0].interval_s.min(peaks[1].interval_s);
-        assert!((strongest - 1.0).abs() < 0.01, "{peaks:?}");
+        assert!(abs_diff_eq!(strongest, 1.0, epsilon = 0.01), "{peaks:?}");
     }
 }

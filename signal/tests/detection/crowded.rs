@@ -1,5 +1,6 @@
 //! Strong and weak pulses together, clicks, carriers, gaps.
 
+use approx::assert_abs_diff_eq;
 use std::f64::consts::TAU;
 
 use foxhunt_signal::detector::{Detection, Detector, DetectorConfig};
@@ -142,7 +143,7 @@ fn gaps_are_in_time() {
         let (missed, wrong) = compare(&sent, &found);
         assert!(missed.is_empty() && wrong.is_empty(), "{chunk}: {missed:?} {wrong:?}");
         let searched = detector.searched_s();
-        assert!((searched - (480_000 - lost) as f64 / RATE_HZ).abs() < 0.02, "{searched}");
+        assert_abs_diff_eq!(searched, (480_000 - lost) as f64 / RATE_HZ, epsilon = 0.02);
         assert!(detector.push(first - 1, &samples[..1], &mut found).is_err());
         each.push(found);
     }

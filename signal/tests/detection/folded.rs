@@ -1,6 +1,7 @@
 //! Trains of pulses too weak one by one: how weak they may be, and how often noise is taken for
 //! one.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_signal::{
     Pulse,
     detector::{FoldConfig, Train, TrainDetector},
@@ -151,23 +152,23 @@ fn a_train_has_its_interval_frequency_drift_and_pulses() {
     let found = folded(&config, &samples);
     assert_eq!(found.len(), 1, "{found:#?}");
     let train = &found[0];
-    assert!((train.interval_s - interval_s).abs() < 2e-4, "{}", train.interval_s);
-    assert!((train.first_s - first_s).abs() < 5e-3, "{}", train.first_s);
-    assert!((train.frequency_hz - 150e6 - hz).abs() < 6.0, "{}", train.frequency_hz - 150e6);
-    assert!((train.drift_hz_per_s - hz_per_s).abs() < 0.15, "{}", train.drift_hz_per_s);
-    assert!((train.snr_db - 11.0).abs() < 0.7, "{}", train.snr_db);
-    assert!((train.width_s - 20e-3).abs() < 1e-9);
+    assert_abs_diff_eq!(train.interval_s, interval_s, epsilon = 2e-4);
+    assert_abs_diff_eq!(train.first_s, first_s, epsilon = 5e-3);
+    assert_abs_diff_eq!(train.frequency_hz - 150e6, hz, epsilon = 6.0);
+    assert_abs_diff_eq!(train.drift_hz_per_s, hz_per_s, epsilon = 0.15);
+    assert_abs_diff_eq!(train.snr_db, 11.0, epsilon = 0.7);
+    assert_abs_diff_eq!(train.width_s, 20e-3, epsilon = 1e-9);
     assert!(train.false_alarms_per_hour < 1e-6, "{}", train.false_alarms_per_hour);
     // σ of an amplitude √(2·12.6) is 1: some are lost in noise, and some noise stands out.
     let near = |pulse: &&Pulse| times.iter().any(|time| (pulse.time_s - time).abs() < 8e-3);
     let right = train.pulses.iter().filter(near).count();
     assert!(right >= 36 && train.pulses.len() - right <= 2, "{right} of {}", train.pulses.len());
-    assert!((train.missed as i32 - 8).abs() <= 3, "{}", train.missed);
+    assert_abs_diff_eq!(train.missed as i32, 8, epsilon = 3);
     // Energy 12.6 in 160 samples of noise of power 1.
     let power_dbm = -30.0 + 10.0 * (10f64.powf(1.1) / 160.0).log10();
     let mean =
         train.pulses.iter().map(|pulse| pulse.power_dbm).sum::<f64>() / train.pulses.len() as f64;
-    assert!((mean - power_dbm).abs() < 0.8, "{mean} for {power_dbm}");
+    assert_abs_diff_eq!(mean, power_dbm, epsilon = 0.8);
     assert!(train.pulses.is_sorted_by(|a, b| a.time_s < b.time_s));
 }
 
@@ -245,10 +246,10 @@ fn what_is_no_train_is_none() {
     let strong = of(300.0);
     let weak = of(1000.0);
     assert_eq!((strong.len(), weak.len(), found.len()), (1, 1, 2), "{found:#?}");
-    assert!((strong[0].interval_s - 1.31).abs() < 1e-4, "{}", strong[0].interval_s);
+    assert_abs_diff_eq!(strong[0].interval_s, 1.31, epsilon = 1e-4);
     assert!((84..=86).contains(&strong[0].pulses.len()), "{}", strong[0].pulses.len());
-    assert!((strong[0].snr_db - 45.0).abs() < 0.5, "{}", strong[0].snr_db);
-    assert!((weak[0].interval_s - 1.282).abs() < 2e-4, "{}", weak[0].interval_s);
+    assert_abs_diff_eq!(strong[0].snr_db, 45.0, epsilon = 0.5);
+    assert_abs_diff_eq!(weak[0].interval_s, 1.282, epsilon = 2e-4);
 }
 
 /// The true value of an unknown interval is found, not its multiples and not its parts.
@@ -282,7 +283,8 @@ fn trains_that_cross_are_two() {
     let mut intervals: Vec<f64> = found.iter().map(|train| train.interval_s).collect();
     intervals.sort_by(f64::total_cmp);
     assert_eq!(found.len(), 2, "{intervals:?}");
-    assert!((intervals[0] - 1.28).abs() < 1e-3 && (intervals[1] - 1.32).abs() < 1e-3);
+    assert_abs_diff_eq!(intervals[0], 1.28, epsilon = 1e-3);
+    assert_abs_diff_eq!(intervals[1], 1.32, epsilon = 1e-3);
 }
 
 /// The division of samples does not matter, a gap keeps the times behind it, and no train goes over
@@ -303,7 +305,7 @@ fn trains_are_in_time() {
     }
     detector.finish(&mut found);
     assert_eq!(found, whole);
-    assert!((detector.searched_s() - 60.0).abs() < 0.01);
+    assert_abs_diff_eq!(detector.searched_s(), 60.0, epsilon = 0.01);
 
     let mut found = Vec::new();
     let before = 24 * 8000;

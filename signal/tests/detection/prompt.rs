@@ -1,5 +1,6 @@
 //! Pulses that are wanted soon, and the weakest ones that are found.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_signal::detector::{Detection, Detector, DetectorConfig};
 
 use super::air::{Air, Sent, detect};
@@ -45,8 +46,8 @@ fn pulses_are_given_soon() {
     for ((now, soon), late) in given.iter().zip(&later) {
         let delay = now - soon.pulse.time_s - 10e-3;
         assert!((0.0..0.2).contains(&delay), "{delay} s after its end");
-        assert!((soon.pulse.time_s - late.pulse.time_s).abs() < 1e-4);
-        assert!((soon.pulse.power_dbm - late.pulse.power_dbm).abs() < 0.1);
+        assert_abs_diff_eq!(soon.pulse.time_s, late.pulse.time_s, epsilon = 1e-4);
+        assert_abs_diff_eq!(soon.pulse.power_dbm, late.pulse.power_dbm, epsilon = 0.1);
     }
 }
 

@@ -1,5 +1,6 @@
 //! Single pulses: how weak they may be, and how often noise is taken for one.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_signal::detector::{Detector, DetectorConfig};
 
 use super::air::{Air, Sent, detect};
@@ -84,8 +85,8 @@ fn the_level_of_the_noise_does_not_matter() {
     assert!(found.len() > 20);
     assert_eq!(found.len(), louder.len());
     for (a, b) in found.iter().zip(&louder) {
-        assert!((b.pulse.power_dbm - a.pulse.power_dbm - 18.06).abs() < 0.01);
-        assert!((b.pulse.snr_db - a.pulse.snr_db).abs() < 0.01);
+        assert_abs_diff_eq!(b.pulse.power_dbm - a.pulse.power_dbm, 18.06, epsilon = 0.01);
+        assert_abs_diff_eq!(b.pulse.snr_db, a.pulse.snr_db, epsilon = 0.01);
     }
 }
 
@@ -126,16 +127,16 @@ fn pulses_have_their_level_frequency_and_time() {
     for (sent, found) in sent.iter().zip(&found) {
         let pulse = found.pulse;
         let off = pulse.frequency_hz - 150e6 - sent.frequency_hz;
-        assert!(off.abs() < 10.0, "{off} Hz");
+        assert_abs_diff_eq!(off, 0.0, epsilon = 10.0);
         late += i32::from((pulse.time_s - sent.time_s).abs() > 1e-3);
         assert!((pulse.time_s - sent.time_s).abs() < 3e-3, "{}", pulse.time_s - sent.time_s);
-        assert!((pulse.width_s - 20e-3).abs() < 4e-3, "{}", pulse.width_s);
+        assert_abs_diff_eq!(pulse.width_s, 20e-3, epsilon = 4e-3);
         bias += (pulse.power_dbm - power_dbm) / 200.0;
         energy_bias += (pulse.snr_db - 20.0) / 200.0;
         assert!(found.false_alarms_per_hour < 1e-12);
     }
-    assert!(bias.abs() < 0.2, "{bias} dB");
-    assert!(energy_bias.abs() < 0.2, "{energy_bias} dB");
+    assert_abs_diff_eq!(bias, 0.0, epsilon = 0.2);
+    assert_abs_diff_eq!(energy_bias, 0.0, epsilon = 0.2);
     assert!(late <= 10, "{late} of 200 beyond 1 ms");
 }
 
@@ -165,11 +166,15 @@ fn four_cases_have_their_level_or_nothing() {
         assert_eq!(found.len(), 3, "{found:?}");
         for (n, found) in (0..).zip(&found) {
             let pulse = found.pulse;
-            assert!((pulse.frequency_hz - offset_hz).abs() < 10.0, "{pulse:?}");
-            assert!((pulse.time_s - 0.5 - 1.3 * f64::from(n)).abs() < 1e-3, "{pulse:?}");
+            assert_abs_diff_eq!(pulse.frequency_hz, offset_hz, epsilon = 10.0);
+            assert_abs_diff_eq!(pulse.time_s - 0.5, 1.3 * f64::from(n), epsilon = 1e-3);
             // An energy over 5,000 samples; at 18 dB σ is 0.75 dB.
             let power = snr_db - 10.0 * 5000_f64.log10();
-            assert!((pulse.power_dbm - power).abs() < if snr_db > 30.0 { 0.3 } else { 2.0 });
+            assert_abs_diff_eq!(
+                pulse.power_dbm,
+                power,
+                epsilon = if snr_db > 30.0 { 0.3 } else { 2.0 }
+            );
         }
     }
 }

@@ -1,3 +1,4 @@
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use std::{
     io::Write as _,
     path::{Path, PathBuf},
@@ -31,7 +32,7 @@ fn all_bursts_of_a_coded_tag_and_no_other() {
     assert_eq!(tags.len(), 1);
     assert_eq!(tags[0].names, ["10695", "16357"]);
     assert_eq!((tags[0].bursts, tags[0].missed, tags[0].pulses.len()), (62, 0, 248));
-    assert!((tags[0].interval_s - 19.995).abs() < 0.001, "{}", tags[0].interval_s);
+    assert_abs_diff_eq!(tags[0].interval_s, 19.995, epsilon = 0.001);
     assert_eq!(others.len(), 5294 - 248);
 }
 
@@ -42,9 +43,9 @@ fn all_bursts_of_a_coded_tag_that_is_not_known() {
     let Association { tags, others, .. } = associated(&pulses, &TagTable::default());
     assert_eq!(tags.len(), 1, "{:?}", tags.iter().map(|tag| tag.bursts).collect::<Vec<_>>());
     assert_eq!((tags[0].bursts, tags[0].pulses.len(), tags[0].names.len()), (62, 248, 0));
-    assert!((tags[0].interval_s - 19.995).abs() < 0.001, "{}", tags[0].interval_s);
+    assert_abs_diff_eq!(tags[0].interval_s, 19.995, epsilon = 0.001);
     for (gap, published) in tags[0].gaps_s.iter().zip([21.7e-3, 19.6e-3, 24.3e-3]) {
-        assert!((gap - published).abs() < 1e-3, "{:?}", tags[0].gaps_s);
+        assert!(abs_diff_eq!(*gap, published, epsilon = 1e-3), "{:?}", tags[0].gaps_s);
     }
     assert_eq!(others.len(), 5294 - 248);
 }
@@ -56,7 +57,7 @@ fn one_tag_of_unknown_interval() {
     assert_eq!(tags.len(), 1);
     assert_eq!((tags[0].pulses.len(), others.len()), (4_720, 0));
     assert_eq!(tags[0].names, [""; 0]);
-    assert!((tags[0].interval_s - 0.900).abs() < 0.001, "{}", tags[0].interval_s);
+    assert_abs_diff_eq!(tags[0].interval_s, 0.900, epsilon = 0.001);
 }
 
 /// A SensorGnome's own file, compressed, is the table of its pulses; its other lines are none.

@@ -1,5 +1,6 @@
 //! Lists of pulses whose tags are known.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use std::f64::consts::PI;
 
 use foxhunt_signal::{
@@ -250,10 +251,10 @@ fn a_tag_of_which_half_is_missed() {
     let given = associate(&pulses(&sent), &TagTable::default(), &config()).expect("in range");
     assert_eq!(given.tags.len(), 1, "{given:?}");
     let tag = &given.tags[0];
-    assert!((tag.interval_s - 1.7).abs() < 0.002, "{}", tag.interval_s);
+    assert_abs_diff_eq!(tag.interval_s, 1.7, epsilon = 0.002);
     let expected = (180.0 / 1.7) as i64;
     let all = tag.pulses.len() as i64 + i64::from(tag.missed);
-    assert!((all - expected).abs() <= 8, "{all} of {expected}");
+    assert_abs_diff_eq!(all, expected, epsilon = 8);
 }
 
 /// Two coded tags on one frequency that are in no table, one pulse in twenty missed, three false
@@ -294,10 +295,10 @@ fn coded_tags_of_no_table_are_found_by_gaps_that_come_again() {
         tags.iter().map(|t| (t.interval_s, &t.gaps_s)).collect::<Vec<_>>()
     );
     for ((tag, (interval, gaps)), whole) in tags.iter().zip(codes).zip(whole) {
-        assert!((tag.interval_s - interval).abs() < 2e-3, "{}", tag.interval_s);
+        assert_abs_diff_eq!(tag.interval_s, interval, epsilon = 2e-3);
         assert_eq!(tag.gaps_s.len(), 3, "{:?}", tag.gaps_s);
         for (gap, sent) in tag.gaps_s.iter().zip(gaps) {
-            assert!((gap - sent).abs() < 0.3e-3, "{:?}", tag.gaps_s);
+            assert!(abs_diff_eq!(*gap, sent, epsilon = 0.3e-3), "{:?}", tag.gaps_s);
         }
         // A pulse of clutter may stand for one that was missed.
         assert!(

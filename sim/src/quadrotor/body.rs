@@ -394,6 +394,7 @@ fn on_board(commanded: f64, rate: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn it_arrives_within_its_limits_and_stays() {
@@ -408,7 +409,11 @@ mod tests {
             for _ in 0..8000 {
                 reference.advance(&config, dt);
                 assert!(reference.velocity.xy().norm() <= config.speed_mps * (1.0 + 1e-9));
-                assert!(reference.velocity.z.abs() <= config.climb_mps * (1.0 + 1e-9));
+                assert_abs_diff_eq!(
+                    reference.velocity.z,
+                    0.0,
+                    epsilon = config.climb_mps * (1.0 + 1e-9)
+                );
                 assert!(reference.acceleration.norm() <= config.acceleration_mps2 * (1.0 + 1e-9));
             }
             assert_eq!((reference.position, reference.velocity), (goal, Vector3::zeros()));

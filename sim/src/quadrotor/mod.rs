@@ -372,6 +372,7 @@ fn normal(rng: &mut Xoshiro256PlusPlus) -> Vector3<f64> {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use foxhunt_core::Pose;
     use rand::SeedableRng;
 
@@ -396,7 +397,7 @@ mod tests {
         }
         // v = −(g / k) (1 − e^(−k t)), 5 s.
         let exact = -GRAVITY / 0.5 * (1.0 - (-2.5_f64).exp());
-        assert!((state.velocity.z - exact).abs() < 1e-10, "{}", state.velocity.z);
+        assert_abs_diff_eq!(state.velocity.z, exact, epsilon = 1e-10);
     }
 
     #[test]
@@ -414,8 +415,8 @@ mod tests {
         // deviation, and a band of 4.
         let n = 400_000.0;
         let variance = east.iter().map(|v| v * v).sum::<f64>() / n;
-        assert!((variance / 2.25 - 1.0).abs() < 0.09, "{variance}");
+        assert_abs_diff_eq!(variance / 2.25, 1.0, epsilon = 0.09);
         let later: f64 = east.iter().zip(&east[50..]).map(|(a, b)| a * b).sum::<f64>() / n;
-        assert!((later / variance - (-1.0_f64).exp()).abs() < 0.09, "{}", later / variance);
+        assert_abs_diff_eq!(later / variance, (-1.0_f64).exp(), epsilon = 0.09);
     }
 }

@@ -122,6 +122,7 @@ impl RigidBody {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use nalgebra::Rotation3;
 
     use super::*;
@@ -176,7 +177,7 @@ mod tests {
             body = body.step(&Inputs::default(), STEP);
             let now = integrals(&body);
             assert!((now.0 - before.0).norm() < 1e-6 * before.0.norm(), "{}", now.0);
-            assert!((now.1 / before.1 - 1.0).abs() < 1e-6, "{}", now.1);
+            assert_abs_diff_eq!(now.1 / before.1, 1.0, epsilon = 1e-6);
         }
         // About the middle axis it is not stable, and turns over.
         assert!((body.rates - start.rates).norm() > 0.1);

@@ -348,6 +348,7 @@ impl Carried {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     fn body() -> Kinematics {
         let limits =
@@ -371,7 +372,7 @@ mod tests {
             assert!((body.pose().position - goal).norm() > 1e-7);
             body.advance(2e-6);
             assert_eq!(body.pose(), Pose::level(goal, 0.7));
-            assert!((body.path_length() - (goal - start).norm()).abs() < 1e-12);
+            assert_abs_diff_eq!(body.path_length(), (goal - start).norm(), epsilon = 1e-12);
         }
     }
 
@@ -395,12 +396,12 @@ mod tests {
         body.spin(-2.0);
         body.advance(1.0);
         body.advance(1.0);
-        assert!((body.heading() - (0.7 - 4.0)).abs() < 1e-12);
-        assert!((body.pose().heading - angle::wrap(0.7 - 4.0)).abs() < 1e-12);
+        assert_abs_diff_eq!(body.heading(), 0.7 - 4.0, epsilon = 1e-12);
+        assert_abs_diff_eq!(body.pose().heading, angle::wrap(0.7 - 4.0), epsilon = 1e-12);
         assert_eq!(body.pose().position, Vector3::new(5.0, 2.0, 3.0));
         body.spin(0.0);
         body.advance(1.0);
-        assert!((body.heading() - (0.7 - 4.0)).abs() < 1e-12);
+        assert_abs_diff_eq!(body.heading(), 0.7 - 4.0, epsilon = 1e-12);
     }
 
     #[test]
@@ -413,6 +414,6 @@ mod tests {
         assert!(body.go_to(Vector3::new(1e200, 0.0, 0.0)).is_err());
         body.advance(1.0);
         assert!((body.pose().position - Vector3::new(3.0, 4.0, 3.0)).norm() < 1e-12);
-        assert!((body.path_length() - 4.0).abs() < 1e-12);
+        assert_abs_diff_eq!(body.path_length(), 4.0, epsilon = 1e-12);
     }
 }

@@ -414,6 +414,7 @@ pub(crate) fn is_due(at: f64, now: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
 
     /// The orders, by their number, with which a new pattern begins.
     fn breaks(orders: &[f64]) -> Vec<usize> {
@@ -443,9 +444,9 @@ mod tests {
         motor.order(3.0, 10.0);
         assert_eq!(motor.standing(11.499), None);
         assert_eq!(motor.standing(11.5), Some(3.0));
-        assert!((motor.angle(11.0) - 2.0).abs() < 1e-12);
+        assert_abs_diff_eq!(motor.angle(11.0), 2.0, epsilon = 1e-12);
         motor.order(-1.0, 11.0);
-        assert!((motor.angle(12.0) - 0.0).abs() < 1e-12);
+        assert_abs_diff_eq!(motor.angle(12.0), 0.0, epsilon = 1e-12);
         assert_eq!(motor.standing(12.499), None);
         assert_eq!(motor.standing(12.5), Some(-1.0));
     }
@@ -468,11 +469,15 @@ mod tests {
                 *product += here * field.at(&(place + step)) / 4000.0;
             }
         }
-        assert!((square / 36.0 - 1.0).abs() < 4.0 * (2.0_f64 / 4000.0).sqrt(), "{square}");
+        assert_abs_diff_eq!(square / 36.0, 1.0, epsilon = 4.0 * (2.0_f64 / 4000.0).sqrt());
         for ((distance, _), product) in aside.iter().zip(products) {
             let expected = (-distance / 25.0_f64).exp();
             let error = product / 36.0 - expected;
-            assert!(error.abs() < 4.0 * (1.0_f64 + expected.powi(2)).sqrt() / 4000.0_f64.sqrt());
+            assert_abs_diff_eq!(
+                error,
+                0.0,
+                epsilon = 4.0 * (1.0_f64 + expected.powi(2)).sqrt() / 4000.0_f64.sqrt()
+            );
         }
     }
 
@@ -482,9 +487,9 @@ mod tests {
         let config = ShadowingConfig { sigma_db: 6.0, correlation_m: 25.0 };
         let field = ShadowingField::draw(&config, &mut Xoshiro256PlusPlus::seed_from_u64(5));
         let here = field.at(&Vector3::new(3.0, 4.0, 5.0));
-        assert!((field.at(&Vector3::new(3.0, 4.0, 5.0)) - here).abs() < 1e-12);
+        assert_abs_diff_eq!(field.at(&Vector3::new(3.0, 4.0, 5.0)), here, epsilon = 1e-12);
         // σ of the difference over 1 cm: 6 √(2 · 0.0004) dB.
         let beside = field.at(&Vector3::new(3.01, 4.0, 5.0));
-        assert!((beside - here).abs() < 1.0 && (beside - here).abs() > 1e-9);
+        assert!(abs_diff_eq!(beside, here, epsilon = 1.0) && (beside - here).abs() > 1e-9);
     }
 }

@@ -413,6 +413,7 @@ fn scatter(config: &ScatteringConfig, random: &mut Xoshiro256PlusPlus) -> (f64, 
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use foxhunt_sensors::{Antenna, AntennaConfig, Dipole};
     use rand::SeedableRng;
 
@@ -435,15 +436,15 @@ mod tests {
         let far_north = Vector3::new(0.0, 1000.0, 0.0);
         let level = Pose::level(Vector3::zeros(), std::f64::consts::FRAC_PI_2);
         let dipole = |pose: &Pose| gain(AntennaConfig::Dipole, pose, far_north, 0.3);
-        assert!(dipole(&level).abs() < 1e-9);
+        assert_abs_diff_eq!(dipole(&level), 0.0, epsilon = 1e-9);
         // Nose down by 0.4 rad, the beacon ahead is 0.4 rad above the body's own horizon.
         let leaning = Dipole.gain_dbi(0.0, 0.4) - Dipole.gain_dbi(0.0, 0.0);
-        assert!((dipole(&Pose { pitch: -0.4, ..level }) - leaning).abs() < 1e-9);
+        assert_abs_diff_eq!(dipole(&Pose { pitch: -0.4, ..level }), leaning, epsilon = 1e-9);
         assert!(dipole(&Pose { roll: 0.4, ..level }).abs() < 1e-9, "about the line of sight");
         let above = Pose { position: Vector3::new(0.0, 1000.0, 1000.0), ..level };
         let below = gain(AntennaConfig::Dipole, &above, Vector3::new(1e3, 1e3, 0.0), 0.0);
         let at_45 = Dipole.gain_dbi(0.0, std::f64::consts::FRAC_PI_4) - Dipole.gain_dbi(0.0, 0.0);
-        assert!((below - at_45).abs() < 1e-9, "{below} dB");
+        assert_abs_diff_eq!(below, at_45, epsilon = 1e-9);
     }
 
     #[test]
@@ -453,7 +454,7 @@ mod tests {
             let pose = Pose { heading, ..Pose::default() };
             gain(AntennaConfig::ReferencePatch, &pose, to, turned)
         };
-        assert!((of(0.7, 0.2) - of(0.0, 0.9)).abs() < 1e-9);
+        assert_abs_diff_eq!(of(0.7, 0.2), of(0.0, 0.9), epsilon = 1e-9);
         let best = of(0.5, 40.0_f64.atan2(30.0) - 0.5);
         assert!(best > of(0.5, 0.0) && best > of(0.5, 1.0));
     }
@@ -471,7 +472,7 @@ mod tests {
             shares.push(libm::exp10(share_db / 10.0));
         }
         let k = libm::exp10(0.3);
-        assert!((power * k - 1.0).abs() < 0.03, "{power}");
+        assert_abs_diff_eq!(power * k, 1.0, epsilon = 0.03);
         assert!(shares.iter().all(|share| (share * (1.0 + power) - 1.0).abs() < 0.01));
     }
 
@@ -487,8 +488,8 @@ mod tests {
             })
             .collect();
         k_db.sort_by(f64::total_cmp);
-        assert!((k_db[2000] - 3.0).abs() < 0.4, "{}", k_db[2000]);
+        assert_abs_diff_eq!(k_db[2000], 3.0, epsilon = 0.4);
         // 84 % of a Gaussian lie below the median and one σ.
-        assert!((k_db[3365] - 8.0).abs() < 0.5, "{}", k_db[3365]);
+        assert_abs_diff_eq!(k_db[3365], 8.0, epsilon = 0.5);
     }
 }

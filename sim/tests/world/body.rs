@@ -1,5 +1,6 @@
 //! Drones that turn as a whole.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use foxhunt_core::{
     BeaconId, BearingExtractor, PatternSource, Sample, Spinner, Vehicle, Waypoint, angle, laws,
 };
@@ -86,7 +87,7 @@ fn samples_taken_in_flight_belong_to_where_and_when_they_were_taken() {
             let body = sample.receiver.to_body(&sight);
             let off = body.y.atan2(body.x) - (sample.boresight - sample.receiver.heading);
             let expected = -29.06 - 27.65 * sight.norm().log10() + patch.gain_dbi(off, 0.0) - mean;
-            assert!((sample.rss_dbm - expected).abs() < 1e-9, "{} {expected}", sample.rss_dbm);
+            assert_abs_diff_eq!(sample.rss_dbm, expected, epsilon = 1e-9);
         }
     }
 }
@@ -121,7 +122,7 @@ fn a_level_without_a_direction_is_that_of_the_law() {
     let readings = sweeps(&world, &mut source, &[BeaconId(0)]).remove(0);
     assert_eq!(readings.len(), 768);
     let law = -29.06 - 27.65 * Vector3::<f64>::new(30.0, 40.0, 4.0).norm().log10();
-    assert!(readings.iter().all(|sample| (sample.rss_dbm - law).abs() < 1e-9));
+    assert!(readings.iter().all(|sample| abs_diff_eq!(sample.rss_dbm, law, epsilon = 1e-9)));
 }
 
 /// The bearing errors of `count` turns in radians, each with a world and a seed of its own: of the
@@ -172,7 +173,7 @@ fn a_turn_of_the_quadrotor_is_as_good_as_one_of_the_stepper() {
         for (stepped, turned) in stepped.iter().zip(&turned) {
             let [stepped, turned] = [stepped, turned].map(|e| deviation(e).to_degrees());
             println!("stepper {stepped:.3}° rms, quadrotor {turned:.3}° rms");
-            assert!((turned / stepped - 1.0).abs() < 0.2, "{turned}° and {stepped}°");
+            assert_abs_diff_eq!(turned / stepped, 1.0, epsilon = 0.2);
         }
     }
 }
@@ -208,7 +209,7 @@ fn each_pulse_of_a_tag_is_a_sample_or_a_miss() {
         for sample in &samples {
             let number = (sample.time - 0.4) / 1.3;
             // A request is at most 50 ms older than the end of its pulse.
-            assert!((number - number.round()).abs() < 0.06, "{}", sample.time);
+            assert!(abs_diff_eq!(number, number.round(), epsilon = 0.06), "{}", sample.time);
         }
         // The weaker half of them lies below the next one's floor.
         let mut levels: Vec<f64> = samples.iter().map(|sample| sample.rss_dbm).collect();

@@ -1,3 +1,4 @@
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use std::f64::consts::TAU;
 
 use foxhunt_core::{MeasurementModel, Vehicle, angle::distance};
@@ -82,7 +83,7 @@ fn a_sample_is_the_law_and_the_gain_over_its_mean() {
     let law = -29.06 - 27.65 * 50.0_f64.log10();
     for (angle, rss) in rig.turn(0, 1) {
         let gain = patch.gain_db(40.0_f64.atan2(30.0) - angle) - patch.mean_gain_db(0.0);
-        assert!((rss - law - gain).abs() < 1e-9, "{rss} dBm at {angle}");
+        assert!(abs_diff_eq!(rss - law, gain, epsilon = 1e-9), "{rss} dBm at {angle}");
     }
 }
 
@@ -107,7 +108,7 @@ fn an_antenna_that_squints_receives_most_when_it_looks_past_the_beacon() {
     let law = -29.06 - 27.65 * 50.0_f64.log10();
     for (off, over_mean) in [(30.0_f64, 5.0), (-60.0, 0.0), (-150.0, -5.0)] {
         rig.turn_to(truth - off.to_radians());
-        assert!((rig.receive(0) - law - over_mean).abs() < 1e-9, "{off}° off");
+        assert!(abs_diff_eq!(rig.receive(0) - law, over_mean, epsilon = 1e-9), "{off}° off");
     }
     rig.turn_to(truth);
     let ahead = rig.receive(0) - law;
@@ -118,15 +119,15 @@ fn an_antenna_that_squints_receives_most_when_it_looks_past_the_beacon() {
 fn every_beacon_has_its_own_power_and_a_drone_above_it_receives_a_number() {
     let mut rig = Rig::new(&config(ChannelConfig { antenna: omnidirectional(), ..quiet() }), 1);
     let near = -29.06 - 27.65 * 5.0_f64.log10();
-    assert!((rig.receive(1) - near).abs() < 1e-9);
+    assert_abs_diff_eq!(rig.receive(1), near, epsilon = 1e-9);
     let far = -29.06 - 27.65 * 50.0_f64.log10();
-    assert!((rig.receive(0) - far).abs() < 1e-9);
+    assert_abs_diff_eq!(rig.receive(0), far, epsilon = 1e-9);
     for (east, north, up) in [(-5.0, 0.0, 4.0), (-5.0, 0.0, 0.0), (1e5, 0.0, 0.0)] {
         rig.fly_to(east, north, up);
         assert!(rig.receive(1).is_finite(), "at {east}, {north}, {up}");
     }
     rig.fly_to(0.0, 0.0, 0.0);
-    assert!((rig.receive(1) - near).abs() < 1e-9);
+    assert_abs_diff_eq!(rig.receive(1), near, epsilon = 1e-9);
 }
 
 #[test]
@@ -136,7 +137,7 @@ fn a_drone_above_receives_through_the_antennas_vertical_pattern() {
     // 40 m up and 40 m away.
     let law = -29.06 - 27.65 * (40.0 * 2.0_f64.sqrt()).log10();
     let gain = Dipole.gain_dbi(0.0, TAU / 8.0) - Dipole.gain_dbi(0.0, 0.0);
-    assert!((rig.receive(0) - law - gain).abs() < 1e-9);
+    assert_abs_diff_eq!(rig.receive(0) - law, gain, epsilon = 1e-9);
 }
 
 /// The mean over a turn in the world is what the model expects of a drone that is near and high.
@@ -174,7 +175,7 @@ fn two_ray_knows_the_heights() {
         let wavelength = 299_792_458.0 / 2.44e9;
         let law = TwoRay::new(5.0, wavelength, 0.1, up.max(0.1)).expect("in range");
         let expected = law.rss_dbm(50.0_f64.hypot(up));
-        assert!((rig.receive(0) - expected).abs() < 1e-9, "at {up} m");
+        assert!(abs_diff_eq!(rig.receive(0), expected, epsilon = 1e-9), "at {up} m");
     }
 }
 
@@ -194,7 +195,7 @@ fn shadowing_belongs_to_places_and_beacons() {
     let law = -29.06 - 27.65 * 70.0_f64.hypot(40.0).log10();
     let away = other.receive(0) - law;
     other.fly_to(0.0, 0.0, 0.0);
-    assert!((other.receive(0) - first).abs() < 1e-12, "the same place again");
+    assert!(abs_diff_eq!(other.receive(0), first, epsilon = 1e-12), "the same place again");
     let here = first + 29.06 + 27.65 * 50.0_f64.log10();
     let of_the_other = second + 29.06 + 27.65 * 5.0_f64.log10();
     assert!(here.abs() > 1e-3 && (here - away).abs() > 1e-3 && (here - of_the_other).abs() > 1e-3);
@@ -204,7 +205,7 @@ fn shadowing_belongs_to_places_and_beacons() {
         let channel = ChannelConfig { shadowing, ..noisy.clone() };
         Rig::new(&crate::rig::config(channel), 3).receive(0)
     };
-    assert!((listen(shadowing) - listen(None) - here).abs() < 1e-9);
+    assert_abs_diff_eq!(listen(shadowing) - listen(None), here, epsilon = 1e-9);
 }
 
 /// From (-20, 0) the way is 20 m and √(50² + 40²) m where the direct one is 50 m.
@@ -224,7 +225,7 @@ fn a_reflection_beats_with_the_direct_wave_and_comes_from_its_own_direction() {
         let sum = (1.0 + 0.5 * phase(east).cos()).hypot(0.5 * phase(east).sin());
         let law = -29.06 - 27.65 * (30.0 - east).hypot(40.0).log10();
         let over = rig.receive(0) - law;
-        assert!((over - 20.0 * sum.log10()).abs() < 1e-6, "{over} dB at {east} m");
+        assert!(abs_diff_eq!(over, 20.0 * sum.log10(), epsilon = 1e-6), "{over} dB at {east} m");
         beats.push(sum);
     }
     let most = beats.iter().copied().fold(0.0, f64::max);
@@ -289,7 +290,7 @@ fn scattering_keeps_the_mean_power() {
                 10.0_f64.powf((rig.receive(0) - law) / 10.0)
             })
             .collect();
-        assert!((mean(&powers) - 1.0).abs() < 0.06, "K {k_db} dB: {}", mean(&powers));
+        assert!(abs_diff_eq!(mean(&powers), 1.0, epsilon = 0.06), "K {k_db} dB: {}", mean(&powers));
     }
 }
 
@@ -302,5 +303,5 @@ fn scattering_draws_after_the_pattern() {
     };
     let weak = ScatteringConfig { k_db: 60.0, ..scattering() };
     let apart = listen(Some(weak)) - listen(None);
-    assert!(apart.abs() < 0.05, "{apart} dB");
+    assert_abs_diff_eq!(apart, 0.0, epsilon = 0.05);
 }

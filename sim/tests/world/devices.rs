@@ -1,3 +1,4 @@
+use approx::assert_abs_diff_eq;
 use foxhunt_core::{BeaconId, Clock, Pose, Radio, Rotator, Vehicle, Waypoint};
 use foxhunt_sim::{
     ChannelConfig, DroneConfig, KinematicConfig, SimError, VehicleConfig, World, WorldConfig,
@@ -110,10 +111,10 @@ fn drones_arrive_in_the_time_of_distance_and_speed() {
     }
     for (found, expected) in arrived.iter().zip([10.0, 15.0]) {
         let found = found.expect("it arrived");
-        assert!((found - expected).abs() < 0.011, "{found} s, not {expected}: a step is 10 ms");
+        assert_abs_diff_eq!(found, expected, epsilon = 0.011);
     }
     for (drone, flown) in [(0, 641.0_f64.sqrt()), (1, 250.0_f64.sqrt())] {
-        assert!((world.path_length(drone).expect("it exists") - flown).abs() < 1e-9);
+        assert_abs_diff_eq!(world.path_length(drone).expect("it exists"), flown, epsilon = 1e-9);
     }
 }
 

@@ -1,6 +1,7 @@
 //! Drones that stand still, cannot be reached, receive nothing or answer late; beacons that scatter
 //! or come later.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use foxhunt_core::{BeaconId, PatternSource, Spinner, Vehicle, Waypoint, laws::pattern_source};
 use foxhunt_sensors::{OmnidirectionalConfig, StepperConfig};
 use foxhunt_sim::{
@@ -43,17 +44,17 @@ fn one_that_is_stuck_hovers_and_follows_its_last_order_afterwards() {
     let order = |east| Waypoint { position: Vector3::new(east, 0.0, 0.0) };
     vehicle.go_to(&order(10.0)).expect("a place");
     pass(&world, 2);
-    assert!((east(&world) - 4.0).abs() < 1e-9);
+    assert_abs_diff_eq!(east(&world), 4.0, epsilon = 1e-9);
     vehicle.go_to(&order(-10.0)).expect("it is taken note of");
     let nowhere = order(f64::NAN);
     assert!(matches!(vehicle.go_to(&nowhere), Err(SimError::Goal { .. })));
     vehicle.go_to(&order(8.0)).expect("it is taken note of");
     pass(&world, 3);
-    assert!((east(&world) - 4.0).abs() < 1e-9, "it moved");
+    assert!(abs_diff_eq!(east(&world), 4.0, epsilon = 1e-9), "it moved");
     pass(&world, 2);
-    assert!((east(&world) - 6.0).abs() < 1e-9, "{}", east(&world));
+    assert_abs_diff_eq!(east(&world), 6.0, epsilon = 1e-9);
     pass(&world, 5);
-    assert!((east(&world) - 8.0).abs() < 1e-9);
+    assert_abs_diff_eq!(east(&world), 8.0, epsilon = 1e-9);
 }
 
 #[test]
@@ -69,7 +70,7 @@ fn a_quadrotor_that_is_stuck_brakes_and_goes_on() {
     pass(&world, 4);
     assert!(stood > 5.0 && (east(&world) - stood).abs() < 0.2, "{stood} to {}", east(&world));
     pass(&world, 60);
-    assert!((east(&world) - 60.0).abs() < 0.2, "{}", east(&world));
+    assert_abs_diff_eq!(east(&world), 60.0, epsilon = 0.2);
 }
 
 #[test]
@@ -85,7 +86,7 @@ fn one_that_is_lost_answers_nothing_and_flies_on() {
     assert_eq!(vehicle.land(), Err(lost.clone()));
     assert_eq!(vehicle.go_to(&Waypoint::default()), Err(lost));
     world.advance(2.0).expect("a step");
-    assert!((east(&world) - 6.0).abs() < 1e-9);
+    assert_abs_diff_eq!(east(&world), 6.0, epsilon = 1e-9);
     assert_eq!(vehicle.pose(), world.pose(0), "it is back");
 }
 
@@ -121,7 +122,7 @@ fn a_late_sweep_is_the_same_sweep_later() {
         sweeps
     };
     for (prompt, late) in finished(0.0).into_iter().zip(finished(7.5)) {
-        assert!((late.0 - prompt.0 - 7.5).abs() < 0.011, "{} and {}", prompt.0, late.0);
+        assert_abs_diff_eq!(late.0 - prompt.0, 7.5, epsilon = 0.011);
         assert_eq!((prompt.1, prompt.2, prompt.3), (late.1, late.2, late.3));
     }
 }
@@ -187,8 +188,8 @@ fn a_beacon_scatters_as_far_as_is_set() {
         north.push(place.y - 40.0);
     }
     for values in [&east, &north] {
-        assert!((deviation(values) - 20.0).abs() < 5.0 * 20.0 / 2000.0_f64.sqrt());
-        assert!(mean(values).abs() < 5.0 * 20.0 / 1000.0_f64.sqrt());
+        assert_abs_diff_eq!(deviation(values), 20.0, epsilon = 5.0 * 20.0 / 2000.0_f64.sqrt());
+        assert_abs_diff_eq!(mean(values), 0.0, epsilon = 5.0 * 20.0 / 1000.0_f64.sqrt());
     }
     // The other one's place does not depend on whether the first scatters.
     config.beacons[1].scatter_m = Some(20.0);

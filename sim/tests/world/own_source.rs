@@ -1,5 +1,6 @@
 //! The parts of a user's own source: samples through his own antenna, true places and speeds.
 
+use approx::assert_abs_diff_eq;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use foxhunt_core::{BeaconId, PatternSource, Pose, Vehicle, Waypoint};
@@ -71,8 +72,8 @@ fn an_own_antenna_keeps_the_level_and_has_its_own_pattern() {
         .map(|degree| f64::from(degree).to_radians())
         .map(|boresight| (boresight, receive(bearing + boresight)))
         .collect();
-    assert!((level(&turn) - expected).abs() < 1e-9, "{} dBm", level(&turn));
-    assert!((receive(bearing) - receive(bearing + 1.0) - 10.0).abs() < 1e-9);
+    assert_abs_diff_eq!(level(&turn), expected, epsilon = 1e-9);
+    assert_abs_diff_eq!(receive(bearing) - receive(bearing + 1.0), 10.0, epsilon = 1e-9);
 }
 
 /// Without `begin_pattern` a drone that stays has one offset for all its samples.

@@ -1,3 +1,4 @@
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use foxhunt_core::angle::wrap;
 use foxhunt_sim::ChannelConfig;
 
@@ -12,10 +13,10 @@ const WIDTH: f64 = 5.0;
 fn assert_deviation(errors: &[f64], sigma: f64) {
     let band = WIDTH * sigma / (2.0 * count(errors)).sqrt();
     let found = deviation(errors);
-    assert!((found - sigma).abs() < band, "σ = {found}, not {sigma} ± {band}");
+    assert!(abs_diff_eq!(found, sigma, epsilon = band), "σ = {found}, not {sigma} ± {band}");
     let centre = mean(errors);
     let band = WIDTH * sigma / count(errors).sqrt();
-    assert!(centre.abs() < band, "mean {centre} beyond ± {band}");
+    assert!(abs_diff_eq!(centre, 0.0, epsilon = band), "mean {centre} beyond ± {band}");
 }
 
 #[test]
@@ -35,7 +36,7 @@ fn the_mean_over_a_turn_follows_the_path_loss_law() {
         silent.drones[0].up_m = 0.5 + up;
         // Without noise all that is left is a mean over 128 points in place of an integral.
         let found = level(&Rig::new(&silent, seed).turn(0, 1));
-        assert!((found - law).abs() < 1e-3, "{found} dBm at {range} m, not {law}");
+        assert!(abs_diff_eq!(found, law, epsilon = 1e-3), "{found} dBm at {range} m, not {law}");
 
         let mut noisy = silent.clone();
         noisy.channel = ChannelConfig::default();
@@ -84,7 +85,7 @@ fn each_sample_has_its_own_noise() {
         .collect();
     assert_deviation(&noise, 2.0);
     let serial: Vec<f64> = noise.iter().zip(&noise[1..]).map(|(a, b)| a * b).collect();
-    assert!(mean(&serial).abs() < WIDTH * 4.0 / count(&serial).sqrt());
+    assert_abs_diff_eq!(mean(&serial), 0.0, epsilon = WIDTH * 4.0 / count(&serial).sqrt());
 }
 
 #[test]
@@ -99,7 +100,7 @@ fn answers_are_lost_at_their_rate_and_the_others_are_as_they_were() {
     assert!(readings.iter().all(|same| *same));
     let rate = 1.0 - count(&readings) / f64::from(requested);
     let band = WIDTH * (0.3 * 0.7 / f64::from(requested)).sqrt();
-    assert!((rate - 0.3).abs() < band, "{rate} lost");
+    assert_abs_diff_eq!(rate, 0.3, epsilon = band);
 
     let all = ChannelConfig { loss_probability: 1.0, ..quiet() };
     let mut deaf = Rig::new(&config(all), 7);

@@ -1,3 +1,4 @@
+use approx::assert_abs_diff_eq;
 use foxhunt_core::{BeaconId, PatternSource, laws};
 use foxhunt_sensors::StepperConfig;
 use foxhunt_sim::{ChannelConfig, SimStepper, SimStepperConfig, World};
@@ -46,7 +47,7 @@ fn a_turn_takes_as_long_as_its_parts() {
         assert_eq!(readings.len(), 768);
         // 10 ms of radio 768 times, and 127 steps of 24.5 ms that are noticed after 30 ms.
         let expected = 768.0 * 0.01 + 127.0 * 0.03;
-        assert!((duration - expected).abs() < 0.011, "{duration} s, not {expected}");
+        assert_abs_diff_eq!(duration, expected, epsilon = 0.011);
     }
 }
 
@@ -95,6 +96,6 @@ fn lost_answers_cost_time_and_samples() {
     let expected = 128.0 * (0.95 - 0.95_f64.powi(7)) / 0.05;
     let left = crate::rig::count(&readings);
     // σ² of one position's count is below 6² / 4.
-    assert!((left - expected).abs() < 5.0 * 3.0 * 128.0_f64.sqrt(), "{left} of 768");
+    assert_abs_diff_eq!(left, expected, epsilon = 5.0 * 3.0 * 128.0_f64.sqrt());
     assert!(left < 768.0 && duration > 12.0);
 }

@@ -1,3 +1,4 @@
+use approx::abs_diff_eq;
 use foxhunt_core::{BeaconId, Radio};
 use foxhunt_sim::{ChannelConfig, DroneConfig, World, WorldConfig};
 
@@ -56,6 +57,6 @@ fn the_first_readings_of_seed_1_stay_what_they_are() {
         -55.006_613_826_699_75,
     ];
     for (found, pinned) in readings.iter().zip(pinned) {
-        assert!((found - pinned).abs() < 1e-9, "{readings:?}");
+        assert!(abs_diff_eq!(*found, pinned, epsilon = 1e-9), "{readings:?}");
     }
 }

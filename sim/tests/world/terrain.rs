@@ -1,5 +1,6 @@
 //! Terrain between beacons and drones.
 
+use approx::abs_diff_eq;
 use std::{fs, path::PathBuf};
 
 use foxhunt_sensors::{Hill, Hills, TerrainLoss};
@@ -91,7 +92,7 @@ fn tiles_are_terrain_and_read_once() {
     let behind = readings(&config);
     let plain = readings(&level);
     assert!(plain[0] - behind[0] > 25.0, "{} dB over the ridge", plain[0] - behind[0]);
-    assert!((plain[1] - behind[1]).abs() < 1e-9, "along the valley");
+    assert!(abs_diff_eq!(plain[1], behind[1], epsilon = 1e-9), "along the valley");
     // Copies need the tiles no more; another reach does.
     let copy = config.clone();
     let mut wider = config.clone();

@@ -1,5 +1,6 @@
 //! Drones that drop out and come back, rules that end a search, and the way home.
 
+use approx::assert_abs_diff_eq;
 use foxhunt::formation::{Duty, EnduranceConfig, StopRules};
 use foxhunt::hunt::{Command, Fix};
 use nalgebra::Vector3;
@@ -100,7 +101,7 @@ fn the_formation_closes_up_around_one_that_does_not_move() {
     assert_eq!(fix(&events).outcome, Outcome::Converged);
     // Two drones are opposite each other, 6 m from the centre, and not on top of the third.
     let last = goals(&events).last().copied().expect("there were goals").clone();
-    assert!(((last[0] - last[1]).xy().norm() - 12.0).abs() < 1.0, "{last:?}");
+    assert_abs_diff_eq!((last[0] - last[1]).xy().norm(), 12.0, epsilon = 1.0);
     let near = |a: usize, b: usize| (last[a] - last[b]).xy().norm();
     assert!(near(0, 2) > 2.0 && near(1, 2) > 2.0, "{last:?}");
     // It listens where it is.

@@ -1,6 +1,7 @@
 //! Logs of hunts, and their replays.
 
 use super::*;
+use approx::assert_abs_diff_eq;
 
 /// The settings of an estimator.
 fn settings(name: &str) -> EstimatorConfig {
@@ -204,7 +205,8 @@ fn a_silent_drone_of_shared_turns_is_waited_for_as_long_as_both_may_take() {
         })
         .collect();
     assert_eq!(waited.len(), 2, "one event for a drone and a position");
-    assert!((waited[0] - 2.0 * one).abs() < 0.5 && (waited[1] - one).abs() < 0.5, "{waited:?}");
+    assert_abs_diff_eq!(waited[0], 2.0 * one, epsilon = 0.5);
+    assert_abs_diff_eq!(waited[1], one, epsilon = 0.5);
 }
 
 #[test]

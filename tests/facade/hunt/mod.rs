@@ -4,6 +4,7 @@ mod fleets;
 mod logs;
 mod resumed;
 
+use approx::assert_abs_diff_eq;
 use std::{cell::Cell, fs, path::Path, rc::Rc};
 
 use foxhunt::{
@@ -155,7 +156,7 @@ fn a_silent_drone_costs_its_time_out_twice_and_no_more() {
     // Two formation positions, each longer by the time-out less the second that a turn takes.
     let delay = (silent.duration - good.duration) / 2.0;
     let timeout = HuntConfig::default().turn_timeout_s;
-    assert!((delay - (timeout - 1.0)).abs() < 1.5, "each position took {delay} s longer");
+    assert_abs_diff_eq!(delay, timeout - 1.0, epsilon = 1.5);
     let missing = silent.events.iter().filter(|e| matches!(e, Event::Missing { drone: 1, .. }));
     assert_eq!(missing.count(), 2);
 }
@@ -181,7 +182,7 @@ fn no_signal_gives_the_beacon_up_and_goes_on() {
     assert_eq!(outcomes(&outing), [(Outcome::NoSignal, 0, 0); 2]);
     let attempts = f64::from(HuntConfig::default().attempts);
     let least = 2.0 * attempts * HuntConfig::default().turn_timeout_s;
-    assert!((outing.duration - least).abs() < 10.0, "it took {} s", outing.duration);
+    assert_abs_diff_eq!(outing.duration, least, epsilon = 10.0);
 }
 
 #[test]
@@ -194,7 +195,7 @@ fn a_path_is_flown_to_its_end_where_nothing_is_received() {
     assert!(goals.count() >= 4, "both places, for each of two beacons");
     let attempts = f64::from(HuntConfig::default().attempts);
     let least = 4.0 * attempts * HuntConfig::default().turn_timeout_s;
-    assert!((outing.duration - least).abs() < 60.0, "it took {} s", outing.duration);
+    assert_abs_diff_eq!(outing.duration, least, epsilon = 60.0);
 }
 
 #[test]

@@ -1,3 +1,4 @@
+use approx::assert_abs_diff_eq;
 use foxhunt::{
     core::Rotator,
     hardware::{FirmataConfig, FirmataStepperError},
@@ -26,7 +27,8 @@ fn a_reset_is_reported_until_the_antenna_is_declared() {
     rig.driver.zero().expect("it stands");
     rig.wait(5.0).expect("it is known again");
     let (reported, truth) = rig.turn(0.5);
-    assert!((reported - 0.5).abs() < half_step() && (truth - 1.5).abs() < 2.0 * half_step());
+    assert_abs_diff_eq!(reported, 0.5, epsilon = half_step());
+    assert_abs_diff_eq!(truth, 1.5, epsilon = 2.0 * half_step());
 }
 
 #[test]
@@ -36,10 +38,10 @@ fn a_reset_of_a_still_antenna_may_be_trusted() {
         rig.turn(angle);
         rig.device.reset();
         let reported = rig.wait(5.0).expect("it is trusted");
-        assert!((reported - angle).abs() < half_step());
+        assert_abs_diff_eq!(reported, angle, epsilon = half_step());
         let (reported, truth) = rig.turn(angle + 0.25);
-        assert!((reported - angle - 0.25).abs() < half_step(), "{reported}");
-        assert!((truth - reported).abs() < 1e-9, "{truth}, not {reported}");
+        assert_abs_diff_eq!(reported - angle, 0.25, epsilon = half_step());
+        assert_abs_diff_eq!(truth, reported, epsilon = 1e-9);
     }
     // In the middle of a move nothing is left to trust.
     rig.driver.turn_to(-2.0).expect("it is accepted");
@@ -64,9 +66,10 @@ fn a_pulled_cable_is_reported_each_time_and_survived() {
     rig.device.reset();
     *rig.cable.borrow_mut() = super::rig::Cable { connections: 2, ..Default::default() };
     let reported = rig.wait(5.0).expect("it is set up again");
-    assert!((reported - 1.0).abs() < half_step(), "{reported}");
+    assert_abs_diff_eq!(reported, 1.0, epsilon = half_step());
     let (reported, truth) = rig.turn(2.0);
-    assert!((truth - 2.0).abs() < half_step() && (truth - reported).abs() < 1e-9);
+    assert_abs_diff_eq!(truth, 2.0, epsilon = half_step());
+    assert_abs_diff_eq!(truth, reported, epsilon = 1e-9);
 }
 
 #[test]
@@ -84,8 +87,8 @@ fn a_link_that_fails_for_a_moment_costs_nothing() {
         }
         rig.cable.borrow_mut().pulled = false;
         let reported = rig.wait(60.0).expect("it goes on");
-        assert!((reported - angle).abs() < half_step(), "{reported}, not {angle}");
-        assert!((rig.truth() - reported).abs() < 1e-9);
+        assert_abs_diff_eq!(reported, angle, epsilon = half_step());
+        assert_abs_diff_eq!(rig.truth(), reported, epsilon = 1e-9);
     }
     // It was reset meanwhile, and the message of that lost: no answer is one, too.
     rig.cable.borrow_mut().pulled = true;
@@ -114,8 +117,8 @@ fn garbage_and_lost_bytes_are_made_good() {
         rig.cable.borrow_mut().loses_every = (position % 2 == 0).then_some(17);
         let angle = f64::from(position % 16) * 0.1;
         let (reported, truth) = rig.turn(angle);
-        assert!((reported - angle).abs() < half_step(), "{reported}, not {angle}");
-        assert!((truth - reported).abs() < 1e-9, "{truth}, not {reported}");
+        assert_abs_diff_eq!(reported, angle, epsilon = half_step());
+        assert_abs_diff_eq!(truth, reported, epsilon = 1e-9);
     }
 }
 
@@ -127,7 +130,8 @@ fn a_lost_order_is_repeated() {
     rig.driver.turn_to(0.5).expect("it is accepted");
     // 325 half steps are 0.54 s; queried twice after that, and ordered again.
     let reported = rig.wait(3.0).expect("it comes there in time");
-    assert!((reported - 0.5).abs() < half_step() && (rig.truth() - reported).abs() < 1e-9);
+    assert_abs_diff_eq!(reported, 0.5, epsilon = half_step());
+    assert_abs_diff_eq!(rig.truth(), reported, epsilon = 1e-9);
 }
 
 #[test]
@@ -162,13 +166,14 @@ fn a_move_that_never_ends_times_out_with_its_steps() {
         panic!("{reported}");
     };
     // Twice what it takes at 600 a second, and the 5 s of an answer.
-    assert!((seconds - 2.0 * 649.0 / 600.0 - 5.0).abs() < 0.02, "{seconds}");
+    assert_abs_diff_eq!(seconds - 2.0 * 649.0 / 600.0, 5.0, epsilon = 0.02);
     rig.cable.borrow_mut().loses_every = None;
     // The order is forgotten with the error: nothing turns that nobody waits for.
     let reported = rig.wait(60.0).expect("it is known where it stopped");
-    assert!((rig.truth() - reported).abs() < 1e-9, "{reported}");
+    assert_abs_diff_eq!(rig.truth(), reported, epsilon = 1e-9);
     let (reported, truth) = rig.turn(1.0);
-    assert!((reported - 1.0).abs() < half_step() && (truth - reported).abs() < 1e-9);
+    assert_abs_diff_eq!(reported, 1.0, epsilon = half_step());
+    assert_abs_diff_eq!(truth, reported, epsilon = 1e-9);
 }
 
 #[test]

@@ -1,3 +1,4 @@
+use approx::assert_abs_diff_eq;
 use foxhunt::{
     core::Rotator,
     hardware::{FirmataConfig, FirmataStepperError, Homing},
@@ -23,7 +24,7 @@ fn the_switch_is_found_from_everywhere() {
         let mut rig = Rig::new(config(), emulated(start_deg));
         rig.driver.turn_to(1.0).expect("it is followed after homing");
         let reported = rig.wait(120.0).expect("it is homed");
-        assert!((reported - 1.0).abs() < half_step() * 0.5 + 1e-9, "{reported}");
+        assert_abs_diff_eq!(reported, 1.0, epsilon = half_step() * 0.5 + 1e-9);
         // The edge lies between two steps, and whole turns of the truth do not matter.
         let error = foxhunt::core::angle::distance(rig.truth(), 1.0);
         assert!(error < 1.6 * half_step(), "from {start_deg}: {error}");
@@ -40,11 +41,11 @@ fn it_is_homed_again_after_a_reset_and_goes_on() {
     }
     rig.device.reset();
     let reported = rig.wait(120.0).expect("nothing has to be declared");
-    assert!((reported + 1.0).abs() < half_step(), "where it was sent: {reported}");
+    assert_abs_diff_eq!(reported, -1.0, epsilon = half_step());
     assert!(foxhunt::core::angle::distance(rig.truth(), -1.0) < 1.6 * half_step());
     rig.driver.find_home().expect("it has a switch");
     let reported = rig.wait(120.0).expect("it is found again");
-    assert!((reported - 30.0_f64.to_radians()).abs() < half_step(), "{reported}");
+    assert_abs_diff_eq!(reported, 30.0_f64.to_radians(), epsilon = half_step());
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Single damaged bytes that the real firmware takes, and what the driver makes of them.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use std::f64::consts::TAU;
 
 use foxhunt::{
@@ -43,7 +44,7 @@ fn turn_or_fail(rig: &mut Rig, angle: f64) -> Result<f64, FirmataStepperError> {
     let reported = ordered.and_then(|()| rig.wait(60.0));
     if let Ok(reported) = reported {
         let truth = rig.truth();
-        assert!((truth - reported).abs() < half_step(), "{reported} is {truth}");
+        assert_abs_diff_eq!(truth, reported, epsilon = half_step());
     } else {
         stays(rig);
     }
@@ -89,7 +90,7 @@ fn a_garbled_report_at_set_up_is_no_base() {
         let mut rig = plain();
         rig.swap(FROM_DEVICE, &report([0; 5]), &report(garbled));
         let reported = turn_or_fail(&mut rig, 1.0).expect("it is queried again");
-        assert!((reported - 1.0).abs() < half_step(), "{garbled:?}: {reported}");
+        assert!(abs_diff_eq!(reported, 1.0, epsilon = half_step()), "{garbled:?}: {reported}");
     }
 }
 
@@ -168,7 +169,7 @@ fn a_lost_speed_is_sent_again_and_a_garbled_one_distrusted() {
     rig.swap(TO_DEVICE, &speed, &[0xF0, 0x62, 9, 0xF7]);
     rig.driver.turn_to(1.0).expect("it is accepted");
     let reported = rig.wait(8.0).expect("it is urged");
-    assert!((reported - 1.0).abs() < half_step(), "{reported}");
+    assert_abs_diff_eq!(reported, 1.0, epsilon = half_step());
 
     let mut rig = plain();
     rig.swap(TO_DEVICE, &speed, &[0xF0, 0x62, 9, 0, 6, 0, 0, 0x38, 0xF7]);
@@ -185,7 +186,7 @@ fn no_set_up_takes_up_memory() {
     rig.cable.borrow_mut().loses_every = None;
     ticks(&mut rig, 1.0);
     let reported = turn_or_fail(&mut rig, 1.0).expect("the firmware does not hang");
-    assert!((reported - 1.0).abs() < half_step(), "{reported}");
+    assert_abs_diff_eq!(reported, 1.0, epsilon = half_step());
 }
 
 #[test]

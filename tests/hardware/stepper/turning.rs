@@ -1,3 +1,4 @@
+use approx::assert_abs_diff_eq;
 use std::f64::consts::{PI, TAU};
 
 use foxhunt::{
@@ -26,7 +27,7 @@ fn every_position_is_within_half_a_half_step() {
         for angle in to_and_fro() {
             let (reported, truth) = rig.turn(angle);
             assert!((truth - angle).abs() < allowed + 1e-9, "{approach:?}: {truth}, not {angle}");
-            assert!((reported - truth).abs() < half_step() * 0.5 + 1e-9, "{reported} is {truth}");
+            assert_abs_diff_eq!(reported, truth, epsilon = half_step() * 0.5 + 1e-9);
         }
     }
 }
@@ -37,7 +38,7 @@ fn without_an_approach_from_one_side_the_play_shows() {
     let mut rig = Rig::new(config, EmulatedStepperConfig::default());
     rig.turn(1.0);
     let (reported, truth) = rig.turn(0.5);
-    assert!((truth - reported - 3.0_f64.to_radians()).abs() < half_step(), "{reported} is {truth}");
+    assert_abs_diff_eq!(truth - reported, 3.0_f64.to_radians(), epsilon = half_step());
 }
 
 #[test]
@@ -80,11 +81,11 @@ fn orders_beyond_the_cable_unwind_it_or_are_refused() {
     let mut rig = Rig::new(FirmataConfig::default(), EmulatedStepperConfig::default());
     rig.turn(TAU * 0.9);
     let (reported, _) = rig.turn(TAU * 1.1);
-    assert!((reported - TAU * 0.1).abs() < half_step(), "the same direction: {reported}");
+    assert_abs_diff_eq!(reported, TAU * 0.1, epsilon = half_step());
     rig.turn(TAU * 0.75);
     rig.driver.unwind().expect("it is accepted");
     let reported = rig.wait(60.0).expect("it comes there");
-    assert!((reported + TAU * 0.25).abs() < half_step(), "within half a turn of 0: {reported}");
+    assert_abs_diff_eq!(reported + TAU * 0.25, 0.0, epsilon = half_step());
 
     let beyond_cable = BeyondCable::Refuse;
     let config = FirmataConfig { beyond_cable, ..FirmataConfig::default() };
@@ -95,7 +96,7 @@ fn orders_beyond_the_cable_unwind_it_or_are_refused() {
     let refused = rig.driver.turn_to(f64::NAN);
     assert!(matches!(refused, Err(FirmataStepperError::Angle { .. })), "{refused:?}");
     let reported = rig.wait(1.0).expect("it still stands");
-    assert!((reported - TAU).abs() < half_step(), "where it was: {reported}");
+    assert_abs_diff_eq!(reported, TAU, epsilon = half_step());
 }
 
 #[test]
@@ -110,8 +111,8 @@ fn a_motor_that_turns_clockwise_is_turned_the_other_way() {
         // Pushed forwards by the motor is now pulled backwards by the gear: the play is on the
         // other side.
         let play = 3.0_f64.to_radians();
-        assert!((reported - angle).abs() < half_step(), "{reported}, not {angle}");
-        assert!((truth - angle - play).abs() < half_step(), "{truth}, not {angle}");
+        assert_abs_diff_eq!(reported, angle, epsilon = half_step());
+        assert_abs_diff_eq!(truth - angle, play, epsilon = half_step());
     }
 }
 
@@ -128,8 +129,8 @@ fn a_newer_order_is_followed_at_once() {
                 assert_eq!(rig.tick().expect("nothing fails"), None, "it turns");
             }
             let (reported, truth) = rig.turn(second);
-            assert!((reported - second).abs() < half_step(), "{reported}, not {second}");
-            assert!((truth - reported).abs() < 1e-9, "{truth}, not {reported}");
+            assert_abs_diff_eq!(reported, second, epsilon = half_step());
+            assert_abs_diff_eq!(truth, reported, epsilon = 1e-9);
         }
     }
 }

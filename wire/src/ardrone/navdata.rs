@@ -267,6 +267,7 @@ fn sum(bytes: &[u8]) -> u32 {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use proptest::prelude::*;
 
     use super::*;
@@ -311,11 +312,12 @@ mod tests {
         assert!(state.is_emergency() && state.is_watchdog_set() && !state.is_battery_low());
         let demo = navdata.demo.expect("a demo option");
         assert_eq!((demo.flight, demo.battery_percent), (FlightState::Flying, 55));
-        assert!((demo.pitch + 1_f64.to_radians()).abs() < 1e-9);
-        assert!((demo.roll - 2_f64.to_radians()).abs() < 1e-9);
-        assert!((demo.yaw - 90_f64.to_radians()).abs() < 1e-9);
-        assert!((demo.altitude_m - 0.85).abs() < 1e-12);
-        assert!((demo.forward_mps - 0.12).abs() < 1e-6 && (demo.right_mps + 0.03).abs() < 1e-6);
+        assert_abs_diff_eq!(demo.pitch + 1_f64.to_radians(), 0.0, epsilon = 1e-9);
+        assert_abs_diff_eq!(demo.roll, 2_f64.to_radians(), epsilon = 1e-9);
+        assert_abs_diff_eq!(demo.yaw, 90_f64.to_radians(), epsilon = 1e-9);
+        assert_abs_diff_eq!(demo.altitude_m, 0.85, epsilon = 1e-12);
+        assert_abs_diff_eq!(demo.forward_mps, 0.12, epsilon = 1e-6);
+        assert_abs_diff_eq!(demo.right_mps, -0.03, epsilon = 1e-6);
         bytes[30] ^= 1;
         let error = ArDroneNavdata::parse(&bytes).expect_err("a changed byte");
         assert!(matches!(error, ArDroneNavdataError::Checksum { .. }), "{error}");
@@ -325,7 +327,8 @@ mod tests {
     fn every_cut_is_refused() {
         let bytes = flying().encode();
         let back = ArDroneNavdata::parse(&bytes).expect("navdata").demo.expect("a demo option");
-        assert!((back.yaw - 1.5).abs() < 1e-6 && (back.altitude_m - 1.25).abs() < 1e-9);
+        assert_abs_diff_eq!(back.yaw, 1.5, epsilon = 1e-6);
+        assert_abs_diff_eq!(back.altitude_m, 1.25, epsilon = 1e-9);
         for end in 0..bytes.len() {
             assert!(ArDroneNavdata::parse(&bytes[..end]).is_err(), "{end} bytes");
         }

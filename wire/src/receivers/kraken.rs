@@ -227,6 +227,7 @@ impl HttpResponse {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use proptest::prelude::*;
 
     use super::*;
@@ -251,7 +252,7 @@ mod tests {
             let written = doa(front);
             let read = KrakenDoa::line(written.write().trim()).expect("it is in order");
             assert_eq!(read, written);
-            assert!((read.direction() - f64::from(front).to_radians()).abs() < 1e-12);
+            assert_abs_diff_eq!(read.direction(), f64::from(front).to_radians(), epsilon = 1e-12);
         }
         let page = format!("<html>{}</html>\n{}", doa(3).write().trim(), doa(7).write());
         let lines = KrakenDoa::page(&page);

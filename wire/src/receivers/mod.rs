@@ -30,11 +30,12 @@ pub fn sik_dbm(number: u8) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn numbers_are_powers() {
-        assert!((sik_dbm(0).expect("a power") + 127.0).abs() < 1e-12);
-        assert!((sik_dbm(190).expect("a power") + 27.0).abs() < 1e-12);
+        assert_abs_diff_eq!(sik_dbm(0).expect("a power"), -127.0, epsilon = 1e-12);
+        assert_abs_diff_eq!(sik_dbm(190).expect("a power"), -27.0, epsilon = 1e-12);
         assert_eq!(sik_dbm(255), None);
     }
 }

@@ -184,6 +184,7 @@ impl NarrowBand {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use proptest::prelude::*;
 
     use super::*;
@@ -245,7 +246,7 @@ mod tests {
             assert_eq!(levels, powers(&band, &bytes, 77), "division does not matter");
             for power in levels {
                 // Rounding to bytes costs less than 0.1 dB here.
-                assert!((power - 20.0 * amplitude.log10()).abs() < 0.1, "{power}");
+                assert_abs_diff_eq!(power, 20.0 * amplitude.log10(), epsilon = 0.1);
             }
         }
         // Four and a half bandwidths aside: the side lobe is 1/(4.5 pi) = -23 dB.

@@ -176,6 +176,7 @@ fn name(lat_deg: f64, lon_deg: f64) -> String {
 
 #[cfg(test)]
 mod tests {
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
     use std::f64::consts::PI;
 
     use tiff::{
@@ -259,18 +260,22 @@ mod tests {
             let place = Vector2::new(angle.cos(), angle.sin()) * 20.0 * f64::from(k);
             let (row, _) = index(&frame, &place, 1201);
             let height = model.height(&place).expect("within the reach");
-            assert!((height - row).abs() < 1e-3, "{height} for {row}");
+            assert_abs_diff_eq!(height, row, epsilon = 1e-3);
         }
         assert_eq!(model.height(&Vector2::new(801.0, 0.0)), None);
         assert_eq!(model.height(&Vector2::new(f64::NAN, 0.0)), None);
-        assert!((model.step_m() - 111_000.0 / 1200.0 * f64::to_radians(33.4).cos()).abs() < 1e-6);
+        assert_abs_diff_eq!(
+            model.step_m(),
+            111_000.0 / 1200.0 * f64::to_radians(33.4).cos(),
+            epsilon = 1e-6
+        );
         // A sample by itself, whose row and column are not mixed up.
         folder.write("S34W071.hgt", &hgt(1201, height));
         let model = ElevationModel::read(&folder.0, frame, 800.0).expect("a tile");
         let sample = Geodetic::new(-33.0 - 481.0 / 1200.0, -71.0 + 839.0 / 1200.0, 0.0);
         let place = frame.to_local(&sample.expect("on Earth")).xy();
         let found = model.height(&place).expect("within the reach");
-        assert!((found - f64::from(height(481, 839))).abs() < 0.05, "{found}");
+        assert_abs_diff_eq!(found, f64::from(height(481, 839)), epsilon = 0.05);
     }
 
     #[test]
@@ -295,7 +300,7 @@ mod tests {
                 let one = hgt.height(&place);
                 let two = tiff.height(&place);
                 let difference = one.expect("within") - two.expect("within");
-                assert!(difference.abs() < 1e-3, "{points}: {one:?} {two:?}");
+                assert!(abs_diff_eq!(difference, 0.0, epsilon = 1e-3), "{points}: {one:?} {two:?}");
             }
         }
     }
@@ -311,7 +316,7 @@ mod tests {
         for (place, level) in [([-9.0, -9.0], 10.0), ([9.0, -9.0], 20.0), ([-9.0, 9.0], 30.0)] {
             assert_eq!(model.height(&place.into()), Some(level));
         }
-        assert!((model.relief_m() - 30.0).abs() < 1e-9);
+        assert_abs_diff_eq!(model.relief_m(), 30.0, epsilon = 1e-9);
         fs::remove_file(folder.0.join("N49E013.hgt")).expect("it is there");
         let error = ElevationModel::read(&folder.0, frame, 3000.0).expect_err("one is missing");
         let text = error.to_string();

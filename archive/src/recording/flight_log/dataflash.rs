@@ -218,11 +218,12 @@ fn value(message: &[u8], at: usize, letter: u8) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn gps_time_is_utc_and_its_leap_seconds() {
         // 2026-06-21 14:03:00 UTC: week 2424, 50 598 s into Sunday with 18 leap seconds.
-        assert!((gps_utc(2424.0, 50_598_000.0) - 1_782_050_580.0).abs() < 1e-6);
+        assert_abs_diff_eq!(gps_utc(2424.0, 50_598_000.0), 1_782_050_580.0, epsilon = 1e-6);
         // 2016-12-31 23:59:59 UTC, before the last leap second.
         assert!(
             (gps_utc(1929.0, 604_800_000.0 - 1e3 + 17e3 + 1e3 - 1e3) - 1_483_228_799.0).abs()

@@ -88,6 +88,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Log, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     /// Comments as the program writes them, of which most are of other kinds of lines.
     const LOG: &str = "# \n# Header Description:\n# \n# Version: v3.0.6.4 Platform: 14\n# \n\
@@ -114,7 +115,7 @@ mod tests {
         let older = "# Fix,Provider,Latitude,Longitude,Altitude,Speed,Accuracy,(UTC)TimeInMs\n\
                      Fix,fused,48.2,16.37,230,0,3,1782050580500\n";
         let fixes = read(older.as_bytes()).expect("a path").fixes;
-        assert!((fixes[0].time - 1_782_050_580.5).abs() < 1e-6, "{fixes:?}");
+        assert_abs_diff_eq!(fixes[0].time, 1_782_050_580.5, epsilon = 1e-6);
     }
 
     #[test]

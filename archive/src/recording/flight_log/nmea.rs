@@ -138,6 +138,7 @@ fn day_s(text: &str) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     /// The log is by pynmea2: RMC before GGA, over midnight, one sentence damaged.
     #[test]
@@ -160,10 +161,10 @@ mod tests {
         assert_eq!(fixes.len(), 3, "{fixes:?}");
         let begin = fixes[0].time;
         // 2026-06-21 23:59:59 UTC.
-        assert!((begin - 1_782_086_399.0).abs() < 1e-6, "{begin}");
+        assert_abs_diff_eq!(begin, 1_782_086_399.0, epsilon = 1e-6);
         let each: Vec<[f64; 2]> = fixes.iter().map(|f| [f.time - begin, f.place.alt_m]).collect();
         assert_eq!(each, [[0.0, 230.0], [1.0, 231.0], [2.0, 231.0]]);
-        assert!((fixes[2].place.lat_deg - 48.200_02).abs() < 1e-9, "{fixes:?}");
+        assert_abs_diff_eq!(fixes[2].place.lat_deg, 48.200_02, epsilon = 1e-9);
         // The first place stands before the first height.
         let late: Vec<&str> = log.lines().take(1).chain(log.lines().skip(2)).collect();
         let late = read(late.join("\n").as_bytes()).expect("a path").fixes;

@@ -1,5 +1,6 @@
 //! Rows that cannot be believed: left out, counted, and named by their line.
 
+use approx::abs_diff_eq;
 use foxhunt_archive::recording::{Mapping, ReadOptions, Recording, RecordingError};
 
 /// A drive of three minutes with a KrakenSDR, a row each 3 s.
@@ -202,7 +203,7 @@ fn a_first_place_that_is_wrong_is_not_the_origin() {
         assert_eq!(recording.remarks().first().map(|remark| &*remark.code), Some(code));
         assert_eq!(recording.records().len(), 9, "{wrong}");
         let origin = recording.frame().expect("in degrees").origin();
-        assert!((origin.lat_deg - 50.00001).abs() < 1e-9, "{wrong}: {origin:?}");
+        assert!(abs_diff_eq!(origin.lat_deg, 50.00001, epsilon = 1e-9), "{wrong}: {origin:?}");
     }
 }
 

@@ -1,6 +1,7 @@
 //! Autopilots' logs as the path of a receiver. The files are those of
 //! `tests/data/flight-logs/make.py`.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use std::{fs, path::PathBuf};
 
 use foxhunt_archive::recording::{ReadOptions, Recording, RecordingError, Rover};
@@ -171,7 +172,7 @@ fn damaged_logs_are_read_or_refused() {
                 }
             }
             if let Ok(rover) = Rover::parse(&damaged, name) {
-                assert!(rover.begin().lat_deg.abs() <= 90.0);
+                assert_abs_diff_eq!(rover.begin().lat_deg, 0.0, epsilon = 90.0);
             }
         }
     }
@@ -207,7 +208,7 @@ fn levels_in_a_log_are_read_at_its_places() {
         assert!((place.x - 60.0).hypot(place.y - 45.0) < 40.0, "{name} {level:?}: {place}");
         let level = records[0].rss_dbm.expect("a level");
         let law = -40.0 - 25.0 * 80.8_f64.log10();
-        assert!((level - law).abs() < 5.0, "{name}: {level} {law}");
+        assert!(abs_diff_eq!(level, law, epsilon = 5.0), "{name}: {level} {law}");
         assert!(recording.remarks().iter().any(|remark| remark.text.contains("levels")), "{name}");
     }
     for (name, level, part) in [

@@ -1,6 +1,7 @@
 //! Small recordings of every shipped format, generated from a seed and committed in `tests/data`,
 //! so that a clone alone tests every reader. `FOXHUNT_WRITE_TEST_DATA=1` writes them again.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use std::{
     collections::BTreeMap,
     f64::consts::{PI, TAU},
@@ -448,7 +449,8 @@ fn levels_at_known_distances() {
     let fit = calibrate(&[(&recording, &extractor)], Some("7"), &config);
     let fit = fit.expect("30 points").fit;
     // σ of the exponent is 0.06, of P₀ 1.1 dB.
-    assert!((fit.exponent - 2.5).abs() < 0.25 && (fit.reference_dbm + 40.0).abs() < 4.0, "{fit:?}");
+    assert_abs_diff_eq!(fit.exponent, 2.5, epsilon = 0.25);
+    assert_abs_diff_eq!(fit.reference_dbm, -40.0, epsilon = 4.0);
 }
 
 #[test]
@@ -468,7 +470,7 @@ fn bursts_at_a_station() {
     let recording = read("uri-yagi-station/detections.csv");
     assert_eq!(recording.drones(), ["station"]);
     let origin = recording.frame().expect("in degrees").origin();
-    assert!((origin.lat_deg - 50.0).abs() < 1e-12, "from the file beside it");
+    assert!(abs_diff_eq!(origin.lat_deg, 50.0, epsilon = 1e-12), "from the file beside it");
     let sweeps = recording.sweeps(4).expect("4 positions");
     assert_eq!(sweeps.len(), 48);
     assert!(sweeps.iter().all(|s| s.located && (1..=4).contains(&s.sweep.samples.len())));

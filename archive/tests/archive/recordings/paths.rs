@@ -1,5 +1,6 @@
 //! Tables of programs that hold a receiver's path. Their columns are the published ones.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_archive::recording::{
     Column, Mapping, ReadOptions, Recording, RecordingError, Rover, builtin_mappings,
 };
@@ -169,7 +170,7 @@ fn a_level_of_a_path_is_read_by_its_name() {
     assert!(!recording.is_calibrated());
     let last = recording.records().last().expect("a row");
     assert_eq!(last.rss_dbm, Some(61.0));
-    assert!((last.receiver().expect("a place").position.z - 30.0).abs() < 1e-9);
+    assert_abs_diff_eq!(last.receiver().expect("a place").position.z, 30.0, epsilon = 1e-9);
     // A format that is stated has the level, too.
     let stated = options.with_format(Mapping::find("dji-log-parser").expect("it is shipped"));
     let recording = read("flight.csv", &dji, &stated).expect("a path with levels");
@@ -202,7 +203,8 @@ fn a_log_of_gnss_logger_is_a_path() {
     let rover = Rover::parse(log.as_bytes(), "gnss_log.txt").expect("a path");
     let frame = LocalFrame::new(rover.begin()).expect("a place");
     let local = frame.to_local(&rover.place(BEGIN + 30.5).expect("on the path"));
-    assert!((local.y - 305.0).abs() < 0.2 && local.x.abs() < 0.01, "{local}");
+    assert_abs_diff_eq!(local.y, 305.0, epsilon = 0.2);
+    assert_abs_diff_eq!(local.x, 0.0, epsilon = 0.01);
     let error = read("gnss_log.txt", &log, &ReadOptions::default()).expect_err("no levels");
     assert!(error.to_string().contains("a log of Android's GNSS Logger"), "{error}");
 }
@@ -235,5 +237,5 @@ fn a_zone_leaves_times_that_are_named_utc() {
     let frame = recording.frame().expect("degrees");
     let place = recording.records()[0].receiver().expect("a place").position;
     let local = begin.expect("a place").to_local(&frame.to_geodetic(&place));
-    assert!((local.y - 50.0).abs() < 0.2, "{local}");
+    assert_abs_diff_eq!(local.y, 50.0, epsilon = 0.2);
 }

@@ -1,6 +1,7 @@
 //! The recordings beside the checkout. Row counts and values come from a few lines of Python's csv
 //! module over the same files.
 
+use approx::assert_abs_diff_eq;
 use std::{f64::consts::PI, path::Path};
 
 use foxhunt_archive::{
@@ -74,12 +75,12 @@ fn an_aerpaw_row_keeps_its_values() {
     let receiver = first.receiver().expect("located");
     assert_eq!(first.time, Some(cells[0]));
     assert_eq!(first.rss_dbm, Some(cells[9]));
-    assert!((receiver.position.z - cells[3]).abs() < 1e-12);
+    assert_abs_diff_eq!(receiver.position.z, cells[3], epsilon = 1e-12);
     assert_compass(receiver.heading, cells[6]);
     assert!(receiver.position.xy().norm() < 1e-6, "the first position is the origin");
     let frame = recording.frame().expect("in degrees");
-    assert!((frame.origin().lat_deg - cells[1]).abs() < 1e-12);
-    assert!((frame.origin().lon_deg - cells[2]).abs() < 1e-12);
+    assert_abs_diff_eq!(frame.origin().lat_deg, cells[1], epsilon = 1e-12);
+    assert_abs_diff_eq!(frame.origin().lon_deg, cells[2], epsilon = 1e-12);
 }
 
 #[test]
@@ -208,7 +209,7 @@ fn the_yagi_station_receives_bursts() {
     let options = options.with_constant(Column::LatDeg, 41.5).with_constant(Column::LonDeg, -71.6);
     let moved = Recording::from_reader(&bytes[..], "stdin", &options).expect("a station");
     let frame = moved.frame().expect("in degrees");
-    assert!((frame.origin().lat_deg - 41.5).abs() < 1e-12);
+    assert_abs_diff_eq!(frame.origin().lat_deg, 41.5, epsilon = 1e-12);
     let shift = LocalFrame::new(Geodetic { lat_deg: 41.5, lon_deg: -71.6, alt_m: 0.0 })
         .expect("a place")
         .to_local(&recording.frame().expect("in degrees").origin());

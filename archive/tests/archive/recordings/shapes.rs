@@ -1,6 +1,7 @@
 //! Files of other shapes than a table. Spreadsheets and the log of Kismet are those of
 //! `tests/data/shapes/make.py`: one walk of 200 s, written by other programs.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use std::path::PathBuf;
 
 use foxhunt_archive::recording::{ReadOptions, Recording, RecordingError, Rover};
@@ -81,7 +82,7 @@ fn packets_of_kismet_with_level_and_place_are_rows() {
     assert_eq!(recording.records().len(), 180);
     let record = &recording.records()[0];
     assert_eq!(record.beacon.as_deref(), Some("02:00:00:00:00:01"));
-    assert!((record.time.expect("a time") - BEGIN - 0.25).abs() < 1e-6);
+    assert_abs_diff_eq!(record.time.expect("a time") - BEGIN, 0.25, epsilon = 1e-6);
     let (off, level) = off_m(&recording, 60.0, 240.0, 0.0);
     assert!(off < 2.0 && (level - level.round()).abs() < 1e-9, "{off} m, {level} dBm");
     assert!(shape(&recording).contains("180 of 200"), "{}", shape(&recording));
@@ -98,14 +99,18 @@ fn lines_of_bearing_of_df_aggregator_are_bearings_of_its_stations() {
     let fox = Geodetic { lat_deg: 48.2009, lon_deg: 16.3715, alt_m: 0.0 };
     let fox = frame.to_local(&fox);
     for (record, number) in recording.records().iter().zip((0..).filter(|n| n % 4 != 3)) {
-        assert!((record.time.expect("a time") - BEGIN - f64::from(number)).abs() < 1e-6);
+        assert_abs_diff_eq!(
+            record.time.expect("a time") - BEGIN,
+            f64::from(number),
+            epsilon = 1e-6
+        );
         let place = record.receiver().expect("a place").position;
         let bearing = record.bearing.as_ref().expect("a bearing").angle;
         let off = bearing - (fox.y - place.y).atan2(fox.x - place.x);
         // The script's errors are clockwise; its sphere is off by 0.1°.
         let expected = -2.0 * (2.3 * f64::from(number)).sin();
         let off_deg = off.sin().asin().to_degrees() - expected;
-        assert!(off_deg.abs() < 0.25, "line {number}: {off_deg}°");
+        assert!(abs_diff_eq!(off_deg, 0.0, epsilon = 0.25), "line {number}: {off_deg}°");
     }
 }
 
@@ -142,7 +147,8 @@ fn reports_of_direction_finders_by_aprs_are_bearings() {
             record.bearing.as_ref().expect("a bearing").sigma.expect("known").to_degrees()
         })
         .collect();
-    assert!((sigmas[0] - 1.0).abs() < 1e-9 && (sigmas[1] - 4.0).abs() < 1e-9, "{sigmas:?}");
+    assert_abs_diff_eq!(sigmas[0], 1.0, epsilon = 1e-9);
+    assert_abs_diff_eq!(sigmas[1], 4.0, epsilon = 1e-9);
 }
 
 #[test]
@@ -170,7 +176,7 @@ fn a_track_of_kml_is_a_path() {
     let without = track.replace("<gx:coord>16.37 48.2 230</gx:coord>", "<gx:coord/>");
     let rover = Rover::parse(without.as_bytes(), "track.kml").expect("a track");
     assert_eq!(rover.place(BEGIN + 5.0), None);
-    assert!((rover.place(BEGIN + 10.0).expect("a point").lon_deg - 16.38).abs() < 1e-9);
+    assert_abs_diff_eq!(rover.place(BEGIN + 10.0).expect("a point").lon_deg, 16.38, epsilon = 1e-9);
     let fewer = track.replace("<gx:coord>16.37 48.2 230</gx:coord>", "");
     let error = Rover::parse(fewer.as_bytes(), "track.kml").expect_err("a place is missing");
     assert!(error.to_string().contains("line 6: ") && error.to_string().contains("2 times and 1"));
@@ -233,7 +239,7 @@ fn lines_of_two_points_are_bearings() {
         let place = record.receiver().expect("a place").position;
         let expected = (fox.y - place.y).atan2(fox.x - place.x);
         let bearing = record.bearing.as_ref().expect("a bearing").angle;
-        assert!((bearing - expected).sin().abs() < 2e-4, "{bearing} for {expected}");
+        assert_abs_diff_eq!((bearing - expected).sin(), 0.0, epsilon = 2e-4);
     }
 }
 
@@ -261,7 +267,7 @@ fn damaged_files_are_read_or_refused() {
             }
             let _ = Rover::is_track(&damaged) || Rover::is_path_table(&damaged);
             if let Ok(rover) = Rover::parse(&damaged, "damaged") {
-                assert!(rover.begin().lat_deg.abs() <= 90.0);
+                assert_abs_diff_eq!(rover.begin().lat_deg, 0.0, epsilon = 90.0);
             }
             let read = Recording::from_reader(&damaged[..], "damaged", &ReadOptions::default());
             for record in read.iter().flat_map(Recording::records) {
@@ -281,7 +287,7 @@ fn detections_of_nodes_have_the_places_of_the_nodes() {
     let places: Vec<_> =
         recording.records().iter().map(|r| r.receiver().expect("a place")).collect();
     let apart = (places[1].position - places[0].position).norm();
-    assert!((apart - 222.2).abs() < 0.3, "{apart}");
+    assert_abs_diff_eq!(apart, 222.2, epsilon = 0.3);
     assert_eq!(recording.beacons(), [Some("78664C33")]);
 }
 

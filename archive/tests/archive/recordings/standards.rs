@@ -1,5 +1,6 @@
 //! Errors in files of widespread formats name the fault, its place and the value.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_archive::recording::{Band, Column, Mapping, ReadOptions, Recording, Rover};
 
 fn options(format: &str) -> ReadOptions {
@@ -79,8 +80,9 @@ fn a_track_is_a_line_between_near_points_of_a_segment() {
     // `date -u -d '2026-06-01 10:00' +%s`
     let begin = 1_780_308_000.0;
     let place = rover.place(begin + 2.5).expect("on the line");
-    assert!((place.lat_deg - 50.00025).abs() < 1e-9 && (place.lon_deg - 14.0005).abs() < 1e-9);
-    assert!((place.alt_m - 302.5).abs() < 1e-9);
+    assert_abs_diff_eq!(place.lat_deg, 50.00025, epsilon = 1e-9);
+    assert_abs_diff_eq!(place.lon_deg, 14.0005, epsilon = 1e-9);
+    assert_abs_diff_eq!(place.alt_m, 302.5, epsilon = 1e-9);
     assert!(rover.place(begin).is_some() && rover.place(begin + 51.0).is_some());
     for outside in [-0.1, 15.0, 30.0, 51.1, f64::NAN] {
         assert_eq!(rover.place(begin + outside), None, "{outside}");

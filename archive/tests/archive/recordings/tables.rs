@@ -1,5 +1,6 @@
 //! Tables as people have them: what comes before the header, commas as decimal points, encodings.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_archive::recording::{Mapping, ReadOptions, Recording, RecordingError, utc_seconds};
 
 const WIGLE: &str = include_str!("../../data/tables/wigle.csv");
@@ -73,7 +74,7 @@ fn commas_are_decimal_points_where_something_else_separates_cells() {
     let first = &recording.records()[0];
     assert_eq!(first.rss_dbm, Some(19.3));
     let origin = recording.frame().expect("in degrees").origin();
-    assert!((origin.lat_deg - 50.075_230_3).abs() < 1e-12, "{origin:?}");
+    assert_abs_diff_eq!(origin.lat_deg, 50.075_230_3, epsilon = 1e-12);
     assert_eq!(plain(DECIMAL_COMMA.replace(';', "\t")).records(), recording.records());
     let points = DECIMAL_COMMA.replace(',', ".");
     assert_eq!(plain(points.replace(';', ",")).records(), recording.records());

@@ -1,5 +1,6 @@
 //! Meaning of single columns of our own format.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 use foxhunt_archive::recording::{Column, Mapping, North, ReadOptions, Record, Recording};
@@ -23,7 +24,7 @@ fn bearings_bring_their_sigma() {
     let first = first.bearing.expect("one");
     let second = second.bearing.expect("one");
     assert!(distance(first.angle, -3.0 * FRAC_PI_4) < 1e-14, "225° looks South-West");
-    assert!((first.sigma.expect("given") - PI / 10.0).abs() < 1e-15);
+    assert_abs_diff_eq!(first.sigma.expect("given"), PI / 10.0, epsilon = 1e-15);
     assert!(distance(second.angle, 3.0 * FRAC_PI_4) < 1e-14 && second.sigma.is_none());
     assert!(recording.is_calibrated(), "there is no level in unknown units");
     assert_eq!(recording.drones(), ["flight7"], "the file names the drone");
@@ -45,9 +46,10 @@ fn heights_are_above_the_ground_or_above_the_origin() {
     assert_eq!(heights("alt_agl_m", ["30", "40"]), (vec![30.0, 40.0], 0.0));
     assert_eq!(heights("beacon", ["x", "y"]).0, [0.0, 0.0], "unknown heights are 0");
     let (up, origin) = heights("alt_m", ["330", "340"]);
-    assert!((origin - 330.0).abs() < 1e-12 && up[0].abs() < 1e-8);
+    assert_abs_diff_eq!(origin, 330.0, epsilon = 1e-12);
+    assert_abs_diff_eq!(up[0], 0.0, epsilon = 1e-8);
     // pymap3d 3.2.0: geodetic2enu(50.045, 14, 340, 50, 14, 330)
-    assert!((up[1] - 8.034305211).abs() < 1e-6, "{up:?}");
+    assert_abs_diff_eq!(up[1], 8.034305211, epsilon = 1e-6);
 }
 
 #[test]
@@ -135,7 +137,7 @@ fn magnetic_angles_are_turned_by_the_declination_of_place_and_day() {
         360.0 - 5.144,
         360.0 - 5.144,
     ]) {
-        assert!((made - expected).abs() < 2e-3, "{made} {expected}");
+        assert_abs_diff_eq!(made, expected, epsilon = 2e-3);
     }
     // 2026-09-05 12:00, where rows have no time or one of an origin of their own.
     let dated = magnetic.clone().with_date(1_788_609_600.0);
@@ -143,7 +145,7 @@ fn magnetic_angles_are_turned_by_the_declination_of_place_and_day() {
         "lat_deg,lon_deg,bearing_deg_compass\n25.03,121.56,90\n",
         "lat_deg,lon_deg,time_s,bearing_deg_compass\n25.03,121.56,3,90\n",
     ] {
-        assert!((angles(text, &dated)[0][0] - 84.943).abs() < 2e-3);
+        assert_abs_diff_eq!(angles(text, &dated)[0][0], 84.943, epsilon = 2e-3);
         let error = turned(text, &magnetic).expect_err("no day");
         for part in ["b.csv, line 2, bearing_deg_compass: \"90\"", "magnetic", "date"] {
             assert!(error.contains(part), "{error}");
@@ -182,6 +184,6 @@ fn stated_and_grid_north_turn_angles_too() {
         (degrees, mapped("-2.5").with_north(North::True), 10.0),
     ] {
         let made = turned(text, &options).expect("a North")[0][0];
-        assert!((made - expected).abs() < 1e-4, "{options:?}: {made}");
+        assert!(abs_diff_eq!(made, expected, epsilon = 1e-4), "{options:?}: {made}");
     }
 }

@@ -1,6 +1,7 @@
 //! Files of receivers for wildlife, and tables of bearings. They are those of
 //! `tests/data/wildlife/make.py`, whose columns are the published ones.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use std::path::PathBuf;
 
 use foxhunt_archive::recording::{ReadOptions, Recording, Rover};
@@ -35,7 +36,10 @@ fn is_walk(recording: &Recording, from_s: f64) {
     }
     // One offset for all, to the rounding of the receiver.
     let first = offsets[0];
-    assert!(offsets.iter().all(|offset| (offset - first).abs() < 0.3), "{offsets:?}");
+    assert!(
+        offsets.iter().all(|offset| abs_diff_eq!(*offset, first, epsilon = 0.3)),
+        "{offsets:?}"
+    );
 }
 
 #[test]
@@ -82,7 +86,7 @@ fn a_group_of_sigloc_is_a_beacon() {
         let place = record.receiver().expect("a place").position;
         let to = f64::atan2(north - place.y, east - place.x);
         let off = (record.bearing.as_ref().expect("a bearing").angle - to).sin().asin();
-        assert!((off.to_degrees() + error_deg).abs() < 0.06, "{off} for {error_deg}");
+        assert_abs_diff_eq!(off.to_degrees() + error_deg, 0.0, epsilon = 0.06);
     }
     // With its zone the metres are degrees.
     let zone = ReadOptions::default().with_utm_zone("33U".parse().expect("a zone"));

@@ -239,6 +239,7 @@ pub(super) fn rows(tags: &[TagRow], time_s: f64, is_calibrated: bool) -> String 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
 
     /// Two tags for two minutes and a half, one of them in the table; each pulse counts once.
     #[test]
@@ -264,7 +265,7 @@ mod tests {
         assert_eq!(names, [("fox", 110), ("unknown 1", 130)]);
         assert_eq!(tracker.others(), 0);
         let other = &tracker.rows()[1];
-        assert!((other.interval_s - 1.1).abs() < 1e-6 && !other.known, "{other:?}");
-        assert!((other.last_pulse_s - 0.4 - 1.1 * 129.0).abs() < 1e-9);
+        assert!(abs_diff_eq!(other.interval_s, 1.1, epsilon = 1e-6) && !other.known, "{other:?}");
+        assert_abs_diff_eq!(other.last_pulse_s - 0.4, 1.1 * 129.0, epsilon = 1e-9);
     }
 }

@@ -482,18 +482,19 @@ fn density(mixture: &BearingMixture, reach_deg: f64) -> Points {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn bars_and_densities_have_an_area_of_one() {
         let errors: Vec<f64> = (0..150).map(|i| f64::from(i) * 0.03 - 2.0).collect();
-        assert!((reach_deg(&errors) - 150.0).abs() < 1e-9);
+        assert_abs_diff_eq!(reach_deg(&errors), 150.0, epsilon = 1e-9);
         let curve = histogram(&errors, 150.0);
         let Mark::Bars(width) = curve.mark else { panic!("bars") };
         let area: f64 = curve.points.iter().map(|[_, up]| up * width).sum();
-        assert!((area - 1.0).abs() < 1e-12, "{area}");
+        assert_abs_diff_eq!(area, 1.0, epsilon = 1e-12);
         // The trapezoidal rule over a whole turn, both ends of which are there.
         let density = density(&BearingMixture::isaacs2014(), 180.0);
         let area: f64 = density.iter().skip(1).map(|[_, up]| up * 0.5).sum();
-        assert!((area - 1.0).abs() < 1e-6, "{area}");
+        assert_abs_diff_eq!(area, 1.0, epsilon = 1e-6);
     }
 }

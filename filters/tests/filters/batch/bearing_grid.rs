@@ -1,5 +1,6 @@
 //! The posterior over bearings: its density, and whether it holds what it promises.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use foxhunt_filters::{BatchError, BearingGrid, BearingLine, PosteriorMap};
 use nalgebra::Vector2;
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
@@ -56,7 +57,7 @@ fn the_posterior_is_students() {
     let total: f64 = fix.map.cells().map(|(place, _)| density(&place)).sum();
     for (place, mass) in fix.map.cells() {
         let expected = density(&place) / total;
-        assert!((mass - expected).abs() < 1e-12, "{mass} for {expected} at {place}");
+        assert!(abs_diff_eq!(mass, expected, epsilon = 1e-12), "{mass} for {expected} at {place}");
     }
     assert!(fix.border_mass < 0.01 && fix.misfit < 20.0, "{fix:?}");
 }
@@ -232,7 +233,7 @@ fn a_stations_error_is_found_where_others_overlap() {
         let common = common.expect("six bearings at each place");
         assert_eq!(common.stations.len(), 4);
         let total: f64 = common.sigmas.iter().map(|(_, probability)| probability).sum();
-        assert!((total - 1.0).abs() < 1e-9, "{:?}", common.sigmas);
+        assert!(abs_diff_eq!(total, 1.0, epsilon = 1e-9), "{:?}", common.sigmas);
         for (station, truth) in common.stations.iter().zip(errors) {
             assert_eq!(station.bearings, 6);
             let off = station.error.mean - truth;
@@ -292,5 +293,5 @@ fn two_receivers_make_a_fix() {
     }
     let share = held / f64::from(runs);
     println!("{share}");
-    assert!((share - 0.95).abs() < 3.29 * (0.95_f64 * 0.05 / f64::from(runs)).sqrt(), "{share}");
+    assert_abs_diff_eq!(share, 0.95, epsilon = 3.29 * (0.95_f64 * 0.05 / f64::from(runs)).sqrt());
 }

@@ -1,6 +1,7 @@
 //! The worked example of Lenth 1981, table 2, and what it does not show; the closed forms, what
 //! they cost, and what takes their bias off.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use std::path::PathBuf;
 
 use foxhunt_core::{Ellipse, Estimate};
@@ -90,7 +91,7 @@ fn the_outlier_loses_its_weight() {
     let fix = fix.locate(&all).expect("a fix");
     assert!(fix.weights[5] < 1e-12, "{:?}", fix.weights);
     assert!(fix.weights.iter().enumerate().all(|(i, w)| i == 5 || *w > 0.7));
-    assert!((fix.kappa - 431.0).abs() < 0.5, "{}", fix.kappa);
+    assert_abs_diff_eq!(fix.kappa, 431.0, epsilon = 0.5);
 }
 
 /// Bearings from a half circle of receivers about (60, 40) to a place, σ in radians.
@@ -195,7 +196,7 @@ fn the_ellipse_of_few_bearings_holds_what_it_promises() {
         let share = f64::from(held) / f64::from(runs);
         let band = 0.01 + 3.3 * (0.95_f64 * 0.05 / f64::from(runs)).sqrt();
         println!("{count} bearings: {share}, by χ² {}", f64::from(held_by_chi_squared) / 4000.0);
-        assert!((share - 0.95).abs() < band, "{count} bearings: {share}");
+        assert!(abs_diff_eq!(share, 0.95, epsilon = band), "{count} bearings: {share}");
         assert!(count > 6 || f64::from(held_by_chi_squared) < 0.9 * f64::from(runs));
     }
 }
@@ -207,7 +208,7 @@ fn bearings_that_meet_in_a_point_have_the_largest_kappa() {
     let fix = Lenth1981::maximum_likelihood().locate(&simulate(&mut rng, place, 0.0));
     let fix = fix.expect("a fix");
     assert!((fix.position.mean - place).norm() < 1e-6);
-    assert!((fix.kappa / 1e12 - 1.0).abs() < 1e-9, "{}", fix.kappa);
+    assert_abs_diff_eq!(fix.kappa / 1e12, 1.0, epsilon = 1e-9);
 }
 
 fn line(east: f64, north: f64, bearing: f64) -> BearingLine {
@@ -306,7 +307,7 @@ fn exact_bearings_give_the_place() {
     for estimator in estimators {
         let fix = estimator(&exact).expect("a fix");
         assert!((fix.mean - PLACE).norm() < 1e-9);
-        assert!((fix.covariance.trace() / bound() - 1.0).abs() < 1e-9);
+        assert_abs_diff_eq!(fix.covariance.trace() / bound(), 1.0, epsilon = 1e-9);
     }
 }
 

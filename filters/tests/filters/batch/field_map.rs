@@ -1,5 +1,6 @@
 //! Fields drawn from the model, fields of a law, and recorded flights.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use foxhunt_core::{Belief, Pose};
 use foxhunt_filters::{BatchError, FieldMap, FieldMapConfig};
 use nalgebra::{DMatrix, DVector, Vector2};
@@ -88,15 +89,15 @@ fn levels_and_maxima_are_calibrated() {
         rank += less + alike * rng.random::<f64>();
         let mut total = 0.0;
         maximum.visit_positions(&mut |_, w| total += w);
-        assert!((total - 1.0).abs() < 1e-9);
+        assert_abs_diff_eq!(total, 1.0, epsilon = 1e-9);
     }
     let n = f64::from(runs);
     let law = ChiSquared::new(n).expect("positive");
     let [low, high] = [0.0005, 0.9995].map(|p| law.inverse_cdf(p));
     println!("levels {:.3}, rank {:.3}, sigma {sigmas:.3}", squares / n, rank / n);
     assert!((low..high).contains(&squares), "{squares} is not in {low}..{high}");
-    assert!((rank / n - 0.5).abs() < 3.29 * (1.0 / 12.0 / n).sqrt(), "{}", rank / n);
-    assert!((sigmas - 1.0).abs() < 0.05, "{sigmas}");
+    assert_abs_diff_eq!(rank / n, 0.5, epsilon = 3.29 * (1.0 / 12.0 / n).sqrt());
+    assert_abs_diff_eq!(sigmas, 1.0, epsilon = 0.05);
 }
 
 /// Universal kriging written out again: the weights are best and unbiased whatever the mean.
@@ -120,15 +121,15 @@ fn levels_are_those_of_kriging() {
     let solve = |right: &DVector<f64>| augmented.clone().lu().solve(right).expect("regular");
     let values = DVector::from_fn(6, |i, _| if i < 5 { values[i] } else { 0.0 });
     let sigma = (values.dot(&solve(&values)) / 4.0).sqrt();
-    assert!((map.model().sigma - sigma).abs() < 1e-9, "{:?} {sigma}", map.model());
+    assert!(abs_diff_eq!(map.model().sigma, sigma, epsilon = 1e-9), "{:?} {sigma}", map.model());
     for at in [(20.0, 20.0), (90.0, 15.0), (400.0, 300.0)] {
         let right =
             DVector::from_fn(6, |i, _| if i < 5 { correlation(places[i], at) } else { 1.0 });
         let weights = solve(&right);
         let sd = sigma * (1.0 - NOISE_SHARE - weights.dot(&right)).sqrt();
         let level = map.level(&Vector2::new(at.0, at.1));
-        assert!((level.0 - weights.dot(&values)).abs() < 1e-9, "{level:?} at {at:?}");
-        assert!((level.1 - sd).abs() < 1e-9, "{level:?}, not {sd} at {at:?}");
+        assert!(abs_diff_eq!(level.0, weights.dot(&values), epsilon = 1e-9), "{level:?} at {at:?}");
+        assert!(abs_diff_eq!(level.1, sd, epsilon = 1e-9), "{level:?}, not {sd} at {at:?}");
     }
 }
 

@@ -1,5 +1,6 @@
 //! The recursive face: its laws, its consistency, and what a drift does.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_core::{
     Correction, Estimate, Estimator, MeasurementModel, Pose, RandomWalk, State,
     laws::{self, Checks},
@@ -160,8 +161,8 @@ fn without_drift_it_is_the_solver_whatever_the_order() {
     // Laplace's evidence is that of the whole, whatever the order.
     let tau = std::f64::consts::TAU;
     let volume = 0.5 * (tau.powi(2) * solved.estimate.covariance.determinant()).ln();
-    assert!((evidence - solved.log_posterior - volume).abs() < 1e-9);
-    assert!((evidence_back - evidence).abs() < 1e-9);
+    assert_abs_diff_eq!(evidence - solved.log_posterior, volume, epsilon = 1e-9);
+    assert_abs_diff_eq!(evidence_back, evidence, epsilon = 1e-9);
 }
 
 /// Flights of 300 observations from seeds 0 to 19, past the target, round it and over it: after

@@ -1,6 +1,7 @@
 //! Maximum likelihood and maximum a posteriori against bounds and closed forms, with missing
 //! observations too.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_core::{
     Axis, Correction, Covariance, Estimate, Estimator, MeasurementModel, Observation, Pose,
     Quantity, RandomWalk, State, gaussian_log_likelihood, numeric_jacobian,
@@ -163,7 +164,7 @@ fn maximum_likelihood_reaches_the_bound() {
         println!("ANEES {:.3}, over the bound {:.3} of 3", nees / n, over_bound / n);
         assert!((low..high).contains(&(nees / n)), "{} is not in {low}..{high}", nees / n);
         assert!(over_bound / n < 1.15 * 3.0);
-        assert!((misfit / n - 1.0).abs() < 0.02, "{misfit}");
+        assert_abs_diff_eq!(misfit / n, 1.0, epsilon = 0.02);
     }
 }
 
@@ -199,18 +200,18 @@ fn a_linear_model_is_solved_exactly() {
     let apart = at - prior.mean;
     let of_prior = -0.5 * apart.dot(&(inverse * apart))
         - 0.5 * (std::f64::consts::TAU.powi(2) * prior.covariance.determinant()).ln();
-    assert!((fix.log_posterior - log - of_prior).abs() < 1e-12);
+    assert_abs_diff_eq!(fix.log_posterior - log, of_prior, epsilon = 1e-12);
     // Residuals three times their sigmas multiply all covariances by nine.
     let far =
         [plane([1.0, 0.0], 3.0, 1.0), plane([1.0, 0.0], -3.0, 1.0), plane([0.0, 1.0], 0.0, 1.0)];
     let wide = BatchSolver::new(Plane).with_inflation().solve(&far, &[Vector2::zeros()]);
     let wide = wide.expect("an optimum");
-    assert!((wide.estimate.covariance[(0, 0)] - 18.0 / 2.0).abs() < 1e-9, "{wide:?}");
+    assert_abs_diff_eq!(wide.estimate.covariance[(0, 0)], 18.0 / 2.0, epsilon = 1e-9);
     let near =
         [plane([1.0, 0.0], 0.3, 1.0), plane([1.0, 0.0], -0.3, 1.0), plane([0.0, 1.0], 0.0, 1.0)];
     let near = BatchSolver::new(Plane).with_inflation().solve(&near, &[Vector2::zeros()]);
     let near = near.expect("an optimum").estimate.covariance[(0, 0)];
-    assert!((near - 0.5).abs() < 1e-9, "small residuals narrow nothing: {near}");
+    assert_abs_diff_eq!(near, 0.5, epsilon = 1e-9);
 }
 
 /// Seed 6, 200 runs with a tenth of wild levels and bearings: each robust loss has less than a half
@@ -255,7 +256,7 @@ fn robust_losses_stand_outliers() {
         let expected = MODEL.expected(&fix.estimate.mean, o.receiver());
         let residual = MeasurementModel::<3, 2>::residual(&MODEL, o.value(), &expected);
         let q = residual.component_div(&SIGMA).norm_squared();
-        assert!((weight - (degrees + 2.0) / (degrees + q)).abs() < 1e-9);
+        assert_abs_diff_eq!(*weight, (degrees + 2.0) / (degrees + q), epsilon = 1e-9);
     }
 }
 
@@ -290,7 +291,7 @@ fn inflation_is_a_common_factor_on_all_covariances() {
     let solver = || BatchSolver::new(MODEL).with_prior(prior).expect("proper");
     let plain = solver().solve(&observations, &[]).expect("an optimum");
     let factor = plain.reduced_chi_squared.expect("many to spare");
-    assert!((factor - 9.0).abs() < 3.0, "{factor}");
+    assert_abs_diff_eq!(factor, 9.0, epsilon = 3.0);
     let wide: Vec<_> = observations
         .iter()
         .map(|o| observed(*o.receiver(), *o.value(), SIGMA * factor.sqrt()))
@@ -299,7 +300,7 @@ fn inflation_is_a_common_factor_on_all_covariances() {
     let inflated = solver().with_inflation().solve(&observations, &[]).expect("an optimum");
     assert!((inflated.estimate.mean - wide.estimate.mean).norm() < 1e-6);
     assert!((inflated.estimate.covariance - wide.estimate.covariance).norm() < 1e-6);
-    assert!((inflated.log_posterior - wide.log_posterior).abs() < 1e-9);
+    assert_abs_diff_eq!(inflated.log_posterior, wide.log_posterior, epsilon = 1e-9);
 }
 
 /// The line that the receivers fly along is a saddle of the levels' misfit.
@@ -312,7 +313,7 @@ fn a_saddle_is_left() {
     let prior = Estimate::isotropic(Vector3::new(100.0, 0.0, -30.0), 80.0);
     let solver = BatchSolver::new(MODEL).with_prior(prior).expect("proper");
     let fix = solver.solve(&observations, &[]).expect("an optimum");
-    assert!((fix.estimate.mean.y.abs() - 60.0).abs() < 20.0, "{fix:?}");
+    assert_abs_diff_eq!(fix.estimate.mean.y.abs(), 60.0, epsilon = 20.0);
 }
 
 #[test]
@@ -399,9 +400,10 @@ fn silence_moves_the_optimum() {
     let curvature = 1.25 + ratio(low) * (ratio(low) - 1.0 - low);
     let solver = BatchSolver::new(East).with_prior(prior).expect("proper");
     let fix = solver.solve(&[observed, silent], &[]).expect("an optimum").estimate;
-    assert!((fix.mean[0] - low).abs() < 1e-6, "{fix:?}, not {low}");
-    assert!((fix.covariance[(0, 0)] - 1.0 / curvature).abs() < 1e-4, "{fix:?}");
-    assert!(fix.mean[1].abs() < 1e-6 && (fix.covariance[(1, 1)] - 4.0).abs() < 1e-6);
+    assert_abs_diff_eq!(fix.mean[0], low, epsilon = 1e-6);
+    assert_abs_diff_eq!(fix.covariance[(0, 0)], 1.0 / curvature, epsilon = 1e-4);
+    assert_abs_diff_eq!(fix.mean[1], 0.0, epsilon = 1e-6);
+    assert_abs_diff_eq!(fix.covariance[(1, 1)], 4.0, epsilon = 1e-6);
 
     let still = RandomWalk::uniform(0.0);
     let mut estimator = BatchEstimator::new(still, East, prior).expect("proper");
@@ -411,7 +413,7 @@ fn silence_moves_the_optimum() {
     };
     // P(z < −1) of N(0, 1 + 4), which Laplace comes near to.
     let exact = standard().cdf(-1.0 / 5.0_f64.sqrt()).ln();
-    assert!((log_evidence - exact).abs() < 0.05, "{log_evidence}, not {exact}");
+    assert_abs_diff_eq!(log_evidence, exact, epsilon = 0.05);
     let _ = estimator.update(&observed).expect("possible");
     assert!((estimator.estimate().mean - fix.mean).norm() < 1e-6);
 }

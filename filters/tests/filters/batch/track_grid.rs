@@ -1,5 +1,6 @@
 //! Tracks over a grid, judged by the smoother for linear Gaussian problems.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_core::{Estimate, Pose, RandomWalk};
 use foxhunt_filters::{BatchError, Places, TrackGrid, TrackModel, rauch_tung_striebel};
 use nalgebra::{Matrix2, Vector2};
@@ -123,7 +124,7 @@ fn models_are_weighed_by_their_evidence_and_tracks_are_consistent() {
     }
     // 1000 places, of which a few in a row depend on each other: two standard errors of 0.1.
     let nees: f64 = nees / count;
-    assert!((nees - 2.0).abs() < 0.4, "mean NEES {nees}");
+    assert_abs_diff_eq!(nees, 2.0, epsilon = 0.4);
     assert!(right > 0.8 * f64::from(TRACKS), "the true model has {right} of {TRACKS}");
 }
 

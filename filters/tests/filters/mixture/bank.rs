@@ -1,3 +1,4 @@
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use foxhunt_core::{
     Correction, Estimate, Estimator, EstimatorError, MeasurementModel, Observation, Pose, Quantity,
     RandomWalk, Role, State,
@@ -24,20 +25,20 @@ fn two_hypotheses_on_a_line_are_exact() {
     let prior = [(0.25, -2.0, 1.0 + 0.18), (0.75, 3.0, 4.0 + 0.18)];
     let joint = prior.map(|(w, m, p)| w * normal(0.5, m, p + 0.7));
     let total = joint[0] + joint[1];
-    assert!((evidence(reported) - total.ln()).abs() < 1e-12);
+    assert_abs_diff_eq!(evidence(reported), total.ln(), epsilon = 1e-12);
     let posterior = prior.map(|(_, m, p)| (m + p / (p + 0.7) * (0.5 - m), p * 0.7 / (p + 0.7)));
     let mean = (joint[0] * posterior[0].0 + joint[1] * posterior[1].0) / total;
     let second = |i: usize| posterior[i].1 + (posterior[i].0 - mean).powi(2);
     let variance = (joint[0] * second(0) + joint[1] * second(1)) / total;
     let estimate = bank.estimate();
-    assert!((estimate.mean[0] - mean).abs() < 1e-12, "{}", estimate.mean);
-    assert!((estimate.covariance[0] - variance).abs() < 1e-12, "{}", estimate.covariance);
+    assert_abs_diff_eq!(estimate.mean[0], mean, epsilon = 1e-12);
+    assert_abs_diff_eq!(estimate.covariance[0], variance, epsilon = 1e-12);
     let weights: Vec<f64> = bank.components().map(|(w, _)| w).collect();
-    assert!((weights[0] - joint[0] / total).abs() < 1e-12);
+    assert_abs_diff_eq!(weights[0], joint[0] / total, epsilon = 1e-12);
     // The innovation of the mixture: mean 0.5 − 1.75, variance of the parts and between them.
     let spread = 0.25 * 1.88 + 0.75 * 4.88 + 0.25 * 0.75 * 25.0;
     let nis = reported.nis().expect("an innovation");
-    assert!((nis - 1.25 * 1.25 / spread).abs() < 1e-12, "{nis}");
+    assert_abs_diff_eq!(nis, 1.25 * 1.25 / spread, epsilon = 1e-12);
 }
 
 #[test]
@@ -63,7 +64,7 @@ fn evidence_over_many_steps_is_that_of_the_joint_density() {
             0.5 * normal(x, -1.0, 0.25) + 0.3 * normal(x, 2.0, 2.25) + 0.2 * normal(x, 0.0, 9.0);
         integral += prior * values.iter().map(|z| normal(*z, x, 0.5)).product::<f64>() * step;
     }
-    assert!((reported - integral.ln()).abs() < 1e-9, "{reported}, not {}", integral.ln());
+    assert_abs_diff_eq!(reported, integral.ln(), epsilon = 1e-9);
 }
 
 #[test]
@@ -76,10 +77,10 @@ fn a_light_component_is_dropped_and_an_impossible_one_never_counts() {
         ])
     };
     let mut pruned = bank().expect("proper");
-    assert!((pruned.estimate().mean[0] - 25.0).abs() < 1e-12);
+    assert_abs_diff_eq!(pruned.estimate().mean[0], 25.0, epsilon = 1e-12);
     let _ = pruned.update(&line(0.0, 1.0)).expect("proper");
     assert_eq!(pruned.len(), 1);
-    assert!(pruned.components().all(|(w, _)| (w - 1.0).abs() < 1e-15));
+    assert!(pruned.components().all(|(w, _)| abs_diff_eq!(w, 1.0, epsilon = 1e-15)));
     let mut kept = bank().and_then(|bank| bank.with_pruning(0.0)).expect("proper");
     let _ = kept.update(&line(0.0, 1.0)).expect("proper");
     assert_eq!(kept.len(), 2);
@@ -96,7 +97,7 @@ fn a_gate_inside_keeps_the_belief_and_loses_the_weight() {
     let reported = some.update(&line(0.0, 1.0)).expect("proper");
     // Both components have the same S, so the weight is the one that no gate would have left.
     let [near, far] = [0.0, 10.0].map(|m| 0.5 * normal(0.0, m, 2.0));
-    assert!((evidence(reported) - (near + far).ln()).abs() < 1e-12);
+    assert_abs_diff_eq!(evidence(reported), (near + far).ln(), epsilon = 1e-12);
     let reported: Vec<_> = some.components().map(|(w, e)| (w, e.estimate().mean[0])).collect();
     assert!((reported[1].0 / (far / (near + far)) - 1.0).abs() < 1e-9 && reported[1].1 >= 10.0);
     // Where all keep it out, so does the bank, and no weight changes.
@@ -128,7 +129,7 @@ fn one_that_fails_is_dropped_and_all_that_fail_change_nothing() {
     };
     let mut half = Bank::new([part(0.0), part(9.0)]).expect("proper");
     let reported = half.update(&line(0.5, 1.0)).expect("one can");
-    assert!((evidence(reported) - (0.5 * normal(0.5, 0.0, 2.0)).ln()).abs() < 1e-12);
+    assert_abs_diff_eq!(evidence(reported), (0.5 * normal(0.5, 0.0, 2.0)).ln(), epsilon = 1e-12);
     assert_eq!(half.len(), 1);
     let mut none = Bank::new([part(8.0), part(9.0)]).expect("proper");
     let before = (none.estimate(), none.components().map(|(w, _)| w).collect::<Vec<_>>());
@@ -156,12 +157,12 @@ fn clouds_make_a_bank_too() {
     let mut count = 0;
     bank.visit_samples(&mut |_, _| count += 1);
     assert_eq!(count, 1000);
-    assert!((bank.estimate().covariance[(0, 0)] - 26.0).abs() < 1.0);
+    assert_abs_diff_eq!(bank.estimate().covariance[(0, 0)], 26.0, epsilon = 1.0);
     let noise = foxhunt_core::nalgebra::Matrix2::identity();
     let observed = Observation::new(0.0, Pose::default(), Vector2::new(4.0, 0.0), noise);
     let _ = bank.update(&observed.expect("proper")).expect("possible");
     // 4.5 is halfway between what the right one thought and what was observed.
-    assert!((bank.estimate().mean.x - 4.5).abs() < 0.2, "{}", bank.estimate().mean);
+    assert!(abs_diff_eq!(bank.estimate().mean.x, 4.5, epsilon = 0.2), "{}", bank.estimate().mean);
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Sums of Gaussians, and the row of them along a first bearing.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use foxhunt_core::{
     Estimate, Estimator, MeasurementModel, Observation, OutlierMixture, Pose, RandomWalk, State,
     nalgebra::{Matrix1, Matrix2, Matrix4, Vector1, Vector2, Vector4},
@@ -33,7 +34,7 @@ fn a_split_has_the_moments_of_the_whole() {
             second += (part.covariance + d * d.transpose()) * *weight;
             assert!(part.covariance.cholesky().is_some());
         }
-        assert!((total - 1.0).abs() < 1e-12 && mean.norm() < 1e-12, "{parts:?}");
+        assert!(abs_diff_eq!(total, 1.0, epsilon = 1e-12) && mean.norm() < 1e-12, "{parts:?}");
         assert!((second - whole.covariance).norm() < 1e-11, "{parts:?}: {second}");
     }
     assert!(split(&whole, [0, 1]).is_err() && split(&whole, [1, 65]).is_err());
@@ -100,10 +101,10 @@ fn a_sum_reaches_the_exact_posterior_where_one_gaussian_does_not() {
     let (mean, spread) = off(sum.estimate());
     // What 169 linearised pieces leave, in standard deviations and in shares of the covariance.
     assert!(mean < 0.05 && spread < 0.2, "off by {mean}, {spread}");
-    assert!((reported - log_evidence).abs() < 0.05, "{reported}, not {log_evidence}");
+    assert_abs_diff_eq!(reported, log_evidence, epsilon = 0.05);
     let (mean, spread) = off(few.estimate());
     assert!(mean < 0.2 && spread < 0.1, "resplit: off by {mean}, {spread}");
-    assert!((reported_few - log_evidence).abs() < 0.1, "{reported_few}, not {log_evidence}");
+    assert_abs_diff_eq!(reported_few, log_evidence, epsilon = 0.1);
     assert!(few.components().len() <= 60);
     let (mean, spread) = off(alone.estimate());
     assert!(mean > 0.3 || spread > 0.5, "off by {mean}, {spread}: too easy a problem");
@@ -149,12 +150,12 @@ fn outliers_branch_into_the_exact_mixture() {
         first += weight * mean;
         second += weight * (variance + mean * mean);
     }
-    assert!((reported - total.ln()).abs() < 1e-9, "{reported}, not {}", total.ln());
+    assert_abs_diff_eq!(reported, total.ln(), epsilon = 1e-9);
     let estimate = sum.estimate();
-    assert!((estimate.mean[0] - first / total).abs() < 1e-5, "{}", estimate.mean);
+    assert_abs_diff_eq!(estimate.mean[0], first / total, epsilon = 1e-5);
     let variance = second / total - (first / total).powi(2);
     // Hypotheses below a millionth are not kept.
-    assert!((estimate.covariance[(0, 0)] - variance).abs() < 1e-4, "{}", estimate.covariance);
+    assert_abs_diff_eq!(estimate.covariance[(0, 0)], variance, epsilon = 1e-4);
 }
 
 #[test]
@@ -216,7 +217,7 @@ fn a_range_parameterised_bank_finds_a_range_that_one_filter_does_not() {
     // E[NEES] = 2 for the exact posterior whatever its shape; the bank approximates it by eight
     // Gaussians for intervals, so it may be off by a tenth besides 3.3 standard errors.
     let (mean, spread) = mean_and_error(&bank);
-    assert!((mean - 2.0).abs() < 0.2 + 3.3 * spread, "ANEES {mean:.3} ± {spread:.3}");
+    assert!(abs_diff_eq!(mean, 2.0, epsilon = 0.2 + 3.3 * spread), "ANEES {mean:.3} ± {spread:.3}");
     let (alone, one) = ranging(|row| {
         // One Gaussian with the moments of all of them.
         let places = row.places();
@@ -276,19 +277,23 @@ fn every_component_has_the_same_coefficient_of_variation() {
         let range = 1.5 * end;
         end *= 2.0;
         // exp(−σ² / 2) shortens a mean by 2 in 10⁴.
-        assert!((d.norm() / range - 1.0).abs() < 3e-4, "{} {range}", d.norm());
-        assert!((d.dot(&along) - d.norm()).abs() < 1e-9);
+        assert!(abs_diff_eq!(d.norm() / range, 1.0, epsilon = 3e-4), "{} {range}", d.norm());
+        assert_abs_diff_eq!(d.dot(&along), d.norm(), epsilon = 1e-9);
         let spread = along.dot(&(place.covariance * along)).sqrt();
         let across = Vector2::new(-along.y, along.x);
         let fan = across.dot(&(place.covariance * across)).sqrt();
         // E r² is (1 + the squared coefficient of variation) of the mean's square.
-        assert!((fan / (sigma * range * (1.0_f64 + 1.0 / 27.0).sqrt()) - 1.0).abs() < 1e-3);
+        assert_abs_diff_eq!(
+            fan / (sigma * range * (1.0_f64 + 1.0 / 27.0).sqrt()),
+            1.0,
+            epsilon = 1e-3
+        );
         ratios.push(spread / range);
-        assert!((weight - 1.0).abs() < 1e-15);
+        assert_abs_diff_eq!(weight, 1.0, epsilon = 1e-15);
     }
     // (2 − 1) / (1.5 √12)
-    assert!(ratios.iter().all(|r| (r - 0.19245).abs() < 1e-3), "{ratios:?}");
-    assert!((end - 3200.0).abs() < 1e-9);
+    assert!(ratios.iter().all(|r| abs_diff_eq!(*r, 0.19245, epsilon = 1e-3)), "{ratios:?}");
+    assert_abs_diff_eq!(end, 3200.0, epsilon = 1e-9);
 }
 
 #[test]

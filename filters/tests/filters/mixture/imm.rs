@@ -1,3 +1,4 @@
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use foxhunt_core::{
     ConstantVelocity, Correction, Estimate, Estimator, EstimatorError, MotionModel, Observation,
     Pose, RandomWalk, State,
@@ -46,19 +47,19 @@ fn one_cycle_is_the_textbooks() {
         innovation[j] = (2.5 - mean, p + 0.5);
     }
     let total = joint[0] + joint[1];
-    assert!((evidence(reported) - total.ln()).abs() < 1e-12);
+    assert_abs_diff_eq!(evidence(reported), total.ln(), epsilon = 1e-12);
     let mean = (joint[0] * posterior[0].0 + joint[1] * posterior[1].0) / total;
-    assert!((imm.estimate().mean[0] - mean).abs() < 1e-12);
+    assert_abs_diff_eq!(imm.estimate().mean[0], mean, epsilon = 1e-12);
     let second = |i: usize| posterior[i].1 + (posterior[i].0 - mean).powi(2);
     let variance = (joint[0] * second(0) + joint[1] * second(1)) / total;
-    assert!((imm.estimate().covariance[0] - variance).abs() < 1e-12);
+    assert_abs_diff_eq!(imm.estimate().covariance[0], variance, epsilon = 1e-12);
     for (reported, j) in imm.probabilities().zip(joint) {
-        assert!((reported - j / total).abs() < 1e-12);
+        assert_abs_diff_eq!(reported, j / total, epsilon = 1e-12);
     }
     let y = reached[0] * innovation[0].0 + reached[1] * innovation[1].0;
     let s: f64 =
         (0..2).map(|i| reached[i] * (innovation[i].1 + (innovation[i].0 - y).powi(2))).sum();
-    assert!((reported.nis().expect("an innovation") - y * y / s).abs() < 1e-12);
+    assert_abs_diff_eq!(reported.nis().expect("an innovation"), y * y / s, epsilon = 1e-12);
 }
 
 #[test]
@@ -68,9 +69,11 @@ fn no_time_mixes_nothing() {
     let before: Vec<f64> = imm.probabilities().collect();
     imm.predict(0.0).expect("no step at all");
     assert_eq!(imm.probabilities().collect::<Vec<_>>(), before);
-    assert!(
-        imm.models().zip([1.0, 3.0]).all(|(m, mean)| (m.estimate().mean[0] - mean).abs() < 1e-15)
-    );
+    assert!(imm.models().zip([1.0, 3.0]).all(|(m, mean)| abs_diff_eq!(
+        m.estimate().mean[0],
+        mean,
+        epsilon = 1e-15
+    )));
 }
 
 type Filter<'a> = Ekf<&'a dyn MotionModel<4>, Part, 4, 2>;
@@ -197,7 +200,7 @@ fn the_anees_of_a_jumping_target_is_that_of_its_state() {
         nees.push(imm.estimate().nees(&truth).expect("proper"));
     }
     let (mean, error) = super::model::mean_and_error(&nees);
-    assert!((mean - 1.0).abs() < 0.1 + 3.3 * error, "ANEES {mean:.3} ± {error:.3}");
+    assert!(abs_diff_eq!(mean, 1.0, epsilon = 0.1 + 3.3 * error), "ANEES {mean:.3} ± {error:.3}");
 }
 
 #[test]
@@ -268,10 +271,10 @@ fn models_may_be_clouds() {
             .map(|correction| evidence(correction.expect("proper")));
         assert!((known - reported).abs() < 0.1, "step {step}: evidence {reported}, not {known}");
         let away = exact.estimate().mean[0] - clouds.estimate().mean[0];
-        assert!(away.abs() < 0.05, "step {step}: off by {away}");
+        assert!(abs_diff_eq!(away, 0.0, epsilon = 0.05), "step {step}: off by {away}");
     }
     for (known, reported) in exact.probabilities().zip(clouds.probabilities()) {
-        assert!((known - reported).abs() < 0.03, "probability {reported}, not {known}");
+        assert_abs_diff_eq!(known, reported, epsilon = 0.03);
     }
     let flat = Estimate::isotropic(Vector1::zeros(), 0.0);
     let mut cloud: ParticleFilter<_, _, _, 1, 1> =

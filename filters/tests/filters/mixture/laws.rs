@@ -1,5 +1,6 @@
 //! Laws and statistics of mixtures.
 
+use approx::abs_diff_eq;
 use foxhunt_core::{
     ConstantVelocity, CoordinatedTurn, Estimate, Estimator, MeasurementModel, MotionModel, Pose,
     RandomWalk, State,
@@ -119,7 +120,7 @@ fn a_sum_is_consistent_where_one_gaussian_is_too_sure() {
     let wild = Estimate { mean: Vector2::new(5.0, 8.0), covariance: tilted * 16.0 };
     let reported = nees(&wild, 10.0, || Box::new(sum(wild, [15, 15])));
     let (mean, error) = mean_and_error(&reported);
-    assert!((mean - 2.0).abs() < 0.2 + 3.3 * error, "ANEES {mean:.3} ± {error:.3}");
+    assert!(abs_diff_eq!(mean, 2.0, epsilon = 0.2 + 3.3 * error), "ANEES {mean:.3} ± {error:.3}");
     let split =
         || sum(wild, [5, 5]).with_most_components(30).and_then(|s| s.with_resplitting(0.1, 3));
     let (mean, error) = mean_and_error(&nees(&wild, 10.0, || Box::new(split().expect("in range"))));

@@ -1,3 +1,4 @@
+use approx::abs_diff_eq;
 use foxhunt_core::{
     Estimate, Estimator, MeasurementModel, OutlierMixture, Pose, RandomWalk, State,
     nalgebra::{Vector2, Vector3},
@@ -128,11 +129,11 @@ fn particles_and_cells_are_consistent_where_a_gaussian_is_not() {
         (anees.average().expect("runs"), anees.standard_error().expect("runs"))
     };
     let (cloud, error) = mean_and_error(&normalised(&WILD, particles));
-    assert!((cloud - 2.0).abs() < 3.3 * error, "ANEES {cloud:.3} ± {error:.3}");
+    assert!(abs_diff_eq!(cloud, 2.0, epsilon = 3.3 * error), "ANEES {cloud:.3} ± {error:.3}");
     let (grid, error) = mean_and_error(&normalised(&WILD, |f, h, prior, _| {
         GridFilter::new(f, h, prior, GridConfig::default()).expect("a proper prior")
     }));
-    assert!((grid - 2.0).abs() < 3.3 * error, "grid: ANEES {grid:.3} ± {error:.3}");
+    assert!(abs_diff_eq!(grid, 2.0, epsilon = 3.3 * error), "grid: ANEES {grid:.3} ± {error:.3}");
     let ekf = normalised(&WILD, |f, h, prior, _| Ekf::new(f, h, prior).expect("a proper prior"));
     let (linearised, _) = mean_and_error(&ekf);
     assert!(linearised > 2.5, "ANEES {linearised:.3}: this problem is too easy");
@@ -147,7 +148,7 @@ fn cells_are_consistent_where_bearings_are_sharper_than_they() {
     let mean = anees.average().expect("runs");
     let error = anees.standard_error().expect("runs");
     // As above: not χ².
-    assert!((mean - 2.0).abs() < 3.3 * error, "ANEES {mean:.3} ± {error:.3}");
+    assert!(abs_diff_eq!(mean, 2.0, epsilon = 3.3 * error), "ANEES {mean:.3} ± {error:.3}");
     // With a false peak beside one drone of 400 it is above 10.
     assert!(error < 0.5, "ANEES {mean:.3} ± {error:.3}");
 }

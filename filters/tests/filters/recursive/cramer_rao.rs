@@ -1,5 +1,6 @@
 //! The posterior Cramér-Rao bound against what is known exactly.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use core::f64::consts::TAU;
 
 use foxhunt_core::{
@@ -128,13 +129,13 @@ fn the_mixture_has_the_information_of_the_reference() {
         let along = Vector2::new(cos, sin);
         let across = Vector2::new(-sin, cos);
         let reported = 25.0 * across.dot(&(information * across));
-        assert!((reported - 11.451).abs() < 1e-3, "{reported}");
+        assert_abs_diff_eq!(reported, 11.451, epsilon = 1e-3);
         assert!((information * along).norm() < 1e-7);
     }
     let half =
         FisherQuadrature::default().information(&Indoor { turn: false }, &Vector2::x(), &bearing);
     assert!(
-        matches!(half, Err(CramerRaoError::NotADensity { mass }) if (mass - 0.19).abs() < 1e-6)
+        matches!(half, Err(CramerRaoError::NotADensity { mass }) if abs_diff_eq!(mass, 0.19, epsilon = 1e-6))
     );
 }
 
@@ -201,5 +202,5 @@ fn no_filter_beats_the_bound_and_a_good_one_comes_near() {
     };
     let mean = runs.iter().map(square).sum::<f64>() / 500.0;
     let band = 2.0 * (3.3 * (2.0_f64 / 1000.0).sqrt() + 0.01);
-    assert!((mean - 2.0).abs() < band, "{mean}, not 2 ± {band}");
+    assert!(abs_diff_eq!(mean, 2.0, epsilon = band), "{mean}, not 2 ± {band}");
 }

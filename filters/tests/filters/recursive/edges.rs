@@ -1,5 +1,6 @@
 //! Edges of what filters take, and runs that no flight would bring.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_core::{
     Axis, ConstantVelocity, Correction, Estimate, Estimator, MeasurementModel, Pose, Quantity,
     RandomWalk, State,
@@ -223,7 +224,7 @@ fn the_nis_of_a_cloud_is_that_of_its_moments() {
         let nis = (rss_dbm - mean).powi(2) / (square - mean * mean + 16.0);
         let power = observed(receiver, Vector2::new(rss_dbm, 0.0), 4.0, 1.0).without(1);
         let reported = filter.update(&power).expect("possible").nis().expect("reported");
-        assert!((reported - nis).abs() < 1e-9 * (1.0 + nis), "{reported}, not {nis}");
+        assert_abs_diff_eq!(reported, nis, epsilon = 1e-9 * (1.0 + nis));
     }
 }
 

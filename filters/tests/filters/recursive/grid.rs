@@ -1,5 +1,6 @@
 //! The grid against exact posteriors, brute force and statistics.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_core::{
     BearingMode, BearingModes, ConstantVelocity, Correction, Estimate, Estimator, EstimatorError,
     MeasurementModel, Observation, OutlierMixture, Pose, Quantity, RandomWalk, State, laws,
@@ -200,7 +201,7 @@ fn an_unknown_power_is_integrated_out_exactly() {
     mean /= total;
     let covariance = square / total - mean * mean.transpose();
     let estimate = grid.estimate();
-    assert!((log_evidence - total.ln()).abs() < 2e-3, "{log_evidence}, not {}", total.ln());
+    assert_abs_diff_eq!(log_evidence, total.ln(), epsilon = 2e-3);
     let away = (estimate.mean - prior.mean - mean).amax();
     assert!(away < 5e-3, "the mean is off by {away}");
     let off = (estimate.covariance - covariance).amax();
@@ -239,7 +240,7 @@ fn a_power_that_is_all_but_known_changes_nothing() {
             };
             // The power's own variance is 10⁻⁸ dB².
             assert!((one - other).abs() < 1e-6, "at {at:?}: evidence {one}, not {other}");
-            assert!((one_nis - other_nis).abs() < 1e-6 * (1.0 + one_nis));
+            assert_abs_diff_eq!(one_nis, other_nis, epsilon = 1e-6 * (1.0 + one_nis));
             let one = known.estimate();
             let other = free.estimate();
             assert!((one.mean - other.mean.xy()).norm() < 1e-6, "{} {}", one.mean, other.mean);
@@ -333,7 +334,7 @@ fn cells_follow_a_belief_from_a_kilometre_to_a_metre() {
     assert!(spread < 2.0, "{spread}");
     assert!((estimate.mean - truth).norm() < 1.0, "{}", estimate.mean);
     let total: f64 = grid.cells().map(|(_, mass)| mass).sum();
-    assert!((total - 1.0).abs() < 1e-9, "{total}");
+    assert_abs_diff_eq!(total, 1.0, epsilon = 1e-9);
     let fewest = spread * spread / 2.0 / grid.cell_area();
     assert!(fewest > 1.0, "a standard deviation has {fewest} cells");
 }
@@ -396,7 +397,7 @@ fn a_linear_problem_comes_out_as_the_kalman_filter() {
         assert!(apart.norm() < 2e-3 * exact.estimate().covariance.norm(), "after {dt} s: {apart}");
         let [reported, known] =
             [grid.update(&observation), exact.update(&observation)].map(log_evidence);
-        assert!((reported - known).abs() < 1e-2, "evidence {reported}, not {known}");
+        assert_abs_diff_eq!(reported, known, epsilon = 1e-2);
         let grid = grid.estimate();
         let exact = exact.estimate();
         assert!((grid.mean - exact.mean).norm() < 2e-3 * exact.covariance.norm().sqrt());
@@ -426,7 +427,7 @@ fn the_target_stays_within_its_area() {
     let uniform = grid.estimate();
     // Midpoints of 64 cells miss the 64²-th part of a uniform's variance.
     assert!((uniform.mean - Vector2::new(0.0, 2.5)).norm() < 1e-9);
-    assert!((uniform.covariance[(0, 0)] - 400.0 / 12.0).abs() < 400.0 / 12.0 / 4000.0);
+    assert_abs_diff_eq!(uniform.covariance[(0, 0)], 400.0 / 12.0, epsilon = 400.0 / 12.0 / 4000.0);
     for _ in 0..20 {
         grid.predict(5.0).expect("a proper step");
         // From the South it is observed far in the North, outside.

@@ -1,6 +1,7 @@
 //! Updates that are linearised about their own posterior, against the textbook's formulas and
 //! against searches and grids that know nothing of linearisation.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_core::{
     Correction, Covariance, Estimate, Estimator, MeasurementModel, Observation, Pose, Quantity,
     RandomWalk, State,
@@ -264,7 +265,7 @@ fn a_bearing_across_the_cut_lands_on_the_grids_mean() {
     for estimate in [ekf.estimate(), ckf.estimate()] {
         let error = estimate.mean - grid.mean;
         assert!(error.y.abs() < 0.05 && error.x.abs() < 1.0, "{}", estimate.mean);
-        assert!((estimate.covariance[(1, 1)].sqrt() - 4.47).abs() < 0.1);
+        assert_abs_diff_eq!(estimate.covariance[(1, 1)].sqrt(), 4.47, epsilon = 0.1);
     }
     assert!((grid.mean - Vector2::new(-100.8, -1.5)).amax() < 0.05, "{}", grid.mean);
 }

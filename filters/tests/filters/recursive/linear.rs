@@ -1,3 +1,4 @@
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use foxhunt_core::{
     ConstantVelocity, Correction, Estimate, Estimator, MeasurementModel, MotionModel, Observation,
     Pose, Quantity, RandomWalk, State,
@@ -74,8 +75,8 @@ fn follows<T: Transform>(
             panic!("an open gate rejects nothing: {reported:?}");
         };
         // Rounding, times the condition of P and S: some 10³ here.
-        assert!((actual_nis - nis).abs() < 1e-8 * (1.0 + nis), "NIS {actual_nis}, not {nis}");
-        assert!((actual - log_evidence).abs() < 1e-8 * (1.0 + nis), "evidence off");
+        assert_abs_diff_eq!(actual_nis, nis, epsilon = 1e-8 * (1.0 + nis));
+        assert!(abs_diff_eq!(actual, log_evidence, epsilon = 1e-8 * (1.0 + nis)), "evidence off");
         let error = (filter.estimate().mean - estimate.mean).norm();
         assert!(error < 1e-8 * (1.0 + estimate.mean.norm()), "mean off by {error}");
         let error = (filter.estimate().covariance - estimate.covariance).norm();
@@ -187,7 +188,7 @@ fn particles_agree_with_the_kalman_filter_on_a_linear_model() {
         exact += log_evidence;
         sampled += cloud_evidence;
         let least = 5.0 / size.sqrt();
-        assert!((cloud_nis / nis - 1.0).abs() < 2.0 * least, "NIS {cloud_nis}, not {nis}");
+        assert_abs_diff_eq!(cloud_nis / nis, 1.0, epsilon = 2.0 * least);
         let belief = kalman.estimate();
         let cloud = particles.estimate();
         let root = belief.covariance.cholesky().expect("positive definite").unpack();
@@ -195,7 +196,7 @@ fn particles_agree_with_the_kalman_filter_on_a_linear_model() {
         assert!(white.amax() < 2.0 * least, "mean off by {white}");
         let error = (cloud.covariance - belief.covariance).norm() / belief.covariance.norm();
         assert!(error < 2.0 * least, "covariance off by {error}");
-        assert!((exact - sampled).abs() < 3.0 * least, "evidence {sampled}, not {exact}");
+        assert_abs_diff_eq!(exact, sampled, epsilon = 3.0 * least);
     }
 }
 
@@ -231,6 +232,6 @@ fn evidence_does_not_depend_on_when_the_cloud_is_resampled() {
     let ((always, _), (adaptive, resampled), (never, left)) =
         (evidence(1.0), evidence(0.5), evidence(0.0));
     assert!(left < 0.5 * resampled, "{left} effective particles: nothing was tested");
-    assert!((adaptive - never).abs() < 0.05, "{adaptive}, without resampling {never}");
-    assert!((always - never).abs() < 0.05, "{always}, without resampling {never}");
+    assert_abs_diff_eq!(adaptive, never, epsilon = 0.05);
+    assert_abs_diff_eq!(always, never, epsilon = 0.05);
 }

@@ -1,5 +1,6 @@
 //! Innovations watched: whiteness and the watchdog on filters that are right, wrong and lost.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_core::{
     Correction, Estimate, Estimator, MeasurementModel, Observation, Pose, Quantity, RandomWalk,
     State,
@@ -82,7 +83,7 @@ fn the_innovation_of_any_belief_is_the_filter_s_own() {
         assert!((own.covariance - reported.covariance).norm() < 0.02 * own.covariance.norm());
         let white = reported.normalised_present(&observation).expect("definite");
         let square: f64 = white.iter().flatten().map(|v| v * v).sum();
-        assert!((square - reported.nis).abs() < 1e-12 * (1.0 + square));
+        assert_abs_diff_eq!(square, reported.nis, epsilon = 1e-12 * (1.0 + square));
         assert_eq!(white.iter().flatten().count(), observation.len());
     }
 }
@@ -106,7 +107,7 @@ fn monitoring_changes_nothing() {
     assert_eq!((watched.nis().count(), watched.innovations().len()), (7, 7), "one was empty");
     // The NIS of a cloud is that of its innovation.
     let sum: f64 = watched.innovations().iter().flatten().flatten().map(|v| v * v).sum();
-    assert!((sum / 7.0 - watched.nis().average().expect("some")).abs() < 1e-9);
+    assert_abs_diff_eq!(sum / 7.0, watched.nis().average().expect("some"), epsilon = 1e-9);
 }
 
 #[test]
@@ -158,8 +159,9 @@ fn the_watchdog_counts_components_and_fills_first() {
     assert_eq!(watchdog.observe(&Correction::Empty, 0), NisHealth::Filling);
     // χ²₃ at 2.5 and 97.5 %: 0.2158 and 9.3484.
     let NisHealth::Sound { average, interval } = watchdog.add(3.0, 1) else { panic!("not sound") };
-    assert!((average - 2.0).abs() < 1e-15);
-    assert!((2.0 * interval[0] - 0.2158).abs() < 1e-4 && (2.0 * interval[1] - 9.3484).abs() < 1e-4);
+    assert_abs_diff_eq!(average, 2.0, epsilon = 1e-15);
+    assert_abs_diff_eq!(2.0 * interval[0], 0.2158, epsilon = 1e-4);
+    assert_abs_diff_eq!(2.0 * interval[1], 9.3484, epsilon = 1e-4);
     let rejected = Correction::Rejected { nis: 30.0, limit: 10.0 };
     assert!(matches!(watchdog.observe(&rejected, 2), NisHealth::Diverged { .. }));
     let _ = watchdog.add(0.01, 2);

@@ -1,5 +1,6 @@
 //! Observations that arrive late, and what was believed at a lag.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_core::{
     ConstantVelocity, Correction, Estimate, Estimator, EstimatorError, MeasurementModel,
     MotionModel, Observation, Pose, Quantity, RandomWalk, State, laws,
@@ -91,7 +92,7 @@ fn in_order_it_is_the_estimator_itself() {
     bare.predict(3.0).expect("a proper step");
     wrapped.predict(3.0).expect("a proper step");
     assert_eq!(bare.estimate(), wrapped.estimate());
-    assert!((wrapped.time() - time - 3.0).abs() < 1e-12);
+    assert_abs_diff_eq!(wrapped.time() - time, 3.0, epsilon = 1e-12);
     assert_eq!(wrapped.estimator().estimate(), wrapped.estimate());
 }
 
@@ -132,7 +133,7 @@ fn what_comes_too_late_is_refused_and_leaves_all_as_it_was() {
     let before = estimator.estimate();
     let horizon = estimator.horizon();
     // The newest is of 12.1 s: what is before 9.1 s is settled, the last of it of 8.2 s.
-    assert!((horizon - 8.2).abs() < 1e-9, "{horizon}");
+    assert_abs_diff_eq!(horizon, 8.2, epsilon = 1e-9);
     let time = flight[0].time();
     assert_eq!(estimator.update(&flight[0]), Err(EstimatorError::TooLate { time, horizon }));
     assert_eq!(estimator.estimate(), before);
@@ -142,7 +143,7 @@ fn what_comes_too_late_is_refused_and_leaves_all_as_it_was() {
         let _ = few.update(observation).expect("in order");
     }
     assert_eq!(few.estimate(), before);
-    assert!((few.horizon() - flight[7].time()).abs() < 1e-12);
+    assert_abs_diff_eq!(few.horizon(), flight[7].time(), epsilon = 1e-12);
     assert!(few.update(&flight[2]).is_err());
     assert!(OutOfOrder::new(ekf(), 0.0, -1.0).is_err());
     assert!(OutOfOrder::new(ekf(), f64::NAN, 1.0).is_err());
@@ -277,7 +278,7 @@ fn smoothing_is_the_joint_posterior_of_all_states() {
     let smoothed = estimator.smoothed(&motion).expect("definite");
     assert_eq!(smoothed.len(), STEPS + 1, "one before the first observation");
     for (k, (time, belief)) in smoothed[1..].iter().enumerate() {
-        assert!((time - times[k]).abs() < 1e-15);
+        assert_abs_diff_eq!(*time, times[k], epsilon = 1e-15);
         let exact = mean.rows(4 * k, 4);
         let error = (0..4).map(|i| (belief.mean[i] - exact[i]).abs()).fold(0.0, f64::max);
         assert!(error < 1e-4, "{k}: mean off by {error}");

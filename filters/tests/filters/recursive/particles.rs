@@ -1,6 +1,7 @@
 //! Further features of particle filters: adaptive sizes, correction in stages, evidence, and clouds
 //! on several threads, which have the bits of clouds on one.
 
+use approx::assert_abs_diff_eq;
 use core::f64::consts::TAU;
 
 use foxhunt_core::{
@@ -258,7 +259,7 @@ fn a_cloud_is_as_large_as_its_belief_is_wide() {
     assert!(white < 0.4, "{white} σ off with {last} particles");
     let mut total = 0.0;
     filter.visit_samples(&mut |_, w| total += w);
-    assert!((total - 1.0).abs() < 1e-12);
+    assert_abs_diff_eq!(total, 1.0, epsilon = 1e-12);
 }
 
 #[test]
@@ -375,7 +376,7 @@ fn reports(mut filter: impl Estimator<2, 2>) -> Vec<u64> {
         total += weight;
     });
     assert_eq!(particles, PARTICLES);
-    assert!((total - 1.0).abs() < 1e-9, "{total}");
+    assert_abs_diff_eq!(total, 1.0, epsilon = 1e-9);
     bits
 }
 

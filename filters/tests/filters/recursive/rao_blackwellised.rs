@@ -1,5 +1,6 @@
 //! A transmitter of unknown power: the power and the exponent integrated out of each particle.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_core::{
     BearingMode, BearingModes, ConstantVelocity, Correction, Estimate, Estimator, EstimatorError,
     MeasurementModel, Observation, Pose, Quantity, RandomWalk, State, laws,
@@ -212,7 +213,7 @@ fn a_linear_problem_comes_out_as_the_kalman_filter() {
                 other => panic!("not fused: {other:?}"),
             }
         }
-        assert!((evidence[0] - evidence[1]).abs() < 0.05, "{evidence:?}");
+        assert_abs_diff_eq!(evidence[0], evidence[1], epsilon = 0.05);
         let reported = cloud.estimate();
         let exact = kalman.estimate();
         let nees = exact.nees(&reported.mean).expect("definite");
@@ -289,7 +290,7 @@ fn copies_are_set_apart_by_the_bandwidth_of_what_is_sampled() {
     // Silverman's in one dimension.
     let bandwidth = (4.0 / (3.0 * 4000.0_f64)).powf(0.2);
     let expected = bandwidth * bandwidth * across + (1.0 - bandwidth * bandwidth) * 0.09;
-    assert!((variance / expected - 1.0).abs() < 0.12, "{variance} for {expected}");
+    assert_abs_diff_eq!(variance / expected, 1.0, epsilon = 0.12);
 }
 
 #[test]
@@ -306,7 +307,7 @@ fn its_samples_have_its_moments() {
         total += w;
         square += (x - reported.mean) * (x - reported.mean).transpose() * w;
     });
-    assert!((total - 1.0).abs() < 1e-12);
+    assert_abs_diff_eq!(total, 1.0, epsilon = 1e-12);
     // But for what the cloud misses, next to nothing here.
     assert!((square - reported.covariance).norm() < 0.01 * reported.covariance.norm());
 }
@@ -320,7 +321,7 @@ fn what_is_not_sampled_drifts_by_its_own_noise() {
     filter.predict(4.0).expect("a proper step");
     let grown = filter.estimate().covariance - before.covariance;
     // But for what the cloud misses, a millionth of the covariance or so.
-    assert!((grown[(2, 2)] - 36.0).abs() < 0.01, "{grown}");
+    assert_abs_diff_eq!(grown[(2, 2)], 36.0, epsilon = 0.01);
     assert!((filter.estimate().mean - before.mean).norm() < 1e-9);
 }
 
@@ -438,6 +439,6 @@ fn competing_bearings_are_the_mixture_of_their_posteriors() {
         let share = weight * log.exp();
         (sum, centre) = (sum + share, centre + mean * share);
     }
-    assert!((evidence - sum.ln()).abs() < 1e-9, "{evidence} for {}", sum.ln());
+    assert_abs_diff_eq!(evidence, sum.ln(), epsilon = 1e-9);
     assert!((mean - centre / sum).norm() < 1e-6, "{mean} for {}", centre / sum);
 }

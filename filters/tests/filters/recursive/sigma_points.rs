@@ -1,6 +1,7 @@
 //! Sigma points, and losses of the Kalman family against the exact posterior where the model is far
 //! from linear over the prior; truth is drawn from the prior, run `i` from seed `i`.
 
+use approx::assert_abs_diff_eq;
 use std::cell::RefCell;
 
 use foxhunt_core::{
@@ -137,14 +138,14 @@ fn the_scalar_transform_with_n_plus_kappa_3_is_exact_to_the_fifth_power() {
     let mean = Vector2::new(m * m + v, m.powi(3) + 3.0 * m * v);
     assert!((image.mean - mean).norm() < 1e-13);
     let cross = source.factor() * image.whitened_cross;
-    assert!((cross[0] - 2.0 * m * v).abs() < 1e-13);
-    assert!((cross[1] - (3.0 * m * m * v + 3.0 * v * v)).abs() < 1e-13);
+    assert_abs_diff_eq!(cross[0], 2.0 * m * v, epsilon = 1e-13);
+    assert_abs_diff_eq!(cross[1], 3.0 * m * m * v + 3.0 * v * v, epsilon = 1e-13);
     let covariance = image.whitened_cross.transpose() * image.whitened_cross
         + image.unexplained * image.unexplained.transpose();
-    assert!((covariance[(0, 0)] - (4.0 * m * m * v + 2.0 * v * v)).abs() < 1e-13);
+    assert_abs_diff_eq!(covariance[(0, 0)], 4.0 * m * m * v + 2.0 * v * v, epsilon = 1e-13);
     // E[x⁵] − E[x²] E[x³].
     let fifth = m.powi(5) + 10.0 * m.powi(3) * v + 15.0 * m * v * v;
-    assert!((covariance[(0, 1)] - (fifth - mean[0] * mean[1])).abs() < 1e-12);
+    assert_abs_diff_eq!(covariance[(0, 1)], fifth - mean[0] * mean[1], epsilon = 1e-12);
 }
 
 #[test]
@@ -254,7 +255,7 @@ fn assert_within(problem: &Problem, band: &Band) -> [(f64, f64); 6] {
     let reported = report(problem);
     let [(_, exact), once @ .., _, (error, anees)] = &reported;
     // E[NEES] = 2 for the exact posterior: three standard errors.
-    assert!((exact - 2.0).abs() < 0.4, "the grid's ANEES is {exact}");
+    assert_abs_diff_eq!(*exact, 2.0, epsilon = 0.4);
     assert!(*error < band.iterated.0 && *anees < band.iterated.1, "{NAMES:?}: {reported:?}");
     for (error, anees) in once {
         assert!(*error > band.once.0 && *anees > band.once.1, "{NAMES:?}: {reported:?}");

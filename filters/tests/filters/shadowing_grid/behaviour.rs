@@ -1,5 +1,6 @@
 //! Inputs that may change the answer, and inputs that must not.
 
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use core::f64::consts::FRAC_PI_6;
 
 use foxhunt_core::{Belief, Pose};
@@ -43,11 +44,11 @@ fn a_constant_is_the_intercepts() {
     let shifted = locate(&louder, keeping_all());
     // 1e4 costs four digits of the values, and no more.
     for (a, b) in fix.map.mass().iter().zip(shifted.map.mass()) {
-        assert!((a - b).abs() < 1e-10, "{a} and {b}");
+        assert_abs_diff_eq!(a, b, epsilon = 1e-10);
     }
     assert!((fix.position.mean - shifted.position.mean).norm() < 1e-7);
-    assert!((fix.intercept.mean + 1e4 - shifted.intercept.mean).abs() < 1e-7);
-    assert!((fix.intercept.sd - shifted.intercept.sd).abs() < 1e-7);
+    assert_abs_diff_eq!(fix.intercept.mean + 1e4, shifted.intercept.mean, epsilon = 1e-7);
+    assert_abs_diff_eq!(fix.intercept.sd, shifted.intercept.sd, epsilon = 1e-7);
     // With the intercept known it is not free to move.
     let known = ShadowingGridConfig { intercept: Intercept::Known(-40.0), ..keeping_all() };
     let moved = locate(&louder, known.clone()).position.mean;
@@ -68,8 +69,8 @@ fn the_unit_of_the_values_does_not_matter() {
         let slope = Slope::Gaussian { mean, sd, lower, upper, step };
         let other = locate(&scaled, ShadowingGridConfig { slope, ..keeping_all() });
         assert!((fix.position.mean - other.position.mean).norm() < 1e-7);
-        assert!((fix.sigma.mean - other.sigma.mean / unit).abs() < 1e-7);
-        assert!((fix.intercept.sd - other.intercept.sd / unit).abs() < 1e-7);
+        assert_abs_diff_eq!(fix.sigma.mean, other.sigma.mean / unit, epsilon = 1e-7);
+        assert_abs_diff_eq!(fix.intercept.sd, other.intercept.sd / unit, epsilon = 1e-7);
     }
 }
 
@@ -166,7 +167,7 @@ fn near_the_receivers_the_margin_does_not_matter() {
         for (median, sd) in fixes {
             let apart = (median - fixes[0].0).norm();
             assert!(apart < 0.05 * fixes[0].1, "{apart} of {}", fixes[0].1);
-            assert!((sd / fixes[0].1 - 1.0).abs() < 0.05, "{fixes:?}");
+            assert_abs_diff_eq!(sd / fixes[0].1, 1.0, epsilon = 0.05);
         }
     }
 }
@@ -190,10 +191,10 @@ fn the_belief_is_the_map() {
         total += weight;
         mean += place * weight;
     });
-    assert!((total - 1.0).abs() < 1e-12 && (mean - fix.position.mean).norm() < 1e-9);
+    assert!(abs_diff_eq!(total, 1.0, epsilon = 1e-12) && (mean - fix.position.mean).norm() < 1e-9);
     assert_eq!(fix.position(), fix.position);
     let lengths: f64 = fix.correlation_lengths_m.iter().map(|length| length.1).sum();
-    assert!((lengths - 1.0).abs() < 1e-12);
+    assert_abs_diff_eq!(lengths, 1.0, epsilon = 1e-12);
 }
 
 #[test]
@@ -208,6 +209,6 @@ fn a_place_where_the_regressor_is_not_finite_is_impossible() {
     } else {
         mass.is_finite()
     }));
-    assert!((fix.map.mass().iter().sum::<f64>() - 1.0).abs() < 1e-12);
+    assert_abs_diff_eq!(fix.map.mass().iter().sum::<f64>(), 1.0, epsilon = 1e-12);
     assert!(fix.position.mean.y > 60.0 && fix.position.nees(&TRUTH.place).is_some());
 }

@@ -3,6 +3,7 @@
 //! No χ² here, as the posterior is not Gaussian: what each run's own posterior expects (of the
 //! error squared, of its 95 % ellipse) is summed over the runs, with its own variance.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_core::Pose;
 use foxhunt_filters::{
     BearingGrid, BearingLine, Marginal, ShadowingFix, ShadowingGrid, ShadowingGridConfig, Slope,
@@ -261,7 +262,7 @@ fn the_posterior_is_calibrated() {
         ShadowingGridConfig { margin_m: 60.0, cell_m: 20.0, max_cells: 4000, ..with_all_unknown() };
     for score in calibrate(11, 300, &lawn_mower(3, 9, 25.0, 80.0), 0, &config) {
         println!("{score:.2?}");
-        assert!(score.z.abs() < LIMIT, "{score:?}");
+        assert_abs_diff_eq!(score.z, 0.0, epsilon = LIMIT);
     }
 }
 
@@ -271,7 +272,7 @@ fn with_bearings_the_posterior_is_calibrated() {
         ShadowingGridConfig { margin_m: 60.0, cell_m: 20.0, max_cells: 4000, ..with_all_unknown() };
     for score in calibrate(13, 300, &lawn_mower(3, 9, 25.0, 80.0), 6, &config) {
         println!("{score:.2?}");
-        assert!(score.z.abs() < LIMIT, "{score:?}");
+        assert_abs_diff_eq!(score.z, 0.0, epsilon = LIMIT);
     }
 }
 
@@ -281,6 +282,6 @@ fn the_posterior_is_calibrated_over_many_runs() {
     let config = ShadowingGridConfig { margin_m: 100.0, ..with_all_unknown() };
     for score in calibrate(12, 2000, &lawn_mower(4, 25, 15.0, 80.0), 0, &config) {
         println!("{score:.2?}");
-        assert!(score.z.abs() < LIMIT, "{score:?}");
+        assert_abs_diff_eq!(score.z, 0.0, epsilon = LIMIT);
     }
 }

@@ -1,5 +1,6 @@
 //! The closed forms against a sum over a and ln σ of the plain Gaussian density.
 
+use approx::assert_abs_diff_eq;
 use foxhunt_core::Pose;
 use foxhunt_filters::{
     Intercept, Marginal, ShadowingFix, ShadowingGrid, ShadowingGridConfig, Slope,
@@ -151,11 +152,11 @@ fn check(intercept: Intercept, slope: Slope, slopes: &[(f64, f64)], config: Shad
     let direct = integrate(&fix, &readings, &config, slopes, &gains);
     // The sum is exact to 1e-7 or so: smooth integrands, and tails cut at ±600 dB and 1200 dB.
     for (mass, expected) in fix.map.mass().iter().zip(&direct.mass) {
-        assert!((mass / expected - 1.0).abs() < 1e-6, "{mass} for {expected}");
+        assert_abs_diff_eq!(mass / expected, 1.0, epsilon = 1e-6);
     }
     let shares = fix.correlation_lengths_m.iter().chain(&fix.nuggets);
     for ((_, share), expected) in shares.zip(direct.lengths.iter().chain(&direct.nuggets)) {
-        assert!((share - expected).abs() < 1e-6, "{share} for {expected}");
+        assert_abs_diff_eq!(share, expected, epsilon = 1e-6);
     }
     // Second moments reach farther into the tails: 1e-4.
     for (marginal, expected) in [
@@ -250,7 +251,11 @@ fn the_steps_of_a_gaussian_prior_do_not_decide() {
         println!("{sigma} dB: {apart:.3} σ apart, variance {spread:.3} times");
         assert!(apart < 0.05, "{apart} σ apart at {sigma} dB");
         assert!((spread - 1.0).abs() < 0.05, "{spread} times the variance at {sigma} dB");
-        assert!((fix.slope.mean - exact.slope.mean).abs() < 0.1 * exact.slope.sd + 1e-3);
+        assert_abs_diff_eq!(
+            fix.slope.mean,
+            exact.slope.mean,
+            epsilon = 0.1 * exact.slope.sd + 1e-3
+        );
         let spread = (fix.slope.sd - exact.slope.sd).abs();
         assert!(spread <= 0.1 * exact.slope.sd, "{:?} for {:?}", fix.slope, exact.slope);
     }

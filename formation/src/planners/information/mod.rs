@@ -407,6 +407,7 @@ fn dot(a: &Column, b: &Column) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
     use foxhunt_core::{Level, Pose};
 
     use super::*;
@@ -442,7 +443,7 @@ mod tests {
         assert_eq!(cells.cells.len(), 50);
         let truth = cloud.position();
         let weight: f64 = cells.cells.iter().map(|cell| cell.weight).sum();
-        assert!((weight - 1.0).abs() < 1e-12);
+        assert_abs_diff_eq!(weight, 1.0, epsilon = 1e-12);
         let mean = cells.cells.iter().map(|c| c.mean * c.weight).sum::<Vector2<f64>>();
         assert!((mean - truth.mean).norm() < 1e-9);
         let spread = |c: &Cell| {
@@ -452,7 +453,7 @@ mod tests {
         let covariance = cells.cells.iter().map(spread).sum::<Matrix2<f64>>();
         assert!((covariance - truth.covariance).norm() < 1e-9);
         // Equal places make equal weights.
-        assert!(cells.cells.iter().all(|cell| (cell.weight - 0.02).abs() < 0.002));
+        assert!(cells.cells.iter().all(|cell| abs_diff_eq!(cell.weight, 0.02, epsilon = 0.002)));
     }
 
     #[test]

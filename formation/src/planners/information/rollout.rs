@@ -247,6 +247,7 @@ impl Rollout {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::abs_diff_eq;
 
     fn rollout(config: &InformationConfig, drones: usize) -> Rollout {
         Rollout::new(&config.turn().expect("in range"), config, drones)
@@ -320,7 +321,7 @@ mod tests {
             let truth = 1.5 * turn.fisher(&Vector2::zeros(), &place).total().trace();
             let rest2 = range * range - rollout.best_m * rollout.best_m;
             let ratio = rollout.worths(&[rest2; TARGETS], &[0.0; TARGETS])[0] / truth;
-            assert!((ratio - 1.0).abs() < 0.005, "{ratio} at {range} m");
+            assert!(abs_diff_eq!(ratio, 1.0, epsilon = 0.005), "{ratio} at {range} m");
         }
     }
 

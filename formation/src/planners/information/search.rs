@@ -477,6 +477,7 @@ fn aim<S: TurnInformation + ?Sized>(
 
 #[cfg(test)]
 mod tests {
+    use approx::abs_diff_eq;
     use foxhunt_core::{Estimate, Pose};
 
     use super::*;
@@ -510,6 +511,6 @@ mod tests {
         };
         let one = cost(&[(None, &belief)]);
         let two = cost(&[(None, &belief), (None, &belief)]);
-        assert!(one < 0.0 && (two - 2.0 * one).abs() < 1e-12, "{one} and {two}");
+        assert!(one < 0.0 && abs_diff_eq!(two, 2.0 * one, epsilon = 1e-12), "{one} and {two}");
     }
 }

@@ -431,6 +431,7 @@ impl Sigma {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use proptest::prelude::*;
 
     use super::*;
@@ -489,7 +490,7 @@ mod tests {
                 (fishers.bearing[1][i], fisher.bearing[(0, 1)]),
                 (fishers.bearing[2][i], fisher.bearing[(1, 1)]),
             ] {
-                assert!((a - b).abs() <= 1e-12 * (1.0 + b.abs()), "{a}, not {b}");
+                assert_abs_diff_eq!(a, b, epsilon = 1e-12 * (1.0 + b.abs()));
             }
         }
     }
@@ -500,9 +501,9 @@ mod tests {
         let information =
             turn().fisher(&Vector2::new(100.0, 0.0), &Vector3::new(0.0, 0.0, 1e-3)).total();
         let range = 4.0 * LN_10 * 100.0 / 27.65;
-        assert!((information[(0, 0)] * range * range - 1.0).abs() < 1e-6);
-        assert!((information[(1, 1)] * 50.0 * 50.0 - 1.0).abs() < 1e-6);
-        assert!(information[(0, 1)].abs() < 1e-12);
+        assert_abs_diff_eq!(information[(0, 0)] * range * range, 1.0, epsilon = 1e-6);
+        assert_abs_diff_eq!(information[(1, 1)] * 50.0 * 50.0, 1.0, epsilon = 1e-6);
+        assert_abs_diff_eq!(information[(0, 1)], 0.0, epsilon = 1e-12);
     }
 
     #[test]
@@ -517,7 +518,7 @@ mod tests {
             turn().expected(&target, &Vector3::new(11.0, 1.0, 2.0)).bearing_sigma,
             turn().expected(&target, &Vector3::new(3.0, 1.0, 4.0)).bearing_sigma,
         );
-        assert!((low - 0.5 * libm::sqrt(1.04)).abs() < 1e-12);
+        assert_abs_diff_eq!(low, 0.5 * libm::sqrt(1.04), epsilon = 1e-12);
         assert!(steep > 0.5 * libm::sqrt(5.0) * 2.0);
         assert!(above.iter().all(|number| number.is_finite()));
     }

@@ -1,3 +1,4 @@
+use approx::assert_abs_diff_eq;
 use core::f64::consts::{FRAC_PI_2, PI};
 
 use foxhunt_core::{
@@ -74,7 +75,8 @@ fn without_a_signal_it_turns_to_the_estimate() {
     planner.observe(&reception(0, -95.0, Some(FRAC_PI_2)));
     planner.plan(&far(70.0), &mut drone).expect("a place");
     let moved: Vector3<f64> = drone[0].goal.position - here;
-    assert!((moved.x - 20.0).abs() < 1e-3 && moved.y.abs() < 1.0, "{moved}");
+    assert_abs_diff_eq!(moved.x, 20.0, epsilon = 1e-3);
+    assert_abs_diff_eq!(moved.y, 0.0, epsilon = 1.0);
 }
 
 #[test]
@@ -93,7 +95,8 @@ fn after_the_last_cast_a_level_that_is_high_again_is_followed() {
     planner.observe(&reception(0, -75.0, Some(FRAC_PI_2)));
     planner.plan(&far(70.0), &mut drone).expect("a place");
     let moved: Vector3<f64> = drone[0].goal.position - here;
-    assert!((moved.y - 20.0).abs() < 1e-9 && moved.x.abs() < 1e-9, "{moved}");
+    assert_abs_diff_eq!(moved.y, 20.0, epsilon = 1e-9);
+    assert_abs_diff_eq!(moved.x, 0.0, epsilon = 1e-9);
 }
 
 #[test]
@@ -108,7 +111,7 @@ fn a_sure_bearing_counts_for_more() {
     planner.plan(&far(90.0), &mut drone).expect("a place");
     // Four times the weight of the one to the East.
     let to = drone[0].goal.position;
-    assert!((to.y - 4.0 * to.x).abs() < 1e-9, "{to}");
+    assert_abs_diff_eq!(to.y, 4.0 * to.x, epsilon = 1e-9);
 }
 
 #[test]
@@ -119,7 +122,8 @@ fn a_bearing_without_a_level_is_followed() {
     planner.observe(&Reception { level: None, ..reception(0, -80.0, Some(FRAC_PI_2)) });
     planner.plan(&far(90.0), &mut drone).expect("a place");
     let to = drone[0].goal.position;
-    assert!((to.y - 20.0).abs() < 1e-9 && to.x.abs() < 1e-9, "{to}");
+    assert_abs_diff_eq!(to.y, 20.0, epsilon = 1e-9);
+    assert_abs_diff_eq!(to.x, 0.0, epsilon = 1e-9);
 }
 
 #[test]
@@ -136,7 +140,8 @@ fn it_goes_by_its_own_target_alone() {
     let here = drone[0].pose.position;
     planner.plan_together(&targets, &mut drone).expect("a target");
     let moved = drone[0].goal.position - here;
-    assert!((moved.y - 20.0).abs() < 1e-9 && moved.x.abs() < 1e-9, "{moved}");
+    assert_abs_diff_eq!(moved.y, 20.0, epsilon = 1e-9);
+    assert_abs_diff_eq!(moved.x, 0.0, epsilon = 1e-9);
     assert_eq!(planner.plan_together(&[], &mut drone), Err(PlanError::NoPlace));
 }
 

@@ -718,6 +718,7 @@ fn averaged(heard: &[HeardLevel], most: usize) -> Vec<HeardLevel> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     fn levels(times: impl Iterator<Item = f64>) -> Vec<HeardLevel> {
         times.map(|time_s| HeardLevel { time_s, level_db: -70.0 - time_s % 7.0 }).collect()
@@ -742,8 +743,8 @@ mod tests {
         let hover = std::iter::repeat_n([0.2, 1.0], 900);
         let way = std::iter::repeat_n([8.0, 1.0], 100);
         let speed = speed_mps(&hover.chain(way).collect::<Vec<_>>());
-        assert!((speed - 8.0).abs() < 1e-9, "{speed}");
-        assert!(speed_mps(&[[0.0, 1.0]; 9]).abs() < 1e-9);
+        assert_abs_diff_eq!(speed, 8.0, epsilon = 1e-9);
+        assert_abs_diff_eq!(speed_mps(&[[0.0, 1.0]; 9]), 0.0, epsilon = 1e-9);
     }
 
     /// A path whose gaps leave no offset but the own one is no evidence.

@@ -257,6 +257,7 @@ impl<'a> FleetWatch<'a> {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use foxhunt_formation::AirspaceConfig;
     use foxhunt_sim::Interval;
 
@@ -311,7 +312,7 @@ mod tests {
     fn who_keeps_everything_breaks_nothing() {
         let findings = watched(|_| (), &[]);
         assert_eq!(findings.violations, []);
-        assert!((findings.spare_separation_m - 1.0).abs() < 1e-12);
+        assert_abs_diff_eq!(findings.spare_separation_m, 1.0, epsilon = 1e-12);
         assert!(findings.spare_endurance_s.is_infinite() && findings.stranded == 0);
     }
 

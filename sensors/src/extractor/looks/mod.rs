@@ -519,6 +519,7 @@ fn cubic([a, b, c, d]: [f64; 4], t: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     fn nodes(log_density: impl Fn(f64) -> f64, level: impl Fn(f64) -> f64) -> Vec<Node> {
         (0..180_u16)
@@ -543,7 +544,7 @@ mod tests {
                 assert!(foxhunt_core::angle::distance(peak.offset, at) < 1e-5, "{peak:?}");
                 let sigma = libm::sqrt(1.0 / kappa + 0.5 / (kappa * kappa));
                 assert!((peak.sigma / sigma - 1.0).abs() < 0.01, "κ {kappa}: {peak:?}");
-                assert!((peak.covariance / (3.0 * sigma * sigma) - 1.0).abs() < 0.1, "{peak:?}");
+                assert_abs_diff_eq!(peak.covariance / (3.0 * sigma * sigma), 1.0, epsilon = 0.1);
             }
         }
     }
@@ -559,7 +560,7 @@ mod tests {
         let found = Posterior::new(&nodes(two, |_| 0.0)).modes();
         assert_eq!(found.len(), 2);
         for (peak, (weight, offset)) in found.iter().zip([(0.75, 1.0), (0.25, 4.0)]) {
-            assert!((peak.weight - weight).abs() < 1e-3, "{peak:?}");
+            assert_abs_diff_eq!(peak.weight, weight, epsilon = 1e-3);
             let off = foxhunt_core::angle::distance(peak.offset, offset);
             assert!(off < 1e-3, "{peak:?}");
         }
@@ -569,6 +570,6 @@ mod tests {
     fn a_flat_density_is_one_wide_peak() {
         let found = Posterior::new(&nodes(|_| -3.0, |_| 0.0)).modes();
         assert_eq!(found.len(), 1);
-        assert!((found[0].sigma - TAU / libm::sqrt(12.0)).abs() < 0.01);
+        assert_abs_diff_eq!(found[0].sigma, TAU / libm::sqrt(12.0), epsilon = 0.01);
     }
 }

@@ -286,6 +286,7 @@ fn frames(count: f64) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     /// A row with pulses of 1 at multiples of an interval: all are in one sum, at their start and
     /// interval, for every number of pulses; and no pulse is counted twice.
@@ -323,6 +324,6 @@ mod tests {
         assert_eq!(Comb::new(5, [260.0, 260.0]).intervals, [260.0]);
         let comb = Comb::new(5, [254.8, 265.2]);
         assert_eq!(comb.intervals.len(), 43);
-        assert!((comb.intervals[42] - 265.2).abs() < 1e-9);
+        assert_abs_diff_eq!(comb.intervals[42], 265.2, epsilon = 1e-9);
     }
 }

@@ -252,6 +252,7 @@ pub(super) fn limited(energy: f32, ceiling: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
     use rand_distr::{Distribution, StandardNormal};
 
@@ -300,15 +301,15 @@ mod tests {
         // 36 frames of 128 bins, of which one in eight is independent: σ of the mean is 0.04.
         let burst = of(102..136);
         let rest = of(0..90);
-        assert!((burst - 1.0).abs() < 0.15, "{burst}");
-        assert!((rest - 1.0).abs() < 0.1, "{rest}");
+        assert_abs_diff_eq!(burst, 1.0, epsilon = 0.15);
+        assert_abs_diff_eq!(rest, 1.0, epsilon = 0.1);
         let shares = mean((102..136).map(|frame| {
             #[expect(clippy::cast_possible_truncation, reason = "a share")]
             let share = map.share(float(frame), 0.2) as f32;
             share
         }));
-        assert!((shares - 0.1).abs() < 0.02, "{shares}");
-        assert!((map.share(50.0, 0.2) - 1.0).abs() < 1e-6);
+        assert_abs_diff_eq!(shares, 0.1, epsilon = 0.02);
+        assert_abs_diff_eq!(map.share(50.0, 0.2), 1.0, epsilon = 1e-6);
     }
 
     /// A carrier of energy 8 in a window: its bins are noise at all times, others as they were.
@@ -332,9 +333,9 @@ mod tests {
         let lit = mean(map.row(bin(0.125)).iter().copied());
         assert!((0.6..1.1).contains(&lit), "{lit}");
         let dark = mean(map.row(bin(-0.2)).iter().copied());
-        assert!((dark - 1.0).abs() < 0.25, "{dark}");
+        assert_abs_diff_eq!(dark, 1.0, epsilon = 0.25);
         let share = map.share(200.0, 0.125);
         assert!((0.07..0.12).contains(&share), "{share}");
-        assert!((map.share(200.0, -0.2) - 1.0).abs() < 0.2);
+        assert_abs_diff_eq!(map.share(200.0, -0.2), 1.0, epsilon = 0.2);
     }
 }

@@ -594,6 +594,7 @@ fn ln_bessel_i0(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     /// A train begins and ends with a pulse that is clearly there: what is but likely there may be
     /// noise, and each hit beyond an end tries another place.
@@ -607,7 +608,7 @@ mod tests {
         };
         let noise = with(0.9, 1.2);
         assert_eq!(noise.longest(), 2..8);
-        assert!((noise.energy - 10.6).abs() < 0.5, "{}", noise.energy);
+        assert_abs_diff_eq!(noise.energy, 10.6, epsilon = 0.5);
         assert!(noise.ln_odds[5] < -5.0, "a miss within it: {}", noise.ln_odds[5]);
         // More likely there than not, but not clearly.
         let likely = with(3.4, 3.4);

@@ -443,6 +443,7 @@ fn half_step(coils: [bool; 4]) -> Option<i64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
 
     /// Steps that it makes by `now`, and where it was farthest back.
     fn run(motor: &mut Motor, now: f64) -> (i64, i64) {
@@ -466,7 +467,7 @@ mod tests {
         // The first wait is that of the acceleration, 0.96 ms.
         assert_eq!(run(&mut motor, 10.25).0, 125);
         assert_eq!(run(&mut motor, 20.0).0, 125);
-        assert!((motor.stepped - 10.499).abs() < 1e-4 && !motor.running, "{motor:?}");
+        assert!(abs_diff_eq!(motor.stepped, 10.499, epsilon = 1e-4) && !motor.running, "{motor:?}");
         motor.order(150, 20.0);
         assert_eq!((run(&mut motor, 30.0).0, motor.position), (100, 150));
     }
@@ -480,7 +481,7 @@ mod tests {
         run(&mut motor, 100.0);
         // 2 s at full speed, and half a second more for the ramps.
         assert_eq!(motor.position, 2000);
-        assert!((motor.stepped - 2.5).abs() < 0.1, "{motor:?}");
+        assert_abs_diff_eq!(motor.stepped, 2.5, epsilon = 0.1);
         // Sent back while it runs: it goes on for the way that it takes to stop, v²/2a = 250.
         motor.order(4000, 100.0);
         run(&mut motor, 101.0);
@@ -504,6 +505,6 @@ mod tests {
         motor.order(stopped + 1, 3.0);
         let (_, least) = run(&mut motor, 10.0);
         assert_eq!(motor.position, stopped + 1);
-        assert!((stopped - least - 250).abs() < 5, "it first went on by {}", stopped - least);
+        assert_abs_diff_eq!(stopped - least, 250, epsilon = 5);
     }
 }

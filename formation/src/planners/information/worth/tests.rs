@@ -1,4 +1,5 @@
 use alloc::vec;
+use approx::{abs_diff_eq, assert_abs_diff_eq};
 use core::f64::consts::TAU;
 
 use foxhunt_core::Estimate;
@@ -157,7 +158,7 @@ fn all_pairs_of_all_blocks_count() {
         let error = left[0] + left[1] - covariance.trace();
         assert!(error.abs() < 1e-9 * covariance.trace(), "{i}: off by {error}");
     }
-    assert!((posterior.nats - nats).abs() < 1e-9 * nats, "{} for {nats}", posterior.nats);
+    assert_abs_diff_eq!(posterior.nats, nats, epsilon = 1e-9 * nats);
 }
 
 /// Level by East and bearing by North, both linear: what is read of a Gaussian cell is
@@ -242,7 +243,8 @@ fn what_is_no_information_matrix_leaves_everything_open() {
         assert!(inverse(&bad).iter().all(|axis| axis.is_infinite()), "{bad}");
     }
     let [large, small] = inverse(&Matrix2::new(0.5, 0.0, 0.0, 4.0));
-    assert!((large - 2.0).abs() < 1e-12 && (small - 0.25).abs() < 1e-12);
+    assert_abs_diff_eq!(large, 2.0, epsilon = 1e-12);
+    assert_abs_diff_eq!(small, 0.25, epsilon = 1e-12);
 }
 
 /// One wide Gaussian cell: both ways give what a Kalman filter would.
@@ -260,11 +262,11 @@ fn both_ways_agree_on_a_gaussian() {
     let prior = covariance.cholesky().expect("definite").solve(&Matrix2::identity());
     fisher.by_fisher(&turn, &belief, &power, &prior, &places);
     entropy.by_entropy(&turn, &belief, &power, &places);
-    assert!((fisher.nats - entropy.nats).abs() < 1e-9);
+    assert_abs_diff_eq!(fisher.nats, entropy.nats, epsilon = 1e-9);
     let axes = |posterior: &ExpectedPosterior| posterior.left[0].axes.map(|axis| axis[0]);
     let fisher = axes(&fisher);
     let entropy = axes(&entropy);
-    assert!(fisher.iter().zip(entropy).all(|(a, b)| (a - b).abs() < 1e-9));
+    assert!(fisher.iter().zip(entropy).all(|(a, b)| abs_diff_eq!(*a, b, epsilon = 1e-9)));
     // The power as a third unknown, of which a level received before teaches as well.
     let mut whole = nalgebra::Matrix3::zeros();
     whole.fixed_view_mut::<2, 2>(0, 0).copy_from(&prior);
@@ -293,5 +295,5 @@ fn both_ways_agree_on_a_gaussian() {
     };
     let expected = prior + place_of(&whole) - place_of(&earlier);
     let axes = inverse(&expected);
-    assert!((fisher[0] - axes[0]).abs() < 1e-9, "{fisher:?} {axes:?}");
+    assert_abs_diff_eq!(fisher[0], axes[0], epsilon = 1e-9);
 }

@@ -199,6 +199,7 @@ fn log_power_variance(factor: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::PatternTable;
+    use approx::abs_diff_eq;
 
     #[test]
     fn it_is_that_of_the_gain_any_number_of_turns_on() {
@@ -212,7 +213,7 @@ mod tests {
             let (value, slope) = table.with_slope((row + 0.25) / f64::from(ROWS));
             assert!((value - (0.75 * from + 0.25 * to)).abs() < 1e-9, "row {row}: {value}");
             let rise = slope * TAU / f64::from(ROWS);
-            assert!((rise - (to - from)).abs() < 1e-9, "row {row}: {rise}");
+            assert!(abs_diff_eq!(rise, to - from, epsilon = 1e-9), "row {row}: {rise}");
         }
     }
 }
