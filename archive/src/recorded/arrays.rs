@@ -74,6 +74,7 @@ pub fn calibrate_array(
     config: &CalibrateConfig,
 ) -> Result<Result<ArrayCalibration, CalibrationError>, RecordedError> {
     let mut known = Vec::new();
+    let mut sigmas = Vec::new();
     let mut unknown = 0;
     for recording in recordings {
         for record in recording.records() {
@@ -83,8 +84,8 @@ pub fn calibrate_array(
             let Some(bearing) = record.bearing else { continue };
             match towards(record, config.truth) {
                 Some((truth, heading)) => {
-                    let known_bearing = KnownBearing { measured: bearing.angle, truth, heading };
-                    known.push((known_bearing, bearing.sigma));
+                    known.push(KnownBearing { measured: bearing.angle, truth, heading });
+                    sigmas.push(bearing.sigma);
                 }
                 None if beacon.is_some() => {
                     let file = recording.file().to_owned();
@@ -94,14 +95,14 @@ pub fn calibrate_array(
             }
         }
     }
-    Ok(fit_deviation(known.iter().map(|(own, _)| *own)).map(|fit| {
-        let errors = || known.iter().map(|(own, _)| angle::wrap(own.measured - own.truth));
+    Ok(fit_deviation(&known).map(|fit| {
+        let errors = || known.iter().map(|own| angle::wrap(own.measured - own.truth));
         let sum: Vector2<f64> =
             errors().map(|error| Vector2::new(libm::cos(error), libm::sin(error))).sum();
         let mean = libm::atan2(sum.y, sum.x);
         let count = f64::from(u32::try_from(known.len()).unwrap_or(u32::MAX)).max(1.0);
         let squares: f64 = errors().map(|error| angle::wrap(error - mean).powi(2)).sum();
-        let left = known.iter().filter_map(|(own, sigma)| {
+        let left = known.iter().zip(&sigmas).filter_map(|(own, sigma)| {
             let (angle, _) = fit.deviation.correct(own.measured, own.heading);
             let stretch = fit.deviation.stretch_at(own.measured - own.heading);
             let error = angle::wrap(angle - own.truth) / stretch;
@@ -307,7 +308,7 @@ mod tests {
                 KnownBearing { measured: truth + 0.05 + 0.02 * noise, truth, heading: 0.0 }
             });
             let known: Vec<KnownBearing> = known.collect();
-            let fit = fit_deviation(known).expect("enough bearings");
+            let fit = fit_deviation(&known).expect("enough bearings");
             taken += usize::from(fit.deviation.harmonics().len() > 0);
         }
         println!("harmonics by chance: {taken} of 100");

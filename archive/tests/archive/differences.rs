@@ -66,8 +66,13 @@ struct Score {
     /// Distances from the truth, in metres.
     errors: Vec<f64>,
     batch_errors: Vec<f64>,
+    nees: Vec<f64>,
     /// Number of ellipses that hold the truth.
     held: u32,
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.iter().map(|_| 1.0).sum::<f64>()
 }
 
 fn median(values: &[f64]) -> f64 {
@@ -202,6 +207,7 @@ impl Geometry {
             let batch = self.batch(kind, &receptions);
             score.errors.push((located.estimate.mean - truth).norm());
             score.batch_errors.push((batch - truth).norm());
+            score.nees.push(located.estimate.nees(&truth).expect("definite"));
             score.held += u32::from(located.ellipse_95_holds(&truth) == Some(true));
         }
         score
@@ -214,6 +220,8 @@ impl Score {
         let name = kind.name;
         let own = median(&self.errors);
         let batch = median(&self.batch_errors);
+        let nees = mean(&self.nees);
+        println!("{name}: {own:.2} m, batch {batch:.2} m, NEES {nees:.2}, {} hold", self.held);
         assert!(own < 1.2 * batch, "{name}: {own} m, and a batch {batch} m");
         assert!(held.contains(&self.held), "{name}: {} hold", self.held);
     }

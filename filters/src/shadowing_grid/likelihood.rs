@@ -7,6 +7,7 @@ use super::{
     Intercept, LANES, Row, ShadowingGridConfig, ShadowingGridError,
     censored::{Censored, Law},
     coefficient::Coefficient,
+    explanations::{Explanations, Sums},
     grid::{Grid, PosteriorMap},
     marginal::{Marginal, Mixture, Moments},
     path::Segments,
@@ -418,38 +419,22 @@ impl Likelihood {
     ) -> Conditional {
         let Scratch { explanations, gains, slopes } = scratch;
         explanations.clear();
-        let mut peak = f64::NEG_INFINITY;
-        for Under { number, regression, products, beyond, column } in explained.clone() {
+        let references = [self.slope.first(), gain.first()];
+        for Under { regression, products, .. } in explained.clone() {
             let square_of = |b, c| self.prior_square + regression.residual_square(products, b, c);
             for &(c, c_weight) in self.gains(gain, regression, products, gains) {
                 let (b_peak, b_variance) = regression.slope_for_gain(products, c);
                 let of_slope = square_of(self.slope.clamped(b_peak), c) / self.freedom * b_variance;
                 let nodes = self.slope.around(b_peak, libm::sqrt(of_slope), slopes);
-                for &(b, b_weight) in nodes {
-                    let square = square_of(b, c);
-                    let log_mass = regression.log_scale() + b_weight + c_weight
-                        - 0.5 * self.freedom * libm::log(square);
-                    let mut log_mass = log_mass;
-                    if !self.censored.is_empty() {
-                        let law = Law {
-                            // The segments' values are known but for the offset.
-                            intercept: self.intercept(regression, products, [b, c], origin)
-                                - self.offset,
-                            coefficients: [b, c],
-                            variance: square / (self.freedom - 2.0).max(1.0),
-                        };
-                        // A censored segment makes nothing more probable.
-                        let least = needed.max(peak - NEGLIGIBLE) - log_mass;
-                        log_mass +=
-                            self.censored.log_probability(number, &law, beyond, column, least);
-                    }
-                    if log_mass.is_nan() {
-                        log_mass = f64::NEG_INFINITY;
-                    }
-                    peak = peak.max(log_mass);
-                    explanations.push(Explanation { correlation: number, b, c, square, log_mass });
-                }
+                let log_weight = regression.log_scale() + c_weight;
+                explanations.extend(nodes, references, c, log_weight, |b| square_of(b, c));
             }
+            explanations.end();
+        }
+        let mut peak = explanations.set_log_masses(0.5 * self.freedom);
+        if !self.censored.is_empty() {
+            let beside = (origin, references, needed);
+            peak = self.add_censored(explained.clone(), beside, explanations);
         }
         let mut given = Conditional {
             log_mass: f64::NEG_INFINITY,
@@ -462,40 +447,78 @@ impl Likelihood {
         if !peak.is_finite() {
             return given;
         }
+        explanations.set_weights(peak);
         let mut total = 0.0;
-        let mut slope = Moments::about(self.slope.first());
-        let mut of_gain = Moments::about(gain.first());
-        let mut explanations = explanations.iter().peekable();
-        for Under { number, regression, products, .. } in explained {
-            let per_one = 1.0 / regression.ones_square();
-            let share_before = total;
-            while let Some(own) = explanations.next_if(|own| own.correlation == number) {
-                let Explanation { b, c, square, log_mass, .. } = *own;
-                let weight = libm::exp(log_mass - peak);
-                // Less than 10⁻¹⁶ of the whole even if all others were as small.
-                if weight < 1e-20 {
-                    continue;
-                }
-                total += weight;
-                slope.add(weight, b);
-                of_gain.add(weight, c);
-                // σ² is inverse gamma, of shape ν/2 and scale SSR/2; a is Student's t about â.
-                let variance = square / (self.freedom - 2.0).max(1.0);
-                let mean = self.sigma_ratio * libm::sqrt(square);
-                given.sigma.add(weight, mean, variance - mean * mean);
-                let of_intercept = if self.intercept_is_flat { variance * per_one } else { 0.0 };
-                let best = self.intercept(regression, products, [b, c], origin);
-                given.intercept.add(weight, best, of_intercept);
+        let mut slope = Moments::about(references[0]);
+        let mut of_gain = Moments::about(references[1]);
+        for (part, Under { number, regression, products, .. }) in explained.enumerate() {
+            let Sums { weight, slope: by_slope, gain: by_gain, cross, root, square } =
+                explanations.sums(part);
+            if weight <= 0.0 {
+                continue;
             }
+            total += weight;
             if let Some(share) = given.shares.correlations.get_mut(number) {
-                *share = total - share_before;
+                *share = weight;
             }
+            slope.add_sums(weight, by_slope);
+            of_gain.add_sums(weight, by_gain);
+            // σ² is inverse gamma, of shape ν/2 and scale SSR/2; a is Student's t about â.
+            let variance = square / weight / (self.freedom - 2.0).max(1.0);
+            let mean = self.sigma_ratio * root / weight;
+            given.sigma.add(weight, mean, (variance - mean * mean).max(0.0));
+            // â falls by so much with each coefficient.
+            let [of_ones, of_origin] = [regression.intercept_slopes(products), origin];
+            let [b_slope, c_slope] = [of_ones[0] + of_origin[0], of_ones[1] + of_origin[1]];
+            let [b_mean, c_mean] = [by_slope[0] / weight, by_gain[0] / weight];
+            let b_variance = by_slope[1] / weight - b_mean * b_mean;
+            let c_variance = by_gain[1] / weight - c_mean * c_mean;
+            let covariance = cross / weight - b_mean * c_mean;
+            let between = b_slope * b_slope * b_variance
+                + 2.0 * b_slope * c_slope * covariance
+                + c_slope * c_slope * c_variance;
+            let per_one = 1.0 / regression.ones_square();
+            let of_intercept = if self.intercept_is_flat { variance * per_one } else { 0.0 };
+            let means = [references[0] + b_mean, references[1] + c_mean];
+            let best = self.intercept(regression, products, means, origin);
+            given.intercept.add(weight, best, between.max(0.0) + of_intercept);
         }
         given.log_mass = peak + libm::log(total);
         given.slope = slope.marginal();
         given.gain = of_gain.marginal();
         given.shares.each().for_each(|share| *share /= total);
         given
+    }
+
+    /// Adds what the censored segments say of each explanation, and returns the largest log-mass;
+    /// −∞ where one is less probable than `needed`.
+    fn add_censored<'a>(
+        &self,
+        explained: impl Iterator<Item = Under<'a>>,
+        (origin, references, needed): ([f64; 2], [f64; 2], f64),
+        explanations: &mut Explanations,
+    ) -> f64 {
+        let mut peak = f64::NEG_INFINITY;
+        for (part, Under { number, regression, products, beyond, column }) in explained.enumerate()
+        {
+            for (b, c, square, log_mass) in explanations.part_mut(part) {
+                let [b, c] = [references[0] + b, references[1] + c];
+                let law = Law {
+                    // The segments' values are known but for the offset.
+                    intercept: self.intercept(regression, products, [b, c], origin) - self.offset,
+                    coefficients: [b, c],
+                    variance: square / (self.freedom - 2.0).max(1.0),
+                };
+                // A censored segment makes nothing more probable.
+                let least = needed.max(peak - NEGLIGIBLE) - *log_mass;
+                *log_mass += self.censored.log_probability(number, &law, beyond, column, least);
+                if log_mass.is_nan() {
+                    *log_mass = f64::NEG_INFINITY;
+                }
+                peak = peak.max(*log_mass);
+            }
+        }
+        peak
     }
 
     /// The gains to sum over under one correlation, where the slope is the best for each.
@@ -531,21 +554,10 @@ struct Under<'a> {
     column: usize,
 }
 
-/// One pair of coefficients under one correlation.
-#[derive(Clone, Copy, Debug)]
-struct Explanation {
-    correlation: usize,
-    b: f64,
-    c: f64,
-    /// Squared residuals and the squares of the prior of σ.
-    square: f64,
-    log_mass: f64,
-}
-
 /// Memory that the cells share one after another.
 #[derive(Debug, Default)]
 struct Scratch {
-    explanations: Vec<Explanation>,
+    explanations: Explanations,
     gains: Vec<(f64, f64)>,
     slopes: Vec<(f64, f64)>,
 }

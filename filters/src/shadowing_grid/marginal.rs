@@ -68,13 +68,11 @@ impl Moments {
         Self { reference, weight: 0.0, first: 0.0, second: 0.0 }
     }
 
-    /// Adds a value: without a division, for the innermost sums.
-    pub(super) fn add(&mut self, weight: f64, value: f64) {
-        let deviation = value - self.reference;
-        let moment = weight * deviation;
+    /// Adds values of some weight, with their first and second moment.
+    pub(super) fn add_sums(&mut self, weight: f64, [first, second]: [f64; 2]) {
         self.weight += weight;
-        self.first += moment;
-        self.second += moment * deviation;
+        self.first += first;
+        self.second += second;
     }
 
     /// Mean and standard deviation.

@@ -11,6 +11,7 @@ mod censored;
 mod coefficient;
 mod config;
 mod error;
+mod explanations;
 mod fix;
 mod grid;
 mod likelihood;

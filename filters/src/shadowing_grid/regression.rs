@@ -133,6 +133,11 @@ impl Regression {
         self.mean - b * products.ones[0] - c * products.ones[1]
     }
 
+    /// By how much the best intercept falls with a unit of each coefficient.
+    pub(super) fn intercept_slopes(&self, products: &Products) -> [f64; 2] {
+        products.ones
+    }
+
     /// u·u: the intercept's variance is σ² over this.
     pub(super) fn ones_square(&self) -> f64 {
         self.ones_square

@@ -2,7 +2,9 @@ use core::f64::consts::{LN_10, PI};
 
 use foxhunt_core::{
     ByQuantity, Intake, MeasurementModel, Observation, Pose, Quantity, Reception, Receptions,
-    elementary, parameter::positive,
+    elementary,
+    parameter::positive,
+    vectorised::{self, Kernel},
 };
 use foxhunt_filters::{Places, PosteriorMap, TrackGrid, TrackModel};
 use foxhunt_sensors::BearingOnly;
@@ -520,51 +522,115 @@ impl TrackModel for Walk<'_> {
 
     fn add_log_likelihoods(&self, time: usize, places: &Places<'_>, out: &mut [f64]) {
         let (Some(law), Some(window)) = (self.law, self.windows.get(time)) else { return };
-        // Per ln of the squared range.
-        let slope = 5.0 * law.exponent / LN_10;
-        // How far the level of a cell spreads at a range of 1 m, over the scale, squared.
-        let spread = places.variance_m2() * (2.0 * slope / LEVEL_SCALE_DB).powi(2);
-        let nearest = (0.25 * places.cell_m * places.cell_m).max(1.0);
-        // The residual over its scale, and the square of that over the level's own; what is less
-        // than a hundredth is left out, which most cells are.
-        let residual = |from: &Pose, level: f64, east: f64, north: f64| {
-            let x = east - from.position.x;
-            let y = north - from.position.y;
-            let square = x * x + y * y + (self.up - from.position.z).powi(2);
-            let square = square.max(nearest);
-            let expected = law.reference_dbm - slope * elementary::ln(square);
-            let t = (level - expected) / LEVEL_SCALE_DB;
-            if square > 100.0 * spread {
-                return (t, 1.0);
-            }
-            let widened = 1.0 + spread / square;
-            (t / widened.sqrt(), widened)
-        };
         for received in &window.received {
-            let Some(level) = received.level_dbm() else { continue };
-            for ((out, east), north) in out.iter_mut().zip(places.east).zip(places.north) {
-                let (t, widened) = residual(&received.receiver, level, *east, *north);
-                *out -= received.level_share * 2.5 * elementary::ln(1.0 + 0.25 * t * t);
-                if widened > 1.0 {
-                    *out -= received.level_share * 0.5 * elementary::ln(widened);
-                }
-            }
+            let Some(level_dbm) = received.level_dbm() else { continue };
+            let law = ExpectedLevel::new(law, self.up, &received.receiver, places);
+            let share = received.level_share;
+            vectorised::run(OfLevel { law, level_dbm, share, places, out });
         }
         for silent in &window.silent {
-            for ((out, east), north) in out.iter_mut().zip(places.east).zip(places.north) {
-                let Listener { receiver, floor_dbm, .. } = &silent.listener;
-                let (t, _) = residual(receiver, *floor_dbm, *east, *north);
-                let silence = LOST + (1.0 - LOST) * students_below(t);
-                *out += silent.share * elementary::ln(silence);
-            }
+            let Listener { receiver, floor_dbm, .. } = &silent.listener;
+            let law = ExpectedLevel::new(law, self.up, receiver, places);
+            let (floor_dbm, share) = (*floor_dbm, silent.share);
+            vectorised::run(OfSilence { law, floor_dbm, share, places, out });
+        }
+    }
+}
+
+/// The level that a receiver expects from each cell.
+#[derive(Clone, Copy, Debug)]
+struct ExpectedLevel {
+    reference_dbm: f64,
+    /// Decibels per unit of the logarithm of the squared range.
+    slope: f64,
+    receiver: [f64; 2],
+    height_square: f64,
+    nearest_square: f64,
+    /// Square of the deviation of a cell's level at a range of 1 m, over the scale.
+    spread: f64,
+}
+
+impl ExpectedLevel {
+    fn new(law: Law, up: f64, receiver: &Pose, places: &Places<'_>) -> Self {
+        let slope = 5.0 * law.exponent / LN_10;
+        Self {
+            reference_dbm: law.reference_dbm,
+            slope,
+            receiver: [receiver.position.x, receiver.position.y],
+            height_square: (up - receiver.position.z).powi(2),
+            nearest_square: (0.25 * places.cell_m * places.cell_m).max(1.0),
+            spread: places.variance_m2() * (2.0 * slope / LEVEL_SCALE_DB).powi(2),
+        }
+    }
+
+    /// Returns a level's residual over its scale, and the square by which the cell widens the scale:
+    /// 1 where that is less than a hundredth.
+    #[inline(always)]
+    fn residual(&self, level_dbm: f64, east: f64, north: f64) -> (f64, f64) {
+        let x = east - self.receiver[0];
+        let y = north - self.receiver[1];
+        let square = x * x + y * y + self.height_square;
+        let square = if square > self.nearest_square { square } else { self.nearest_square };
+        let expected_dbm = self.reference_dbm - self.slope * elementary::ln(square);
+        let residual = (level_dbm - expected_dbm) / LEVEL_SCALE_DB;
+        let widened = if square > 100.0 * self.spread { 1.0 } else { 1.0 + self.spread / square };
+        (residual, widened)
+    }
+}
+
+/// Adds the log-likelihood of a level: Student's t of four degrees of freedom.
+struct OfLevel<'a, 'b> {
+    law: ExpectedLevel,
+    level_dbm: f64,
+    share: f64,
+    places: &'a Places<'b>,
+    out: &'a mut [f64],
+}
+
+impl Kernel for OfLevel<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let places = self.places.east.iter().zip(self.places.north);
+        for (out, (east, north)) in self.out.iter_mut().zip(places) {
+            let (residual, widened) = self.law.residual(self.level_dbm, *east, *north);
+            // Of t = residual / √widened, with the density's own 1 / √widened.
+            let squares = widened + 0.25 * residual * residual;
+            let logs = 2.5 * elementary::ln(squares) - 2.0 * elementary::ln(widened);
+            *out -= self.share * logs;
+        }
+    }
+}
+
+/// Adds the log-likelihood of a silence: the level is below the floor, or the signal was lost.
+struct OfSilence<'a, 'b> {
+    law: ExpectedLevel,
+    floor_dbm: f64,
+    share: f64,
+    places: &'a Places<'b>,
+    out: &'a mut [f64],
+}
+
+impl Kernel for OfSilence<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let places = self.places.east.iter().zip(self.places.north);
+        for (out, (east, north)) in self.out.iter_mut().zip(places) {
+            let (residual, widened) = self.law.residual(self.floor_dbm, *east, *north);
+            let below = students_below(residual / elementary::sqrt(widened));
+            *out += self.share * elementary::ln(LOST + (1.0 - LOST) * below);
         }
     }
 }
 
 /// The probability of less than `t` under Student's t of four degrees of freedom.
+#[inline(always)]
 fn students_below(t: f64) -> f64 {
     let square = 1.0 + 0.25 * t * t;
-    0.5 + 0.375 * (t / square.sqrt()) * (1.0 - t * t / (12.0 * square))
+    0.5 + 0.375 * (t / elementary::sqrt(square)) * (1.0 - t * t / (12.0 * square))
 }
 
 #[cfg(test)]

@@ -153,14 +153,10 @@ const LEAST_SIGMA: f64 = 1e-5;
 /// # Errors
 ///
 /// Names the point that is not finite, or states what the points lack.
-pub fn fit_deviation<I>(points: I) -> Result<DeviationFit, CalibrationError>
-where
-    I: IntoIterator<Item = KnownBearing, IntoIter: Clone>,
-{
-    let points = points.into_iter();
+pub fn fit_deviation(points: &[KnownBearing]) -> Result<DeviationFit, CalibrationError> {
+    let number = points.len();
     let mut mean = Resultant::default();
-    let mut number = 0;
-    for (index, point) in points.clone().enumerate() {
+    for (index, point) in points.iter().enumerate() {
         for (field, value) in [
             ("measured bearing", point.measured),
             ("true bearing", point.truth),
@@ -172,7 +168,6 @@ where
             }
         }
         mean.add(point.measured - point.truth, 1.0);
-        number = index + 1;
     }
     if number < LEAST_POINTS {
         return Err(CalibrationError::TooFew { points: number, needed: LEAST_POINTS });
@@ -180,7 +175,7 @@ where
     let resultant = mean.length();
     let start = mean.direction(0.3).ok_or(CalibrationError::Scattered { resultant })?;
     // About the start, where the circle is a line.
-    let errors = points.map(|point| {
+    let errors = points.iter().map(|point| {
         let error = angle::wrap(point.measured - point.truth - start);
         (row(point.measured - point.heading), error)
     });
