@@ -35,7 +35,8 @@ impl MeasurementModel<2, 1> for RoundTrip {
 // ANCHOR_END: model
 
 // ANCHOR: source
-/// Answers one second after it is begun; off by 2 m, now too far and now too near.
+/// Answers one second after it is begun; off by 2 m, now too far and now too near. A source with
+/// random noise seeds it with `World::source_seed`.
 struct Transponder {
     world: World,
     drone: usize,

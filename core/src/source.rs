@@ -62,7 +62,8 @@ pub struct Sweep<'a> {
     pub measured: MeasuredList,
 }
 
-/// Something that turns an antenna: a stepper under the drone, or the whole airframe.
+/// A receiver of a drone that measures in turns: an antenna that a stepper or the whole airframe
+/// turns, or a receiver without a direction, whose turn is one measurement.
 ///
 /// # Laws
 ///

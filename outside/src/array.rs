@@ -94,14 +94,15 @@ impl PhasedArray {
     }
 }
 
-/// The source of a drone.
+// ANCHOR: source
+/// The source of a drone. Its noise follows the seed of the hunt.
 pub fn source(
     world: &World,
     drone: usize,
     model: TdoaDopplerBearing,
 ) -> Result<BoxedSource, SimError> {
     let beam = Patch::new(0.6, 0.6, 15.0).map_err(SimError::Source)?;
-    let rng = Xoshiro256PlusPlus::seed_from_u64(77 + drone as u64);
+    let rng = Xoshiro256PlusPlus::seed_from_u64(world.source_seed(drone));
     Ok(boxed_source(PhasedArray {
         world: world.clone(),
         drone,
@@ -113,6 +114,7 @@ pub fn source(
         lent: OwnedSweep::default(),
     }))
 }
+// ANCHOR_END: source
 
 /// The centre of the three beams around the strongest one, weighed by their power.
 #[derive(Clone, Copy, Debug)]

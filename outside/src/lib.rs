@@ -5,10 +5,11 @@ mod estimator;
 mod model;
 mod planner;
 
+use foxhunt::filters::{GridConfig, GridFilter};
 use foxhunt::nalgebra::Vector3;
 use foxhunt::prelude::*;
 use foxhunt::registry::{
-    EstimatorEntry, ExtractorEntry, Need, Needs, PlannerEntry, Registry, SourceEntry,
+    EstimatorEntry, ExtractorEntry, Need, Needs, PlannerEntry, Registry, SourceEntry, TrackRequest,
 };
 
 pub use array::ThreeBeams;
@@ -22,6 +23,7 @@ pub const SCENARIO: &str = include_str!("../array.toml");
 /// Measurement model; its reference station stands 2 m above the origin.
 const MODEL: TdoaDopplerBearing = TdoaDopplerBearing { reference: Vector3::new(0.0, 0.0, 2.0) };
 
+// ANCHOR: registry
 /// Returns foxhunt's registry with the entries that this crate adds to it.
 pub fn registry() -> Registry {
     let needs = Needs {
@@ -31,7 +33,14 @@ pub fn registry() -> Registry {
         moving: false,
         all_at_once: false,
     };
-    let ensemble = |request: &foxhunt::registry::TrackRequest<'_>| {
+    // The model under a filter of foxhunt.
+    let grid = |request: &TrackRequest<'_>| {
+        let walk = RandomWalk::uniform(0.02);
+        let filter = GridFilter::new(walk, MODEL, request.search.prior, GridConfig::default())?;
+        Ok(Track::new::<2, 3>(filter, TrackConfig::default()))
+    };
+    // The model under an estimator of this crate.
+    let ensemble = |request: &TrackRequest<'_>| {
         let filter = EnsembleKalman::new(MODEL, &request.search.prior, 300, request.seed)?;
         Ok(Track::new(filter, TrackConfig::default()))
     };
@@ -40,8 +49,15 @@ pub fn registry() -> Registry {
             "ensemble",
             "ensemble Kalman filter on range difference, Doppler shift and bearing",
             "Evensen 1994",
-            needs,
+            needs.clone(),
             ensemble,
+        ))
+        .with_estimator(EstimatorEntry::own(
+            "array-grid",
+            "grid on range difference, Doppler shift and bearing",
+            "own",
+            needs,
+            grid,
         ))
         .with_extractor(ExtractorEntry::own(
             "three-beams",
@@ -62,3 +78,4 @@ pub fn registry() -> Registry {
             |world, drone| array::source(world, drone, MODEL),
         ))
 }
+// ANCHOR_END: registry

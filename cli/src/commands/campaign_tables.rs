@@ -5,10 +5,10 @@ use crate::table::{number, table, text};
 /// Meaning of the columns.
 const LEGEND: &str = "Errors in metres. A consistent estimator's ANEES lies in the interval with \
      95 %, and 95 % of its ellipses hold the truth; an over-confident one has a larger ANEES, and \
-     fewer of its ellipses do. Too few runs: a covariance 1.5 times too small would not be \
-     noticed. To 3 m: the median number of steps until the 95 % ellipse's semi-major axis is \
-     below 3 m, a dash where more than half of the runs never get there. Path: the median of \
-     what all drones flew together.";
+     fewer of its ellipses do. The verdict \"too few\" means that a covariance 1.5 times too \
+     small would not be noticed. To 3 m: the median number of steps until the 95 % ellipse's \
+     semi-major axis is below 3 m, a dash where more than half of the runs never get there. \
+     Path: the median of what all drones flew together.";
 
 /// One table for each beacon.
 pub(super) fn tables(report: &CampaignReport) -> String {
@@ -43,8 +43,23 @@ pub(super) fn tables(report: &CampaignReport) -> String {
         lines.push(beacons.to_string());
         lines.extend(checkpoints(report, index));
     }
+    let estimators = report.estimators.iter();
+    lines.extend(estimators.filter(|e| e.beacons.iter().any(|b| all_alike(b, report.runs))).map(
+        |e| {
+            format!(
+                "{}: all runs ended with one and the same error, so the seed changed nothing. The \
+                 noise of an own source follows the seed with `World::source_seed`.",
+                e.estimator
+            )
+        },
+    ));
     lines.push(LEGEND.to_owned());
     lines.join("\n")
+}
+
+/// Returns true if several runs have one and the same error: they are one run, many times.
+fn all_alike(beacon: &BeaconCampaign, runs: u32) -> bool {
+    runs.saturating_sub(beacon.failed) > 1 && beacon.error_m.is_some_and(|e| e.p10 >= e.max)
 }
 
 /// The root mean square errors at the checkpoints, where the trial has any.

@@ -206,7 +206,10 @@ fn one_by_one<P: FormationPlanner>(
         if let Err(error) = planned {
             assert_eq!(goals(stations), before, "goals were changed despite: {error}");
         }
-        assert!(finite(stations), "a belief that is not finite made goals that are not");
+        assert!(
+            finite(stations),
+            "a belief that is not finite made goals that are not; return an error, and change no goal"
+        );
     }
 }
 

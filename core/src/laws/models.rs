@@ -159,7 +159,10 @@ pub fn measurement_model_at_one_observation<const N: usize, const M: usize>(
         jacobian.set_column(i, &mean);
     }
     let error = (jacobian - numeric).norm();
-    assert!(error <= 1e-6 * (1.0 + numeric.norm()), "the jacobian is off by {error}");
+    assert!(
+        error <= 1e-6 * (1.0 + numeric.norm()),
+        "the jacobian is off by {error}: it is {jacobian}, central differences give {numeric}"
+    );
 
     likelihoods(model, state, observation);
     for bearing in 0..M {

@@ -155,7 +155,8 @@ impl EstimatorEntry {
         }
     }
 
-    /// A user's own estimator, which takes one reception after the other.
+    /// A user's own estimator, which takes one reception after the other. It may be a filter of
+    /// foxhunt over a user's own model; `request.model` is the one that the scenario states.
     ///
     /// ```
     /// use foxhunt_core::RandomWalk;

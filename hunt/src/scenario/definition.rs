@@ -175,7 +175,7 @@ impl Scenario {
         Some(goal.expected_questions(&antenna.build().ok()?, elevation, over, (least, MOST)))
     }
 
-    /// Returns the quantities that its sources measure besides level and bearing.
+    /// Returns the quantities that its sources measure besides level and bearing, each once.
     ///
     /// # Errors
     ///
@@ -183,14 +183,17 @@ impl Scenario {
     pub fn quantities(&self, registry: &Registry) -> Result<Vec<Quantity>, RegistryError> {
         let mut quantities = Vec::new();
         for drone in 0..self.world.drones.len() {
-            match self.source_of(drone) {
-                SourceConfig::Registered { name } => {
-                    quantities.extend_from_slice(&registry.source(name)?.quantities);
+            let measured = match self.source_of(drone) {
+                SourceConfig::Registered { name } => registry.source(name)?.quantities.as_slice(),
+                SourceConfig::ThreeAxis(_) => &MagneticDipole::QUANTITIES,
+                SourceConfig::RangeDifference(_) => &[Quantity::RANGE_DIFFERENCE],
+                source if source.turns() => &[Quantity::BORESIGHT],
+                _ => &[],
+            };
+            for quantity in measured {
+                if !quantities.contains(quantity) {
+                    quantities.push(*quantity);
                 }
-                SourceConfig::ThreeAxis(_) => quantities.extend(MagneticDipole::QUANTITIES),
-                SourceConfig::RangeDifference(_) => quantities.push(Quantity::RANGE_DIFFERENCE),
-                source if source.turns() => quantities.push(Quantity::BORESIGHT),
-                _ => {}
             }
         }
         Ok(quantities)

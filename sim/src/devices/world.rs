@@ -25,7 +25,12 @@ use crate::{
 #[derive(Clone, Debug)]
 pub struct World {
     truth: Rc<RefCell<Truth>>,
+    seed: u64,
 }
+
+/// A number that separates the generators of users' own sources from the generators of the world
+/// and of estimators.
+const SOURCE: u64 = 0x5042_ce00_0000_0000;
 
 impl World {
     /// The world of a configuration at time 0, its antennas at 0, its drones where they begin.
@@ -37,7 +42,31 @@ impl World {
     /// these.
     pub fn new(config: &WorldConfig, seed: u64) -> Result<Self, SimError> {
         let truth = Truth::new(config, seed)?;
-        Ok(Self { truth: Rc::new(RefCell::new(truth)) })
+        Ok(Self { truth: Rc::new(RefCell::new(truth)), seed })
+    }
+
+    /// Seed for the noise of a user's own source on a drone. It differs from drone to drone and
+    /// from world to world.
+    ///
+    /// A source with a fixed seed has the same noise in every hunt of a campaign. The campaign's
+    /// errors and its ANEES are then those of one hunt.
+    ///
+    /// ```
+    /// use foxhunt_sim::{BeaconConfig, DroneConfig, World, WorldConfig};
+    /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+    /// let beacons = vec![BeaconConfig { name: "fox".into(), ..Default::default() }];
+    /// let drones = vec![DroneConfig::default(), DroneConfig::default()];
+    /// let config = WorldConfig { beacons, drones, ..Default::default() };
+    /// let [first, second] = [World::new(&config, 1)?, World::new(&config, 2)?];
+    /// assert_ne!(first.source_seed(0), first.source_seed(1));
+    /// assert_ne!(first.source_seed(0), second.source_seed(0));
+    /// # Ok(())
+    /// # }
+    /// ```
+    #[must_use]
+    pub fn source_seed(&self, drone: usize) -> u64 {
+        // The odd constant is 2⁶⁴ over the golden ratio (Steele et al. 2014, SplitMix).
+        self.seed ^ SOURCE ^ 0x9E37_79B9_7F4A_7C15_u64.wrapping_mul(drone as u64 + 1)
     }
 
     /// Lets `dt` seconds pass: vehicles fly, antennas turn, answers come in.
@@ -239,7 +268,7 @@ impl World {
     ///     samples.push(Sample { time: world.time(), receiver, boresight, position, rss_dbm });
     /// }
     /// assert_eq!(samples.len(), 8);
-    /// // A range finder of your own would add its noise to this.
+    /// // A range finder of your own adds noise to this, from a generator that `source_seed` seeds.
     /// let truth = world.truth(BeaconId(0)).ok_or("no beacon")?;
     /// let range = (truth - receiver.position).norm();
     /// # assert!((range - 2000.0_f64.sqrt()).abs() < 1e-12);

@@ -8,13 +8,15 @@ use std::{
 use clap::Parser;
 use foxhunt::{
     Experiment,
-    core::{Reception, Receptions, Remark, nalgebra::Vector2},
+    core::{Receptions, Remark, nalgebra::Vector2},
     drawn::{Bound, Class, DrawnRecording},
     recording::Recording,
     registry::{EstimatorEntry, Need, Registry},
 };
 #[cfg(feature = "batch")]
-use foxhunt::{locate::TrackingConfig, recorded::recorded_way, recorded::truth_at};
+use foxhunt::{
+    core::Reception, locate::TrackingConfig, recorded::recorded_way, recorded::truth_at,
+};
 
 use super::{
     super::{
