@@ -8,15 +8,16 @@ use crate::vectorised::{Kernel, dot, largest, run, sum};
 /// Pairs of coefficients that may explain a cell, one correlation after another, in columns.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Explanations {
-    /// The slopes and the gains, from where they are referred to.
+    /// Slopes and gains, less their reference values.
     slopes: Vec<f64>,
     gains: Vec<f64>,
     /// Squared residuals, and the squares of the prior of σ.
     squares: Vec<f64>,
-    /// Log-weights at first, then log-masses, then weights beside the largest.
+    /// Log-weights at first, then log-masses, then weights relative to the largest.
     masses: Vec<f64>,
-    /// Where each correlation's end.
+    /// End of the explanations of each correlation.
     ends: Vec<usize>,
+    /// Memory for products.
     products: Vec<f64>,
 }
 
@@ -27,7 +28,7 @@ pub(super) struct Sums {
     /// First and second moment of the slope, and of the gain.
     pub(super) slope: [f64; 2],
     pub(super) gain: [f64; 2],
-    /// Moment of both.
+    /// Mixed moment of slope and gain.
     pub(super) cross: f64,
     /// Sums of the squares' roots, and of the squares.
     pub(super) root: f64,
@@ -35,7 +36,7 @@ pub(super) struct Sums {
 }
 
 impl Explanations {
-    /// Leaves nothing but the memory.
+    /// Removes all explanations and keeps the memory.
     pub(super) fn clear(&mut self) {
         let Self { slopes, gains, squares, masses, products, ends } = self;
         for column in [slopes, gains, squares, masses, products] {
@@ -69,7 +70,7 @@ impl Explanations {
         run(LogMasses { squares: &self.squares, masses: &mut self.masses, power })
     }
 
-    /// Turns log-masses into weights beside the largest.
+    /// Turns log-masses into weights relative to the largest.
     pub(super) fn set_weights(&mut self, peak: f64) {
         run(Weights { squares: &mut self.squares, masses: &mut self.masses, peak });
     }
@@ -105,6 +106,7 @@ impl Explanations {
     }
 }
 
+/// Logarithms of all masses.
 struct LogMasses<'a> {
     squares: &'a [f64],
     masses: &'a mut [f64],
@@ -124,6 +126,7 @@ impl Kernel for LogMasses<'_> {
     }
 }
 
+/// Weights of all masses.
 struct Weights<'a> {
     squares: &'a mut [f64],
     masses: &'a mut [f64],
@@ -143,12 +146,13 @@ impl Kernel for Weights<'_> {
     }
 }
 
+/// Sums over one correlation.
 struct Summed<'a> {
     slopes: &'a [f64],
     gains: &'a [f64],
     squares: &'a [f64],
     weights: &'a [f64],
-    /// Products of the weights with one of them.
+    /// Memory for the products of the weights with another column.
     products: &'a mut [f64],
 }
 

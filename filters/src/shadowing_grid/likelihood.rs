@@ -490,8 +490,8 @@ impl Likelihood {
         given
     }
 
-    /// Adds what the censored segments say of each explanation, and returns the largest log-mass;
-    /// −∞ where one is less probable than `needed`.
+    /// Adds the log-probability of the censored segments to each explanation, −∞ if it makes the
+    /// explanation less probable than `needed`. Returns the largest log-mass.
     fn add_censored<'a>(
         &self,
         explained: impl Iterator<Item = Under<'a>>,

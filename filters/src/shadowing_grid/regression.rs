@@ -133,7 +133,7 @@ impl Regression {
         self.mean - b * products.ones[0] - c * products.ones[1]
     }
 
-    /// By how much the best intercept falls with a unit of each coefficient.
+    /// Returns the decrease of the best intercept per unit of each coefficient.
     pub(super) fn intercept_slopes(&self, products: &Products) -> [f64; 2] {
         products.ones
     }
