@@ -52,8 +52,9 @@ fn it_flies_a_campaign() {
     let report = report.expect("it flies");
     let beacon = &report.estimators[0].beacons[0];
     assert_eq!(beacon.failed, 0);
-    let rms = beacon.error_m.expect("twelve hunts").rms;
-    assert!(rms < 3.0, "rms {rms} m");
+    let error_m = beacon.error_m.expect("twelve hunts");
+    assert!(error_m.rms < 3.0, "rms {} m", error_m.rms);
+    assert!(error_m.p10 < error_m.max, "the noise of each hunt is its own");
     assert!(beacon.anis.is_some(), "the innovations were normalised with three degrees");
 }
 // ANCHOR_END: campaign
@@ -77,11 +78,11 @@ fn its_log_replays_to_the_bit_with_its_registry_and_is_refused_without() {
     let setup = Setup { scenario: &scenario, estimator, registry: &registry };
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("outside.jsonl");
     let file = fs::File::create(&path).expect("a folder for tests");
-    let mut writer = LogWriter::new(file, &setup.log_header(3)).expect("written");
-    setup.simulate(3, |event| writer.event(event)).expect("it flies");
+    let mut writer = LogWriter::new(file, &setup.log_header(1)).expect("written");
+    setup.simulate(1, |event| writer.event(event)).expect("it flies");
     let log = Log::read(&path).expect("what was written");
     let replayed = replay(&log, &registry, None).expect("the name is registered");
-    assert!(replayed.compared > 5, "{}", replayed.compared);
+    assert!(replayed.compared > 10, "{}", replayed.compared);
     assert_eq!(replayed.different, 0);
     let refused = replay(&log, &Registry::builtin(), None).expect_err("nobody knows it");
     assert!(refused.to_string().contains("ensemble"), "{refused}");

@@ -243,8 +243,11 @@ fn recursive_estimators_of_differences_reach_a_batch_over_many_problems() {
         for geometry in [ring(), three()] {
             let score = geometry.score(kind, 300, 38);
             let [own, batch] = [&score.errors, &score.batch_errors].map(|errors| median(errors));
-            let (name, nees, held) = (kind.name, mean(&score.nees), score.held);
-            println!("{name}: {own:.2} m, batch {batch:.2} m, NEES {nees:.2}, {held} hold");
+            let nees = mean(&score.nees);
+            println!(
+                "{}: {own:.2} m, batch {batch:.2} m, NEES {nees:.2}, {} hold",
+                kind.name, score.held
+            );
             score.assert(kind, 279..=300);
         }
     }

@@ -208,7 +208,7 @@ fn one_by_one<P: FormationPlanner>(
         }
         assert!(
             finite(stations),
-            "a belief that is not finite made goals that are not; return an error, and change no goal"
+            "a belief that is not finite made goals that are not; return an error and change no goal"
         );
     }
 }

@@ -490,8 +490,8 @@ impl Likelihood {
         given
     }
 
-    /// Adds the log-probability of the censored segments to each explanation, −∞ if it makes the
-    /// explanation less probable than `needed`. Returns the largest log-mass.
+    /// Adds the log-probability of the censored segments to each explanation: −∞ if it makes
+    /// the explanation less probable than `needed`. Returns the largest log-mass.
     fn add_censored<'a>(
         &self,
         explained: impl Iterator<Item = Under<'a>>,

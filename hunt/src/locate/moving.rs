@@ -531,8 +531,8 @@ impl TrackModel for Walk<'_> {
         for silent in &window.silent {
             let Listener { receiver, floor_dbm, .. } = &silent.listener;
             let law = ExpectedLevel::new(law, self.up, receiver, places);
-            let (floor_dbm, share) = (*floor_dbm, silent.share);
-            vectorised::run(OfSilence { law, floor_dbm, share, places, out });
+            let floor_dbm = *floor_dbm;
+            vectorised::run(OfSilence { law, floor_dbm, share: silent.share, places, out });
         }
     }
 }
@@ -563,8 +563,8 @@ impl ExpectedLevel {
         }
     }
 
-    /// Returns a level's residual over its scale, and the square by which the cell widens the scale:
-    /// 1 where that is less than a hundredth.
+    /// Returns a level's residual over its scale, and the factor by which the cell widens the
+    /// scale's square: 1 where that adds less than a hundredth.
     #[inline(always)]
     fn residual(&self, level_dbm: f64, east: f64, north: f64) -> (f64, f64) {
         let x = east - self.receiver[0];

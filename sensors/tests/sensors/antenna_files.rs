@@ -235,7 +235,7 @@ fn tables_rise_or_fall_and_may_close() {
         [(90.0_f64, 0.0_f64, 2.0), (-90.0, 0.0, 4.0), (0.0, 45.0, 4.5)]
     {
         let ours = grid.gain_dbi(azimuth.to_radians(), elevation.to_radians());
-        assert!(abs_diff_eq!(ours, gain, epsilon = 1e-9), "{ours} dB at {azimuth}°, {elevation}°");
+        assert!(abs_diff_eq!(ours, gain, epsilon = 1e-9), "{ours} dB at {azimuth}, {elevation}");
     }
 }
 

@@ -217,7 +217,8 @@ fn a_range_parameterised_bank_finds_a_range_that_one_filter_does_not() {
     // E[NEES] = 2 for the exact posterior whatever its shape; the bank approximates it by eight
     // Gaussians for intervals, so it may be off by a tenth besides 3.3 standard errors.
     let (mean, spread) = mean_and_error(&bank);
-    assert!(abs_diff_eq!(mean, 2.0, epsilon = 0.2 + 3.3 * spread), "ANEES {mean:.3} ± {spread:.3}");
+    let band = 0.2 + 3.3 * spread;
+    assert!(abs_diff_eq!(mean, 2.0, epsilon = band), "ANEES {mean:.3}, not 2 ± {band:.3}");
     let (alone, one) = ranging(|row| {
         // One Gaussian with the moments of all of them.
         let places = row.places();

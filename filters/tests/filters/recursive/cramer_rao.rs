@@ -134,9 +134,8 @@ fn the_mixture_has_the_information_of_the_reference() {
     }
     let half =
         FisherQuadrature::default().information(&Indoor { turn: false }, &Vector2::x(), &bearing);
-    assert!(
-        matches!(half, Err(CramerRaoError::NotADensity { mass }) if abs_diff_eq!(mass, 0.19, epsilon = 1e-6))
-    );
+    let Err(CramerRaoError::NotADensity { mass }) = half else { panic!("{half:?}") };
+    assert_abs_diff_eq!(mass, 0.19, epsilon = 1e-6);
 }
 
 #[test]
