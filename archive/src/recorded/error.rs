@@ -22,15 +22,14 @@ pub enum RecordedError {
     #[error(transparent)]
     Recording(#[from] RecordingError),
     /// The recording has no place of the receiver.
-    #[error(
-        "{file}, line {line}: there is no position; a place needs lat_deg and lon_deg, or east_m \
-         and north_m"
-    )]
+    #[error("{file}, line {line}: there is no position; {advice}")]
     NoPlace {
         /// The file.
         file: String,
         /// The first such line.
         line: u64,
+        /// The columns or files that would give a place.
+        advice: String,
     },
     /// A row is no observation.
     #[error("{file}, line {line}: {source}")]

@@ -1,4 +1,4 @@
-use std::{cmp::Ordering, sync::Arc};
+use std::{cmp::Ordering, collections::BTreeMap, sync::Arc};
 
 use foxhunt_core::{
     BeaconId, Bearing, BearingExtractor, ByQuantity, Intake, Level, Pose, Quantity, Reception,
@@ -8,7 +8,7 @@ use foxhunt_hunt::calibration::BearingCalibration;
 use nalgebra::Vector3;
 
 use super::{RecordedError, bearings};
-use crate::recording::{Record, Recording};
+use crate::recording::{Beside, Column, Record, Recording, Source, builtin_mappings};
 
 /// σ of recorded numbers where the recording has none.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -185,6 +185,27 @@ pub fn receptions(
     Ok(all)
 }
 
+/// The columns or files that would give the receivers of a recording their places.
+fn places_wanted(recording: &Recording) -> String {
+    let shipped = builtin_mappings().iter().find(|mapping| mapping.name == recording.format());
+    let beside = shipped.into_iter().flat_map(|mapping| &mapping.beside);
+    let names = |columns: &BTreeMap<Column, Source>| {
+        columns.values().flat_map(|source| source.columns.clone()).collect::<Vec<_>>().join(",")
+    };
+    let of_places = |beside: &&Beside| beside.columns.contains_key(&Column::LatDeg);
+    match beside.into_iter().find(of_places) {
+        Some(beside) => format!(
+            "write the receivers' places to {} beside the file ({},{}), or give the receiver's \
+             path: foxhunt locate {} PATH",
+            beside.file,
+            names(&beside.by),
+            names(&beside.columns),
+            recording.file()
+        ),
+        None => "a place needs lat_deg and lon_deg, or east_m and north_m".to_owned(),
+    }
+}
+
 /// The [`receptions`] of one recording, with their rows.
 ///
 /// # Errors
@@ -203,7 +224,11 @@ pub fn recorded_receptions(
             .or(recording.is_in_degrees().then_some(GNSS_SIGMA_M)),
         ..*config
     };
-    let no_place = |line| RecordedError::NoPlace { file: file.to_owned(), line };
+    let no_place = |line| RecordedError::NoPlace {
+        file: file.to_owned(),
+        line,
+        advice: places_wanted(recording),
+    };
     let mut rows = RecordedReceptions::default();
     let mut order = 0.0;
     for record in recording.records() {

@@ -60,9 +60,9 @@ pub enum RecordingError {
         /// The cell, with stand-ins for bytes that are not text.
         value: String,
     },
-    /// A line of a file of JSON is no object of JSON.
-    #[error("{file}, line {line}: not a line of JSON: {problem}")]
-    NotJson {
+    /// A line of a file of another shape than a table cannot be read.
+    #[error("{file}, line {line}: {problem}")]
+    Line {
         /// The file.
         file: String,
         /// The line, from 1.
@@ -112,6 +112,16 @@ pub enum RecordingError {
         meant: Option<Box<[String; 2]>>,
         /// The known formats.
         known: Box<[String]>,
+    },
+    /// A file of another shape than a table has times and levels without places.
+    #[error("{file}: this is {what}, with times and levels, but no places; {advice}")]
+    HalfOfKind {
+        /// The file.
+        file: String,
+        /// Kind of the file.
+        what: String,
+        /// The command that would work.
+        advice: String,
     },
     /// A table has times and levels without places, or times and places without levels.
     #[error("{file}, line {line}: the columns {header} hold {held}, but no {missing}; {advice}")]
@@ -581,9 +591,14 @@ fn naming(file: &str, suggested: &str) -> String {
             .to_owned();
     }
     let file = argument(file);
+    let is_placed = ["lat", "x"].iter().any(|name| suggested.split(',').any(|of| of == *name));
+    let [path, meaning] = match is_placed {
+        true => [""; 2],
+        false => [" PATH", "; PATH is a file with the receiver's path"],
+    };
     format!(
-        "Name its columns, in this order, such as foxhunt locate {file} --columns {suggested} (- \
-         for a column that is not to be read)"
+        "Name its columns, in this order, such as foxhunt locate {file}{path} --columns \
+         {suggested} (- for a column that is not to be read{meaning})"
     )
 }
 

@@ -10,12 +10,13 @@ use super::{
 };
 
 /// Our own format first: it is preferred where two fit equally well.
-const TEXTS: [&str; 31] = [
+const TEXTS: [&str; 34] = [
     include_str!("../../formats/foxhunt.toml"),
     include_str!("../../formats/aerpaw-afar.toml"),
     include_str!("../../formats/aerpaw-tower.toml"),
     include_str!("../../formats/airdata.toml"),
     include_str!("../../formats/airdata-metric.toml"),
+    include_str!("../../formats/ats.toml"),
     include_str!("../../formats/chasemapper.toml"),
     include_str!("../../formats/chirpstack.toml"),
     include_str!("../../formats/chirpstack3.toml"),
@@ -38,6 +39,8 @@ const TEXTS: [&str; 31] = [
     include_str!("../../formats/rssi-distance.toml"),
     include_str!("../../formats/rtl-power.toml"),
     include_str!("../../formats/sigloc.toml"),
+    include_str!("../../formats/tinygs.toml"),
+    include_str!("../../formats/tinygs-mqtt.toml"),
     include_str!("../../formats/ttn.toml"),
     include_str!("../../formats/uavrt-rotation.toml"),
     include_str!("../../formats/ucsd-collars.toml"),
@@ -138,7 +141,13 @@ pub(super) fn recognise(
     if let Some(plain) = plain::mapping(table, options, first)? {
         return Ok(Cow::Owned(plain));
     }
-    if guess::is_row(columns) {
+    // Words between spaces, where nothing else separates the cells.
+    let words: Vec<String> = match columns {
+        [line] => line.split_whitespace().map(str::to_owned).collect(),
+        _ => Vec::new(),
+    };
+    let cells = if words.is_empty() { columns } else { &words };
+    if guess::is_row(cells) {
         let has = |mapping: &&Mapping| {
             let fixed = mapping.names.len();
             fixed > 0 && columns.len() >= fixed
@@ -146,9 +155,9 @@ pub(super) fn recognise(
         return Err(RecordingError::NoHeader {
             file: file.to_owned(),
             line,
-            row: shown(&columns.join(", ")),
-            suggested: if columns.len() <= MOST_NAMED {
-                guess::names(columns).join(",")
+            row: shown(&cells.join(", ")),
+            suggested: if cells.len() <= MOST_NAMED {
+                guess::names(cells).join(",")
             } else {
                 String::new()
             },
@@ -169,6 +178,10 @@ pub(super) fn recognise(
     match plain::half(columns).filter(|_| meant.is_none()) {
         Some(Half::Path) => return Err(path_alone(table)),
         Some(Half::Measurements) => {
+            let named = match options.columns.as_slice() {
+                [] => String::new(),
+                names => format!(" --columns {}", names.join(",")),
+            };
             return Err(RecordingError::Half {
                 file: file.to_owned(),
                 line,
@@ -177,7 +190,7 @@ pub(super) fn recognise(
                 missing: "places",
                 advice: format!(
                     "give the receiver's path beside it, as GPX, a table with times and places or \
-                     a log of ArduPilot, PX4 or MAVLink: foxhunt locate {} PATH",
+                     a log of ArduPilot, PX4 or MAVLink: foxhunt locate {} PATH{named}",
                     argument(file)
                 ),
             });

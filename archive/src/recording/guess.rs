@@ -1,4 +1,4 @@
-use super::dates::{clock_seconds, is_date};
+use super::dates::{clock_seconds, is_date, is_day};
 
 /// Least number of decimals of a place in degrees: 100 m.
 const DECIMALS: usize = 3;
@@ -7,7 +7,8 @@ const DECIMALS: usize = 3;
 /// times, and no fewer than two.
 pub(super) fn is_row(cells: &[String]) -> bool {
     let filled = cells.iter().filter(|cell| !cell.is_empty()).count();
-    let values = cells.iter().filter(|cell| number(cell).is_some() || is_time(cell)).count();
+    let is_value = |cell: &&String| number(cell).is_some() || is_time(cell) || is_day(cell);
+    let values = cells.iter().filter(is_value).count();
     values >= 2 && 2 * values >= filled
 }
 
@@ -38,6 +39,7 @@ pub(super) fn names(cells: &[String]) -> Vec<&'static str> {
     for (index, cell) in cells.iter().enumerate() {
         match number(cell) {
             _ if is_time(cell) => set(index, "time"),
+            _ if is_day(cell) => set(index, "date"),
             Some(value) if value >= 1e8 => set(index, "time"),
             Some(value) if (-160.0..-9.0).contains(&value) => set(index, "rssi"),
             _ => {}
@@ -84,7 +86,13 @@ mod tests {
 
     #[test]
     fn rows_are_told_from_headers() {
-        for row in ["50.1;14.2;45", "fox;50,1;14,2;45", "2026-06-21 14:03:00;50.1", "14:03;-71"] {
+        for row in [
+            "50.1;14.2;45",
+            "fox;50,1;14,2;45",
+            "2026-06-21 14:03:00;50.1",
+            "14:03;-71",
+            "2026-06-21;14:03;fox",
+        ] {
             assert!(is_row(&cells(row)), "{row}");
         }
         for header in ["lat;lon;bearing", "a;b;c;1;2", "2026", ""] {
@@ -98,6 +106,7 @@ mod tests {
             ("50.0755;14.4378;45", "lat,lon,bearing"),
             ("2026-06-21 14:03:00;50,0755;14,4378;-71", "time,lat,lon,rssi"),
             ("0;100;315", "x,y,bearing"),
+            ("2026-06-21;14:03:00;-71", "date,time,rssi"),
             ("1782050580;50.0755;14.4378;fox;-71;3", "time,lat,lon,-,rssi,bearing"),
         ] {
             assert_eq!(names(&cells(row)).join(","), expected, "{row}");

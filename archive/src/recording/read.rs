@@ -145,11 +145,22 @@ impl Recording {
             options.to_mut().level = None;
         }
         let file = File { bytes: &bytes, rows, name, folder };
-        let mut recording = file.located(&options)?;
+        let mut recording = file.located(&options).map_err(|error| of_kind(error, &taken_for))?;
         if !taken_for.is_empty() {
             recording.remarks.push(Remark::new("converted", format!("{name}: {taken_for}")));
         }
         Ok(recording)
+    }
+}
+
+/// Names the kind of a file instead of columns that it does not have.
+fn of_kind(error: RecordingError, taken_for: &str) -> RecordingError {
+    let what = taken_for.split([';', ',']).next().unwrap_or_default();
+    match error {
+        RecordingError::Half { file, advice, .. } if !what.is_empty() => {
+            RecordingError::HalfOfKind { file, what: what.to_owned(), advice }
+        }
+        error => error,
     }
 }
 
@@ -330,7 +341,7 @@ impl File<'_> {
         let mut off_track: Option<[f64; 2]> = None;
         for (line, problem) in self.rows.iter().flat_map(|rows| &rows.broken) {
             rows += 1;
-            let error = RecordingError::NotJson {
+            let error = RecordingError::Line {
                 file: name.to_owned(),
                 line: *line,
                 problem: problem.clone(),
@@ -585,7 +596,7 @@ fn leave_out(
         RecordingError::Field { file, line, .. } if file == name => Some(*line),
         RecordingError::FieldCount { line, .. }
         | RecordingError::NotUtf8 { line, .. }
-        | RecordingError::NotJson { line, .. } => Some(*line),
+        | RecordingError::Line { line, .. } => Some(*line),
         _ => None,
     };
     match line.filter(|_| !options.strict) {

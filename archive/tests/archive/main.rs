@@ -17,6 +17,7 @@ mod recordings {
     mod paths;
     mod quantities;
     mod real;
+    mod receivers;
     mod round_trip;
     mod shapes;
     mod standards;

@@ -53,8 +53,8 @@ pub(super) fn convert(bytes: &[u8], file: &str) -> Result<Option<Rows>, Recordin
             }
             other => {
                 let problem = match other {
-                    Some(Err(error)) => reason(&error),
-                    _ => "not an object of JSON".to_owned(),
+                    Some(Err(error)) => format!("not a line of JSON: {}", reason(&error)),
+                    _ => "not a line of JSON: not an object".to_owned(),
                 };
                 json.rows.broken.push((line, problem));
                 let length = rest.iter().position(|byte| *byte == b'\n');
@@ -143,6 +143,9 @@ fn rows(object: Map<String, Value>, topic: Option<&str>) -> Vec<Vec<(String, Str
             base.push(("topic".to_owned(), topic.trim().to_owned()));
             if let Some(last) = segments.last() {
                 base.push(("topic.last".to_owned(), (*last).to_owned()));
+            }
+            for (index, segment) in segments.iter().take(MOST_ENTRIES).enumerate() {
+                base.push((format!("topic.{index}"), (*segment).to_owned()));
             }
             "payload"
         }
@@ -274,6 +277,8 @@ mod tests {
             assert_eq!(convert(text.as_bytes(), "f").expect("no error"), None, "{text}");
         }
         let json = read("home/room/kitchen {\"rssi\":-70}\n");
-        assert_eq!(json.header, ["topic", "topic.last", "payload.rssi"]);
+        let topic = ["topic", "topic.last", "topic.0", "topic.1", "topic.2"];
+        assert_eq!(json.header[..5], topic);
+        assert_eq!(json.header[5..], ["payload.rssi"]);
     }
 }

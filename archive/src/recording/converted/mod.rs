@@ -2,6 +2,7 @@
 //! lines on a map, spreadsheets.
 
 mod aprs;
+mod ats;
 #[cfg(feature = "sqlite")]
 mod df_aggregator;
 mod flight;
@@ -17,6 +18,7 @@ mod sensorgnome;
 mod spreadsheet;
 #[cfg(feature = "sqlite")]
 mod sqlite;
+mod xctu;
 
 use self::rows::not_written;
 pub(super) use self::rows::{Converted, Made, Rows};
@@ -63,5 +65,11 @@ pub(super) fn convert(
     let converted = sensorgnome::convert(&text)
         .or_else(|| aprs::convert(&text))
         .or_else(|| lotek::convert(&text));
-    converted.map(|made| made.map_err(|error| not_written(file, error))).transpose()
+    if let Some(made) = converted {
+        return made.map(Some).map_err(|error| not_written(file, error));
+    }
+    match ats::convert(&text, file)? {
+        Some(made) => Ok(Some(made)),
+        None => xctu::convert(&text, file),
+    }
 }

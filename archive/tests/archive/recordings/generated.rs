@@ -379,7 +379,14 @@ fn every_shipped_format_has_a_recording() {
         formats.push(read(name).format().to_owned());
     }
     // Those below are read by tests of their own.
-    for name in ["ctt/detections.csv", "wildlife/srx1200.csv", "wildlife/bear.csv"] {
+    for name in [
+        "ctt/detections.csv",
+        "wildlife/srx1200.csv",
+        "wildlife/bear.csv",
+        "receivers/ats-aerial.csv",
+        "receivers/tinygs.jsonl",
+        "receivers/tinygs.txt",
+    ] {
         formats.push(read(name).format().to_owned());
     }
     for name in fs::read_dir(folder().join("json")).expect("a folder") {

@@ -252,7 +252,16 @@ fn damaged_files_are_read_or_refused() {
     let logger = "# Fix,Provider,LatitudeDegrees,LongitudeDegrees,AltitudeMeters,UnixTimeMillis\n\
                   Fix,GPS,48.2,16.37,230,1782050580000\nFix,GPS,48.21,16.37,,1782050581000\n";
     let mut files = vec![bearing.as_bytes().to_vec(), logger.as_bytes().to_vec()];
-    for name in ["walk.kmz", "bearings.db", "../wildlife/srx800.DTA", "../wildlife/srx1200.csv"] {
+    for name in [
+        "walk.kmz",
+        "bearings.db",
+        "../wildlife/srx800.DTA",
+        "../wildlife/srx1200.csv",
+        "../receivers/ats-aerial.csv",
+        "../receivers/ats-aerial-utm.csv",
+        "../receivers/tinygs.txt",
+        "../receivers/xctu.log",
+    ] {
         files.push(std::fs::read(path(name)).expect(name));
     }
     for whole in &files {
