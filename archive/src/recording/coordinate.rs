@@ -44,6 +44,12 @@ pub(super) fn degrees(text: &str, is_latitude: bool) -> Result<f64, FieldProblem
     }
 }
 
+/// Returns true for the name of a column of longitudes that is German.
+pub(super) fn is_german(name: &str) -> bool {
+    let name = name.to_lowercase();
+    ["länge", "laenge", "ost"].iter().any(|word| name.contains(word))
+}
+
 /// True for South and West.
 fn is_negative(letter: char, is_latitude: bool) -> Result<bool, FieldProblem> {
     match (letter.to_ascii_uppercase(), is_latitude) {

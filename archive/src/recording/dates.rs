@@ -1,4 +1,4 @@
-use std::str::FromStr;
+use std::{borrow::Cow, str::FromStr};
 
 use chrono::NaiveDate;
 
@@ -196,6 +196,7 @@ impl Written {
         let mut written = Self::default();
         let mut is_afternoon = None;
         let is_space = |c: char| c.is_whitespace() || c == ',' || c == '\u{202f}';
+        let text = &joined_meridiem(text);
         for word in text.split(is_space).flat_map(split_t) {
             if word.is_empty() {
                 continue;
@@ -204,6 +205,8 @@ impl Written {
                 is_afternoon = Some(afternoon);
             } else if written.clock_s.is_some() && zone(word).is_some() {
                 written.zone_s = zone(word);
+            } else if let Some((hour, minute)) = hour_and_minute(word) {
+                written.clock_s = Some(clock_of(&format!("{hour}:{minute}"))?);
             } else if word.contains(':') {
                 let (rest, afternoon) = glued_meridiem(word);
                 is_afternoon = afternoon.or(is_afternoon);
@@ -290,6 +293,26 @@ impl Written {
         };
         NaiveDate::from_ymd_opt(i32::try_from(year).ok()?, number(month), number(day))
     }
+}
+
+/// A text whose Spanish `p. m.` is one word.
+fn joined_meridiem(text: &str) -> Cow<'_, str> {
+    // Most texts are dates that end with a digit.
+    if !text.ends_with(['m', '.']) {
+        return Cow::Borrowed(text);
+    }
+    let spaces = [". m", ".\u{a0}m", ".\u{202f}m"];
+    match spaces.into_iter().find(|space| text.contains(space)) {
+        Some(space) => Cow::Owned(text.replace(space, ".m")),
+        None => Cow::Borrowed(text),
+    }
+}
+
+/// The hour and minute of a French time: 14h03.
+fn hour_and_minute(word: &str) -> Option<(&str, &str)> {
+    let is_short =
+        |part: &str| matches!(part.len(), 1 | 2) && part.bytes().all(|byte| byte.is_ascii_digit());
+    word.split_once(['h', 'H']).filter(|(hour, minute)| is_short(hour) && is_short(minute))
 }
 
 /// A word of ISO 8601 in two: date and time.

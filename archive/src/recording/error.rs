@@ -492,6 +492,9 @@ pub enum FieldProblem {
         "has the hemisphere of the other coordinate; N and S are latitudes, E and W longitudes"
     )]
     OtherHemisphere,
+    /// It must be a latitude and a longitude.
+    #[error("is not two numbers, as in 48.2, 16.37")]
+    NotAPair,
     /// O stands for East in some languages and for West in others.
     #[error("may be East (Ost) or West (oeste, ouest); write E or W")]
     EastOrWest,

@@ -313,6 +313,8 @@ fn wrong_source(column: Column, source: &Source) -> Option<(&'static str, String
         Some(("", source.label(), requirement))
     } else if !text && source.columns.len() > 1 && !source.lookup.is_empty() {
         Some((".columns", source.label(), "a single column: a sum has no lookup"))
+    } else if let Some(part) = source.part.filter(|part| *part > 1) {
+        Some((".part", part.to_string(), "0 or 1, for the first or second number of a cell"))
     } else if source.wrap && !column.is_angle() {
         Some((".wrap", source.wrap.to_string(), "false: this column is not an angle of a circle"))
     } else {
@@ -349,6 +351,7 @@ mod tests {
             ("columns = { rss_db = { column = 'x', scale = 0 } }", "columns.rss_db.scale"),
             ("columns = { rss_db = { column = 'x', offset = inf } }", "columns.rss_db.offset"),
             ("columns = { beacon = { column = 'x', scale = 2 } }", "columns.beacon"),
+            ("columns = { lat_deg = { column = 'x', part = 2 } }", "columns.lat_deg.part"),
             ("columns = {}\nkeep = [{ column = 'x' }]", "keep[0]"),
             ("columns = {}\nkeep = [{ column = 'x', min = nan }]", "NaN"),
             ("columns = {}\nturns = { gap_s = -1 }", "turns.gap_s"),

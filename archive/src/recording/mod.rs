@@ -23,6 +23,7 @@ mod guess;
 mod mapping;
 pub(crate) mod near_miss;
 mod north;
+mod number;
 mod of_log;
 mod options;
 mod parse;

@@ -3,6 +3,7 @@ use std::{borrow::Cow, collections::BTreeMap};
 use super::{
     Column, Mapping, North, ReadOptions, RecordingError, Source, TimeFormat, Turns,
     dates::{clock_seconds, is_date, is_day, is_serial},
+    number,
     table::{Table, shown},
 };
 
@@ -88,6 +89,9 @@ const NAMES: [(Column, &[&str]); 12] = [
             "strength",
             "power",
             "receivedpower",
+            "averagepower",
+            "maxpeakpower",
+            "pulseaveragepower",
             "rxpower",
             "dbm",
             "snr",
@@ -98,12 +102,27 @@ const NAMES: [(Column, &[&str]); 12] = [
             "signalstaerke",
             "feldstärke",
             "feldstaerke",
+            "signalpegel",
+            "empfangsstärke",
+            "empfangsleistung",
             "niveau",
             "niveausignal",
+            "niveaudesignal",
+            "niveaudusignal",
+            "niveaureçu",
+            "intensitédusignal",
             "puissance",
+            "puissancedusignal",
+            "puissancereçue",
             "nivel",
+            "niveldeseñal",
             "señal",
+            "intensidad",
+            "intensidaddeseñal",
+            "intensidaddelaseñal",
             "potencia",
+            "potenciadeseñal",
+            "potenciarecibida",
         ],
     ),
     (
@@ -151,6 +170,10 @@ const NAMES: [(Column, &[&str]); 12] = [
             "emisor",
             "transmisor",
             "baliza",
+            "gid",
+            "groupid",
+            "collar",
+            "collarid",
         ],
     ),
     (
@@ -175,6 +198,27 @@ const NAMES: [(Column, &[&str]); 12] = [
 
 /// Common names of a day, which a time in another column is of.
 const DAYS: [&str; 4] = ["date", "datum", "fecha", "jour"];
+
+/// Common names of a latitude and a longitude in one cell.
+const PAIRS: [&str; 14] = [
+    "latlon",
+    "latlng",
+    "latlong",
+    "latitudelongitude",
+    "coordinates",
+    "coordinate",
+    "coords",
+    "gpscoordinates",
+    "koordinaten",
+    "gpskoordinaten",
+    "coordonnées",
+    "coordonneesgps",
+    "coordonnéesgps",
+    "coordenadas",
+];
+
+/// Common names of a longitude and a latitude in one cell.
+const TURNED_PAIRS: [&str; 3] = ["lonlat", "lnglat", "longlat"];
 
 /// Common names of a zone of UTM.
 const ZONES: [&str; 3] = ["zone", "utmzone", "utm"];
@@ -207,6 +251,8 @@ struct Recognised<'h> {
     day: Option<&'h str>,
     /// The column of the zone of UTM.
     zone: Option<&'h str>,
+    /// The column of places, and true if the longitude is the first of its numbers.
+    pair: Option<(&'h str, bool)>,
     /// True if the bearing's name says that it is counted from magnetic North.
     is_magnetic: bool,
 }
@@ -243,6 +289,7 @@ impl<'h> Recognised<'h> {
             in_milliseconds: false,
             day: None,
             zone: None,
+            pair: None,
             is_magnetic: false,
         };
         for (column, names) in NAMES {
@@ -270,6 +317,13 @@ impl<'h> Recognised<'h> {
                 found.is_magnetic = without_north(&parts(name).0).1;
             }
         }
+        let has_place = found.is_placed();
+        let is_pair = |name: &String| is_one(&PAIRS, name) || is_one(&TURNED_PAIRS, name);
+        // An empty cell behind it is of a heading above several columns.
+        let is_heading = |at: usize| header.get(at + 1).is_some_and(String::is_empty);
+        let pair = header.iter().position(is_pair).filter(|at| !has_place && !is_heading(*at));
+        let pair = pair.and_then(|at| header.get(at));
+        found.pair = pair.map(|name| (name.as_str(), is_one(&TURNED_PAIRS, name)));
         found.zone = header.iter().find(|name| is_one(&ZONES, name)).map(String::as_str);
         found.day = header.iter().find(|name| is_one(&DAYS, name)).map(String::as_str);
         if !found.has(Column::TimeS)
@@ -316,7 +370,9 @@ impl<'h> Recognised<'h> {
 
     fn is_placed(&self) -> bool {
         let has = |pair: [Column; 2]| pair.iter().all(|column| self.has(*column));
-        has([Column::LatDeg, Column::LonDeg]) || has([Column::EastM, Column::NorthM])
+        self.pair.is_some()
+            || has([Column::LatDeg, Column::LonDeg])
+            || has([Column::EastM, Column::NorthM])
     }
 
     fn is_timed(&self) -> bool {
@@ -370,6 +426,11 @@ pub(super) fn has_stated_level(options: &ReadOptions) -> bool {
     let levels = [Column::RssDb, Column::RssDbm];
     let is_constant = levels.iter().any(|level| options.constants.contains_key(level));
     is_constant || options.level.is_some()
+}
+
+/// Returns true for the name of a column that may number animals or rows.
+pub(super) fn is_identity(column: &str) -> bool {
+    is_one(&["id", "name", "nr", "no", "nummer"], column)
 }
 
 /// Words in the names of columns that hold levels.
@@ -442,6 +503,11 @@ pub(super) fn mapping(
     let format = options.time_format;
     let has_track = options.rover.is_some();
     let mut found = Recognised::of(table.header());
+    // A column of that name may hold names of places.
+    found.pair = found.pair.filter(|(name, _)| {
+        let cell = first(name);
+        cell.as_deref().and_then(number::pair).is_some()
+    });
     let has_places = found.is_placed() || (has_track && found.is_timed());
     if !has_places {
         return Ok(None);
@@ -473,6 +539,12 @@ pub(super) fn mapping(
         found.columns.remove(&Column::AttenuationDb);
     }
     let mut columns = BTreeMap::new();
+    if let Some((name, is_turned)) = found.pair.filter(|_| !has_track) {
+        let parts = if is_turned { [1, 0] } else { [0, 1] };
+        for (column, part) in degrees.into_iter().zip(parts) {
+            columns.insert(column, Source { part: Some(part), ..Source::column(name) });
+        }
+    }
     for (column, name) in &found.columns {
         let mut source = Source::column(name);
         let column = match column {

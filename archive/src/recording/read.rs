@@ -29,7 +29,7 @@ use super::{
     plan::{Melted, Origin, Plan},
     reachable::{Jump, jumps, out_of_time},
     row::{Reader, Shared},
-    table::{Row, Table, shown, spaces_as_tabs},
+    table::{Row, Table, shown, spaced_header, spaces_as_tabs},
     utc::utc,
 };
 
@@ -137,7 +137,13 @@ impl Recording {
         } else if !options.columns.is_empty() {
             return Err(RecordingError::NamedColumns { file: name.to_owned() });
         }
-        if let Some(tabs) = spaces_as_tabs(&bytes, options.columns.len()) {
+        let tabs = match options.columns.len() {
+            0 if rows.is_none() && options.format.is_none() => {
+                spaced_header(&bytes, |names| formats::is_known(names, options))
+            }
+            columns => spaces_as_tabs(&bytes, columns),
+        };
+        if let Some(tabs) = tabs {
             bytes = Cow::Owned(tabs);
         }
         let mut options = Cow::Borrowed(options);
@@ -234,15 +240,31 @@ impl File<'_> {
     fn first_cell(&self, options: &ReadOptions, column: &str) -> Option<String> {
         let mut table = self.table(options).ok()?;
         let index = table.index_of(column).ok()??;
+        let is_digit = |c: char| c.is_ascii_digit();
         for _ in 0..FIRST_ROWS {
             // A row that cannot be read has no cell.
             let Ok(row) = table.next() else { continue };
-            let cell = row?.cell(index).to_owned();
-            if !cell.is_empty() {
+            let row = row?;
+            // A row without a digit holds units.
+            let is_of_values = row.cells().iter().any(|cell| cell.contains(is_digit));
+            let cell = row.cell(index).to_owned();
+            if is_of_values && !cell.is_empty() {
                 return Some(cell);
             }
         }
         None
+    }
+
+    /// Returns true if a column has several values, of which one is that of several rows.
+    fn holds_groups(&self, options: &ReadOptions, column: &str) -> bool {
+        let Ok(mut table) = self.table(options) else { return false };
+        let Ok(Some(index)) = table.index_of(column) else { return false };
+        let mut values = BTreeMap::new();
+        for _ in 0..FIRST_ROWS {
+            let Ok(Some(row)) = table.next() else { break };
+            *values.entry(row.cell(index).to_owned()).or_insert(0_u32) += 1;
+        }
+        values.len() > 1 && values.values().any(|rows| *rows > 1)
     }
 
     /// The order of day and month by the first row that shows it; `None` if no row needs one.
@@ -491,6 +513,17 @@ impl File<'_> {
             let text = format!(
                 "{name}: the column {column:?} is not used; call it attenuation_db if it is to be \
                  added to the level, or add it in a mapping"
+            );
+            remarks.push(Remark::new("column-not-used", text));
+        }
+        let has_bearings = plan.has(Column::BearingDegCompass) && !plan.has(Column::Beacon);
+        let identity = plan.ignored.iter().filter(|_| has_bearings);
+        if let Some(column) = identity.into_iter().find(|name| plain::is_identity(name))
+            && self.holds_groups(options, column)
+        {
+            let text = format!(
+                "{name}: the column {column:?} is not used, so that all bearings are of one \
+                 transmitter; call it beacon if each of its values is a transmitter of its own"
             );
             remarks.push(Remark::new("column-not-used", text));
         }

@@ -10,7 +10,7 @@ use foxhunt_wire::geodesy::Geodetic;
 use super::{
     Band, Column, Details, FieldProblem, North, RecordingError, Rover, Source, UtmZone, Value,
     column::Kind,
-    coordinate::degrees,
+    coordinate::{degrees, is_german},
     dates::clock_seconds,
     plan::{Melted, Metres, Origin, Plan, Rule, Term, Zone},
     table::Row,
@@ -322,7 +322,13 @@ impl Reader<'_> {
     fn written(&self, column: Column, text: &str) -> Result<f64, FieldProblem> {
         match column {
             Column::LatDeg | Column::TruthLatDeg => degrees(text, true),
-            Column::LonDeg | Column::TruthLonDeg => degrees(text, false),
+            Column::LonDeg | Column::TruthLonDeg => match degrees(text, false) {
+                // In a table with German names O is Ost.
+                Err(FieldProblem::EastOrWest) if is_german(&self.plan.label(column)) => {
+                    degrees(&text.replace(['O', 'o'], "E"), false)
+                }
+                degrees => degrees,
+            },
             Column::TimeS => clock_seconds(text).ok_or(FieldProblem::NotANumber),
             _ => Err(FieldProblem::NotANumber),
         }

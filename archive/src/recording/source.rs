@@ -25,6 +25,8 @@ pub struct Source {
     pub offset: f64,
     /// Meaning of each cell; a cell that is not listed is an error. Empty: cells are as they are.
     pub lookup: BTreeMap<String, Value>,
+    /// Index of the number to read, in cells that hold two, as a latitude and a longitude.
+    pub part: Option<usize>,
     /// Cells that mean "no value", besides empty ones.
     pub missing: Vec<Value>,
     /// True if an angle in degrees may be of any number of circles; otherwise it is refused beyond
@@ -44,6 +46,7 @@ impl Source {
             scale: 1.0,
             offset: 0.0,
             lookup: BTreeMap::new(),
+            part: None,
             missing: Vec::new(),
             wrap: false,
             optional: false,
@@ -94,6 +97,7 @@ struct Table {
     offset: f64,
     #[serde(default)]
     lookup: BTreeMap<String, Value>,
+    part: Option<usize>,
     #[serde(default)]
     missing: Vec<Value>,
     #[serde(default)]
@@ -150,6 +154,7 @@ impl<'de> Deserialize<'de> for Source {
                     scale: table.scale,
                     offset: table.offset,
                     lookup: table.lookup,
+                    part: table.part,
                     missing: table.missing,
                     wrap: table.wrap,
                     optional: table.optional,

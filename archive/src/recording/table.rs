@@ -2,7 +2,12 @@ use std::{borrow::Cow, sync::Arc};
 
 use csv::{ByteRecord, StringRecord};
 
-use super::{FieldProblem, RecordingError, Source, converted::Rows, near_miss::near_miss};
+use super::{
+    FieldProblem, RecordingError, Source,
+    converted::Rows,
+    near_miss::near_miss,
+    number::{is_decimal, number, pair},
+};
 
 /// Longer cells are cut in messages: an unclosed quote swallows the rest of the file.
 const SHOWN: usize = 60;
@@ -376,22 +381,17 @@ impl Row {
     }
 
     /// The number in a text of this row. A comma is a decimal point where it does not separate
-    /// cells, unless the row has decimal points as well.
+    /// cells, unless the row has decimal points as well. Between commas it stands in quotes, where
+    /// three digits behind it may be thousands.
     pub(super) fn parse(&self, text: &str) -> Option<f64> {
         if let Ok(number) = text.parse() {
             return Some(number);
         }
-        let is_decimal = |text: &str, point: char| {
-            let digits = |part: &str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit());
-            text.trim_start_matches(['-', '+'])
-                .split_once(point)
-                .is_some_and(|(whole, part)| digits(whole) && digits(part))
-        };
-        if self.separator == b',' || !is_decimal(text, ',') {
-            return None;
-        }
-        let has_points = self.cells.iter().any(|cell| is_decimal(cell, '.'));
-        if has_points { None } else { text.replace(',', ".").parse().ok() }
+        number(text, |text| {
+            let behind = text.rsplit(',').next().unwrap_or_default();
+            let may_be_thousands = self.separator == b',' && behind.len() == 3;
+            !may_be_thousands && !self.cells.iter().any(|cell| is_decimal(cell, '.'))
+        })
     }
 
     /// All cells, without the spaces around them.
@@ -424,6 +424,11 @@ impl Row {
         let Some(cell) = self.joined(indices, &source.between) else { return Ok(None) };
         if source.missing.iter().any(|value| value.is(&cell)) {
             return Ok(None);
+        }
+        if let Some(part) = source.part {
+            let half = pair(&cell).and_then(|pair| pair.get(part).map(|half| (*half).to_owned()));
+            let wrong = || self.wrong(&source.label(), &cell, FieldProblem::NotAPair);
+            return half.map(|half| Some(Cow::Owned(half))).ok_or_else(wrong);
         }
         if source.lookup.is_empty() {
             return Ok(Some(cell));
@@ -501,6 +506,38 @@ pub(super) fn spaces_as_tabs(bytes: &[u8], columns: usize) -> Option<Vec<u8>> {
     if row.split(|byte| *byte == b' ').any(|word| word.ends_with(b",")) {
         return None;
     }
+    Some(tabbed(bytes))
+}
+
+/// A table below a header that fits, whose names and cells are separated by spaces alone, with tabs
+/// in place of them; `None` for any other, and if the first row has more or fewer words.
+pub(super) fn spaced_header(bytes: &[u8], fits: impl Fn(&[String]) -> bool) -> Option<Vec<u8>> {
+    let text = bytes.get(mark_end(bytes)..)?;
+    let mut lines = text.split(|byte| *byte == b'\n').filter(|line| !line.is_empty());
+    let header = lines.next()?;
+    let row = lines.find(|line| !line.starts_with(b"#"))?;
+    let is_spaced = |line: &[u8]| !line.iter().any(|byte| b"\t;\"".contains(byte));
+    if !is_spaced(header) || header.contains(&b',') || !is_spaced(row) {
+        return None;
+    }
+    let words = |line: &[u8]| -> Option<Vec<String>> {
+        let line = std::str::from_utf8(line).ok()?.trim_start_matches(['#', ' ']);
+        Some(line.split_whitespace().map(str::to_owned).collect())
+    };
+    let names = words(header)?;
+    let has_commas = row.split(|byte| *byte == b' ').any(|word| word.ends_with(b","));
+    if names.len() < 2 || has_commas || words(row)?.len() != names.len() || !fits(&names) {
+        return None;
+    }
+    // The sign of a comment is no name.
+    let signs = text.iter().take_while(|byte| matches!(byte, b'#' | b' ')).count();
+    let sign = if text.starts_with(b"#") { &b"#"[..] } else { &b""[..] };
+    Some([sign, &tabbed(text.get(signs..)?)].concat())
+}
+
+/// Lines with tabs in place of spaces.
+fn tabbed(bytes: &[u8]) -> Vec<u8> {
+    let is_word = |word: &&[u8]| !word.is_empty();
     let mut tabs = Vec::with_capacity(bytes.len());
     for line in bytes.split_inclusive(|byte| *byte == b'\n') {
         let mut words = line.split(|byte| *byte == b' ').filter(is_word);
@@ -512,7 +549,7 @@ pub(super) fn spaces_as_tabs(bytes: &[u8], columns: usize) -> Option<Vec<u8>> {
             tabs.extend(word);
         }
     }
-    Some(tabs)
+    tabs
 }
 
 /// The most frequent of comma, semicolon and tab in the header; a comma without any.
@@ -520,9 +557,16 @@ fn most_frequent_separator(bytes: &[u8]) -> u8 {
     let header = first_row(bytes);
     let mut counts = [(b'\t', 0_usize), (b';', 0), (b',', 0)];
     let mut quoted = false;
-    for byte in header {
+    // Among other signs a comma between digits is a decimal one.
+    let has_others = header.iter().any(|byte| matches!(byte, b'\t' | b';'));
+    let is_digit = |byte: Option<&u8>| byte.is_some_and(u8::is_ascii_digit);
+    for (index, byte) in header.iter().enumerate() {
         quoted ^= *byte == b'"';
-        for (_, count) in counts.iter_mut().filter(|(separator, _)| separator == byte && !quoted) {
+        let before = index.checked_sub(1).and_then(|before| header.get(before));
+        let between = is_digit(before) && is_digit(header.get(index + 1));
+        let is_point = *byte == b',' && has_others && between;
+        let counted = |separator: u8| separator == *byte && !quoted && !is_point;
+        for (_, count) in counts.iter_mut().filter(|(separator, _)| counted(*separator)) {
             *count += 1;
         }
     }

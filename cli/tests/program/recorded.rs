@@ -1041,6 +1041,167 @@ fn files_without_places_name_their_kind_and_a_command() {
     foxhunt(["locate", &walk, &console]).failed(2, &["02-05-2015", "--time-format dmy or mdy"]);
 }
 
+/// One walk, as people write it down.
+#[test]
+fn tables_of_people_are_located() {
+    let folder = folder("tables_of_people");
+    let comma = |text: &str| text.replace('.', ",");
+    // Header, row of a second, and flags.
+    type Row<'r> = &'r dyn Fn(u32, f64, f64, f64) -> String;
+    let date = |second: u32| format!("{:02}:{:02}", 3 + second / 60, second % 60);
+    let parted = |degrees: f64, space: &str| {
+        let minutes = degrees.fract() * 60.0;
+        let seconds = minutes.fract() * 60.0;
+        let [degrees, minutes] = [degrees.floor(), minutes.floor()];
+        format!("{degrees:.0}°{space}{minutes:02.0}′{space}{seconds:05.2}″")
+    };
+    let thousands = |metres: f64| {
+        let whole = format!("{metres:.0}");
+        let (million, rest) = whole.split_at(whole.len() - 3);
+        let (first, second) = million.split_at(million.len() % 3);
+        let groups = [first, second, rest].into_iter().filter(|group| !group.is_empty());
+        format!("{},0", groups.collect::<Vec<_>>().join("."))
+    };
+    let rows: [(&str, Row<'_>, &[&str]); 15] = [
+        (
+            "Datum;Uhrzeit;Breitengrad;Längengrad;Pegel (dBm)",
+            &|s, lat, lon, level| {
+                let numbers = comma(&format!("{lat:.7};{lon:.7};{level:.1}"));
+                format!("21.06.2026;14:{};{numbers}", date(s))
+            },
+            &[],
+        ),
+        (
+            "Date;Heure;Latitude;Longitude;Niveau de signal [dBm]",
+            &|s, lat, lon, level| {
+                let numbers = comma(&format!("{lat:.7};{lon:.7};{level:.1}"));
+                format!("21/06/2026;14h{:02};{numbers}", 3 + s / 60)
+            },
+            &[],
+        ),
+        (
+            "Fecha;Hora;Latitud;Longitud;Intensidad de señal (dBm)",
+            &|s, lat, lon, level| {
+                let numbers = comma(&format!("{lat:.7};{lon:.7};{level:.1}"));
+                format!("21/06/2026;02:{} p. m.;{numbers}", date(s))
+            },
+            &[],
+        ),
+        (
+            "Zeit;Breite;Länge;Pegel",
+            &|s, lat, lon, level| {
+                let place = format!("{}N;{}O", parted(lat, " "), parted(lon, " "));
+                comma(&format!("21/06/2026 14:{};{place};{level:.1}", date(s)))
+            },
+            &[],
+        ),
+        // SDRangel's heat map (f4exb/sdrangel, `HeatMapGUI::on_writeCSV_clicked`).
+        (
+            "Latitude,Longitude,Average Power (dB)",
+            &|_, lat, lon, level| format!("{lat:.9},{lon:.9},{level:.3}"),
+            &[],
+        ),
+        (
+            "time;coordinates;rssi",
+            &|s, lat, lon, level| {
+                format!("2026-06-21 14:{};{lat:.7}, {lon:.7};{level:.1}", date(s))
+            },
+            &[],
+        ),
+        (
+            "Zeitstempel;Lon/Lat;RSSI",
+            &|s, lat, lon, level| format!("2026-06-21 14:{};{lon:.7},{lat:.7};{level:.1}", date(s)),
+            &[],
+        ),
+        (
+            "#date time lat lon rssi",
+            &|s, lat, lon, level| format!("2026-06-21 14:{} {lat:.7} {lon:.7} {level:.1}", date(s)),
+            &[],
+        ),
+        (
+            "time,lat,lon,rssi\n[UTC],[deg],[deg],[dBm]",
+            &|s, lat, lon, level| format!("2026-06-21 14:{},{lat:.7},{lon:.7},{level:.1}", date(s)),
+            &[],
+        ),
+        (
+            "time,lat,lon,rssi",
+            &|s, lat, lon, level| {
+                let numbers = [format!("{lat:.7}"), format!("{lon:.7}"), format!("{level:.1}")];
+                let quoted = numbers.map(|number| format!("\"{}\"", comma(&number)));
+                format!("2026-06-21 14:{},{}", date(s), quoted.join(","))
+            },
+            &[],
+        ),
+        (
+            "sep=;\n\"Time\";\"GPS Lat [°]\";\"GPS Lon [°]\";\"RSSI [dBm]\"",
+            &|s, lat, lon, level| {
+                let numbers = comma(&format!("\"{lat:.7}\";\"{lon:.7}\";\"{level:.1} dBm\""));
+                format!("\"2026-06-21 14:{}\";{numbers}", date(s))
+            },
+            &[],
+        ),
+        (
+            "time,lat,lon,rssi",
+            &|s, lat, lon, level| {
+                format!("2026-06-21 14:{},{lat:.7},{lon:.7},−{:.1}", date(s), level.abs())
+            },
+            &[],
+        ),
+        (
+            "Zeit;Breite;Länge;Pegel",
+            &|s, lat, lon, level| {
+                let day = 46_194.585_416_667 + f64::from(s) / 86_400.0;
+                comma(&format!("{day:.8};{lat:.7};{lon:.7};{level:.1}"))
+            },
+            &["--time-format", "excel"],
+        ),
+        (
+            "",
+            &|s, lat, lon, level| {
+                comma(&format!("21/06/2026 14:{};{lat:.7};{lon:.7};{level:.1}", date(s)))
+            },
+            &["--columns", "time,lat,lon,rssi"],
+        ),
+        (
+            "Zeit;Ostwert;Nordwert;Pegel",
+            &|s, lat, lon, level| {
+                let east = 601_799.0 + (lon - 16.37) * 111_200.0 * 48.2_f64.to_radians().cos();
+                let north = 5_339_437.0 + (lat - 48.2) * 111_200.0;
+                let place = format!("{};{}", thousands(east), thousands(north));
+                format!("2026-06-21 14:{};{place};{level:.1}", date(s))
+            },
+            &["--utm-zone", "33U"],
+        ),
+    ];
+    for (header, row, flags) in rows {
+        let mut text = header.to_owned();
+        for second in (0..200_u32).step_by(4) {
+            let along = 4.0 * f64::from(second % 100);
+            let (east, north) = if second < 100 { (along, 0.0) } else { (400.0 - along, 150.0) };
+            let level = -40.0 - 25.0 * (north - 100.0_f64).hypot(east - 111.0).max(1.0).log10();
+            let lat = 48.2 + north / 111_200.0;
+            let lon = 16.37 + east / (111_200.0 * 48.2_f64.to_radians().cos());
+            let begin = if text.is_empty() { "" } else { "\n" };
+            write!(text, "{begin}{}", row(second, lat, lon, level)).expect("memory");
+        }
+        let file = write(&folder, "walk.csv", &text);
+        let told = ["locate", "--json", &file, "--truth", "48.200899,16.371498"];
+        let run = foxhunt(told.iter().chain(flags));
+        let error = run.json()["error_m"].as_f64().expect("a number");
+        assert!(error < 25.0, "{header}: {error} m");
+        if !flags.is_empty() && !header.contains("Ostwert") {
+            // Without the flag the error has it.
+            let flag = format!("{} {}", flags[0], flags[1]);
+            let named = flag.replace("--columns", "walk.csv --columns");
+            foxhunt(["locate", &file]).failed(2, &[&named]);
+        }
+    }
+    let bearings = "ID,lat,lon,bearing\n1,48.19,16.36,20\n1,48.19,16.39,330\n2,48.21,16.36,130\n";
+    let file = write(&folder, "loas.csv", bearings);
+    let run = foxhunt(["locate", &file]);
+    assert!(run.stderr.contains("\"ID\" is not used") && run.stderr.contains("call it beacon"));
+}
+
 #[test]
 fn an_autopilots_log_is_the_path_of_the_levels() {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../archive/tests/data/flight-logs");

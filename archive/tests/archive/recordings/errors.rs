@@ -26,7 +26,7 @@ const HEADER: &str = "time_s,lat_deg,lon_deg,alt_agl_m,rss_dbm\n0,50,14,10,-60\n
 fn a_wrong_cell_is_named_with_file_line_column_and_value() {
     for (row, column, value, problem) in [
         ("0,50,14,10,loud", "rss_dbm", "loud", "not a number"),
-        ("0,50,14,10,\"-60,5\"", "rss_dbm", "-60,5", "not a number"),
+        ("0,50,14,10,\"-60,500\"", "rss_dbm", "-60,500", "not a number"),
         ("0,50,14,10,NaN", "rss_dbm", "NaN", "not a finite number"),
         ("0,50,14,10,-inf", "rss_dbm", "-inf", "not a finite number"),
         ("0,50,14,1e999,-60", "alt_agl_m", "1e999", "not a finite number"),

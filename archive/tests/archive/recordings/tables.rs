@@ -79,9 +79,12 @@ fn commas_are_decimal_points_where_something_else_separates_cells() {
     let points = DECIMAL_COMMA.replace(',', ".");
     assert_eq!(plain(points.replace(';', ",")).records(), recording.records());
     assert_eq!(plain(points).records(), recording.records());
-    // A comma beside points separates thousands; between cells it is quoted.
+    // Between commas it stands in quotes.
+    let quoted = plain("time_s,east_m,north_m,rss_db\n0,0,0,\"1,5\"\n");
+    assert_eq!(quoted.records()[0].rss_dbm, Some(1.5));
+    // A comma beside points separates thousands, and in quotes three digits may be.
     let thousands = "time_s;lat_deg;lon_deg;alt_m;rss_db\n0;50.5;14.2;1,234;7\n";
-    for text in [thousands, "time_s,east_m,north_m,rss_db\n0,0,0,\"1,5\"\n"] {
+    for text in [thousands, "time_s,east_m,north_m,rss_db\n0,0,0,\"1,500\"\n"] {
         let error = read(text, &ReadOptions::default()).expect_err(text).to_string();
         assert!(error.contains("line 2") && error.contains("not a number"), "{error}");
     }
