@@ -5,6 +5,7 @@ use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use super::{
     Area, LocateConfig, LocateError, Located, Locator, Power,
     located::{levels_and_silences, several_places},
+    loss_db,
 };
 
 /// The place, the exponent and P₀ of a log-distance law for which the absolute residuals of the
@@ -30,10 +31,7 @@ impl Fit<'_> {
     /// −10 log₁₀ of each range.
     fn attenuations(&self, place: Vector2<f64>) -> impl Iterator<Item = f64> {
         let place = place.push(self.up);
-        // Nearer than a metre the law has no meaning.
-        self.levels
-            .iter()
-            .map(move |r| -10.0 * libm::log10((place - r.receiver.position).norm().max(1.0)))
+        self.levels.iter().map(move |r| loss_db(&(place - r.receiver.position)))
     }
 
     /// The mean absolute residual of a place and an exponent, with the best P₀.

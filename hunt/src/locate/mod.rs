@@ -50,3 +50,12 @@ pub(crate) use ranges::{Multilateration, RangeDifferences};
 pub use region::Region;
 pub(crate) use shadowing_grid::CorrelatedShadowing;
 pub(crate) use strongest::{Strongest, WeightedCentroid};
+
+use foxhunt_core::elementary;
+use nalgebra::Vector3;
+
+/// Level in dB, `way` from a transmitter of 0 dBm at one metre, if the exponent is 1. Nearer than a
+/// metre the law has no meaning.
+fn loss_db(way: &Vector3<f64>) -> f64 {
+    -5.0 / std::f64::consts::LN_10 * elementary::ln(way.norm_squared().max(1.0))
+}

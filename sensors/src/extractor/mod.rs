@@ -14,4 +14,4 @@ pub use pattern::{Cell, Pattern, resultant_confidence};
 pub use pritzl2018::Pritzl2018;
 
 #[cfg(feature = "alloc")]
-pub(crate) use looks::{LOST, TAIL, lobe_db, normal_cdf};
+pub(crate) use looks::{LOST, TAIL, lobe_db, log_student, normal_cdf};

@@ -4,6 +4,8 @@ use foxhunt_core::Pose;
 use foxhunt_filters::vecchia::{Correlation, Neighbours, Receivers, Whitener};
 use nalgebra::Vector2;
 
+use super::super::loss_db;
+
 /// Number of earlier readings on which each is conditioned: the nearest.
 const NEIGHBOURS: usize = 8;
 
@@ -78,10 +80,7 @@ impl Readings<'_> {
     /// Log-likelihood of a transmitter at a place, with the most likely power, exponent and σ.
     pub(super) fn at(&mut self, place: Vector2<f64>, up_m: f64) -> f64 {
         let target = place.push(up_m);
-        let loss = |receiver: &Pose| {
-            let square = (target - receiver.position).norm_squared();
-            [-5.0 / std::f64::consts::LN_10 * libm::log(square.max(1.0))]
-        };
+        let loss = |receiver: &Pose| [loss_db(&(target - receiver.position))];
         self.own.clear();
         self.own.extend(self.poses.iter().map(loss));
         self.whitener.whiten(&mut self.own);

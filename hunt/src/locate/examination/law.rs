@@ -2,7 +2,7 @@ use foxhunt_core::{Reception, Receptions};
 use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::{
-    super::{Area, LocateConfig, Located, Power},
+    super::{Area, LocateConfig, Located, Power, loss_db},
     shared::UNSTATED_SIGMA_M,
 };
 
@@ -113,8 +113,7 @@ pub(super) struct Row {
 
 impl Row {
     pub(super) fn new(at: &LevelAt, place: &Vector2<f64>, config: &LocateConfig) -> Self {
-        let range = (place.push(config.target_up_m) - at.receiver).norm().max(1.0);
-        Self { level: at.level, loss: -10.0 * libm::log10(range) }
+        Self { level: at.level, loss: loss_db(&(place.push(config.target_up_m) - at.receiver)) }
     }
 }
 

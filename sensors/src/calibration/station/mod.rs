@@ -9,7 +9,7 @@ pub use fit::{StationDoubt, StationFit, StationsFit, fit_stations};
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
-use crate::extractor::{LOST, TAIL, lobe_db, normal_cdf};
+use crate::extractor::{LOST, lobe_db, log_student, normal_cdf};
 
 /// Steps of the table over the circle.
 const STEPS: u16 = 720;
@@ -139,10 +139,7 @@ impl Floor {
     /// silence, at an expected power whose residuals have this scale.
     fn log_likelihood(&self, reading: Option<f64>, expected: f64, scale: f64) -> f64 {
         match reading {
-            Some(reading) => {
-                let off = (reading - expected) / scale;
-                -0.5 * (TAIL + 1.0) * libm::log1p(off * off / TAIL)
-            }
+            Some(reading) => log_student((reading - expected) / scale),
             None => self.log_silence(expected, scale),
         }
     }

@@ -1,7 +1,7 @@
 use alloc::{vec, vec::Vec};
 use core::f64::consts::TAU;
 
-use foxhunt_core::angle;
+use foxhunt_core::{angle, elementary};
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
 use super::{Chance, Floor, Lobe, StationBurst};
@@ -178,10 +178,10 @@ impl Own {
                 };
                 let log: f64 = readings().map(one).sum();
                 if log > best {
-                    ones *= libm::exp(best - log);
+                    ones *= elementary::exp(best - log);
                     best = log;
                 }
-                ones += libm::exp(log - best);
+                ones += elementary::exp(log - best);
                 level += step;
             }
             if ones > 0.0 {

@@ -8,7 +8,7 @@ pub use direct::{FirstHarmonic, MainLobeFit, Maximum};
 pub use likelihood::{CrossCorrelation, MaximumLikelihood, Residuals};
 pub use station::{StationAntenna, StationModel, StationPattern};
 
-pub(crate) use station::{LOST, TAIL, lobe_db};
+pub(crate) use station::{LOST, TAIL, lobe_db, log_student};
 
 use alloc::vec::Vec;
 use core::f64::consts::{FRAC_1_SQRT_2, TAU};

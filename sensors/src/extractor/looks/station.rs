@@ -5,7 +5,7 @@ use core::f64::consts::{LN_2, TAU};
 
 use foxhunt_core::{
     Bearing, BearingExtractor, BearingMode, BearingModes, NoBearing, NoReading, Reading, Sweep,
-    angle,
+    angle, elementary,
     parameter::{ParameterError, as_value, finite, positive, require},
 };
 
@@ -21,6 +21,12 @@ const NODES: u16 = 180;
 
 /// Degrees of freedom of the residuals' Student's t.
 pub(crate) const TAIL: f64 = 4.0;
+
+/// Log likelihood of a residual in units of its scale, but for a constant: Student's t with [`TAIL`]
+/// degrees of freedom.
+pub(crate) fn log_student(residual: f64) -> f64 {
+    -0.5 * (TAIL + 1.0) * elementary::ln(1.0 + residual * residual / TAIL)
+}
 
 /// The probability that an antenna loses a burst above its floor.
 pub(crate) const LOST: f64 = 0.03;
@@ -382,10 +388,7 @@ impl StationPattern {
     /// residuals have this scale.
     fn log_likelihood(&self, reading: Option<f64>, expected: f64, scale: f64) -> f64 {
         match (reading, self.floor) {
-            (Some(reading), _) => {
-                let off = (reading - expected) / scale;
-                -0.5 * (TAIL + 1.0) * libm::log1p(off * off / TAIL)
-            }
+            (Some(reading), _) => log_student((reading - expected) / scale),
             (None, Some([floor, width])) => {
                 let x = (floor - expected) / libm::hypot(width, scale);
                 libm::log(LOST + (1.0 - LOST) * normal_cdf(x))
