@@ -4,6 +4,7 @@ mod bearing_trial;
 mod campaign;
 mod competing_bearings;
 mod custom_backends;
+mod files;
 mod fleets;
 mod flights;
 mod golden;

@@ -212,7 +212,7 @@ fn level_differences_over_terrain_are_refused() {
     assert!(cloud.track(&request, false).is_ok());
 }
 
-const SCENARIO: &str = include_str!("../scenarios/one-drone.toml");
+const SCENARIO: &str = include_str!("../../../hunt/scenarios/one-drone.toml");
 
 #[test]
 fn a_scenario_has_terrain_and_its_model_the_same() {
