@@ -36,10 +36,10 @@ pub enum BagError {
         source: Box<BagError>,
     },
     /// A topic is not in the bag, or of another type.
-    #[error("there is no topic {name} with {what}; the bag has {known}")]
+    #[error("there is no topic{} with {what}; the bag has {known}", after_space(name))]
     NoTopic {
-        /// Name of the wanted topic.
-        name: String,
+        /// Name of the wanted topic, if one is wanted.
+        name: Option<String>,
         /// Its wanted contents.
         what: &'static str,
         /// The topics with their types.
@@ -77,4 +77,9 @@ impl BagError {
     pub(super) fn read(error: impl std::fmt::Display) -> Self {
         Self::Read { reason: error.to_string() }
     }
+}
+
+/// A name behind a space.
+fn after_space(name: &Option<String>) -> String {
+    name.iter().map(|name| format!(" {name}")).collect()
 }

@@ -80,11 +80,9 @@ impl Bag {
             .collect();
         match fitting.as_slice() {
             [only] => Ok(*only),
-            [] => Err(BagError::NoTopic {
-                name: name.unwrap_or_default().to_owned(),
-                what,
-                known: self.known(),
-            }),
+            [] => {
+                Err(BagError::NoTopic { name: name.map(str::to_owned), what, known: self.known() })
+            }
             several => {
                 let names = several.iter().filter_map(|(number, _)| self.topics.get(*number));
                 let names: Vec<&str> = names.map(|topic| topic.name.as_str()).collect();

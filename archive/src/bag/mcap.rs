@@ -118,6 +118,8 @@ mod tests {
         assert!(named.is_ok_and(|text| text.contains(",fox\n")));
         let pose = Some("/rssi".to_owned());
         let wrong = converted(&several, &Topics { pose, ..Topics::default() });
-        assert!(matches!(wrong, Err(BagError::NoTopic { name, .. }) if name == "/rssi"));
+        assert!(
+            matches!(wrong, Err(BagError::NoTopic { name: Some(name), .. }) if name == "/rssi")
+        );
     }
 }

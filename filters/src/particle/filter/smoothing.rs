@@ -4,6 +4,7 @@ use alloc::vec::Vec;
 
 use foxhunt_core::{
     Axis, Covariance, Estimate, EstimatorError, MeasurementModel, MotionModel, Smooth, State,
+    elementary,
 };
 use rand::{Rng, RngExt};
 
@@ -131,10 +132,11 @@ where
             let best = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             let mut reach = 0.0;
             sums.clear();
-            sums.extend(logs.iter().map(|log| {
-                reach += libm::exp(log - best);
-                reach
-            }));
+            sums.extend(logs.iter().map(|log| elementary::exp(log - best)));
+            for sum in &mut sums {
+                reach += *sum;
+                *sum = reach;
+            }
             if !(reach > 0.0 && reach.is_finite()) {
                 return Err(EstimatorError::Impossible { particles: onward.len() });
             }
