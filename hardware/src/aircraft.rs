@@ -84,17 +84,17 @@ pub trait Aircraft: Spinner {
     /// Any error of the link.
     fn state(&mut self) -> Result<AircraftState, Self::Error>;
 
-    /// Gets it into the air: waits for a good position, sets the mode that takes orders, arms, and
-    /// climbs to `up_m` metres above where it stands. Begun once; called again in the air it does
-    /// nothing.
+    /// Takes the aircraft into the air: waits for a good position, sets the mode that takes orders,
+    /// arms, and climbs to `up_m` metres above the place of the take-off. Begun once; a call in the
+    /// air does nothing.
     ///
     /// # Errors
     ///
     /// Any error of the link or the autopilot, and what is in the way.
     fn take_off(&mut self, up_m: f64) -> Result<(), Self::Error>;
 
-    /// Has it take our orders again, after a lost link or after the pilot had it and gave it back.
-    /// It stays where it is until it is sent somewhere. Without effect while it takes them.
+    /// Has the aircraft take our orders again, after a lost link or after the pilot had it and gave
+    /// it back. The aircraft hovers until the next goal. Without effect while it takes orders.
     ///
     /// # Errors
     ///
@@ -112,8 +112,8 @@ pub trait Aircraft: Spinner {
     /// Unless overridden nothing is waited for.
     fn clear_to_take_off(&mut self) {}
 
-    /// Has its own camera take one picture from where it is; returns when the order is on its way.
-    /// Unless overridden it has no camera, and nothing happens.
+    /// Has the aircraft's own camera take one picture; returns when the order is on its way. Unless
+    /// overridden the aircraft has no camera, and nothing happens.
     ///
     /// # Errors
     ///
@@ -147,8 +147,8 @@ pub struct AircraftState {
     pub armed: bool,
     /// True if it is in the air.
     pub airborne: bool,
-    /// True if it takes orders from us now: it is up where it was sent at take-off, and neither the
-    /// pilot nor a lost link has taken it from us.
+    /// True if the aircraft takes orders from us now: it has reached the height of its take-off,
+    /// and neither the pilot nor a lost link has taken it from us.
     pub commanded: bool,
     /// True if it is in the air and not ours, in a mode in which it may be [taken
     /// over](Aircraft::take_over), if it is known that nobody else flies it.
@@ -176,9 +176,9 @@ pub enum Hands {
     Ours,
     /// Nothing is heard of it. Nothing is ordered until a heartbeat shows whose it is.
     Unheard,
-    /// Its pilot, in a mode that was not ordered.
+    /// The pilot, in a mode that was not ordered.
     Pilot,
-    /// Its autopilot: it returns or lands without our order.
+    /// The autopilot, which returns or lands without our order.
     Autopilot,
     /// Nobody: its own failsafe holds it in place.
     Stopped,
@@ -202,7 +202,7 @@ pub struct ReportedHeight {
 }
 
 /// One aircraft for several owners: the fleet that sends it, and the source that turns it and reads
-/// where it is.
+/// its pose.
 #[derive(Debug)]
 pub struct Shared<V>(Rc<RefCell<V>>);
 

@@ -23,7 +23,7 @@ pub struct Finding {
 /// Borders of an autopilot's own fence, less its margin: where goals are not refused.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct OwnFence {
-    /// Its launch place, East and North in metres of the common frame, where that is known.
+    /// Launch place, East and North in metres of the common frame; `None` if it is unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub centre_m: Option<[f64; 2]>,
     /// Greatest distance over ground from the launch place, in metres.

@@ -24,7 +24,7 @@ pub struct Reconnecting<C> {
     connections: u32,
     /// Time of the next attempt.
     retry_at: f64,
-    /// Its last error.
+    /// Last error of the endpoint.
     failure: String,
 }
 

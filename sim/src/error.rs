@@ -45,7 +45,7 @@ pub enum SimError {
     #[cfg(feature = "emulators")]
     #[error("there is no parameter {name:?}")]
     Parameter {
-        /// Its name.
+        /// Name of the parameter.
         name: String,
     },
     /// A drone was put at a pose with numbers that are not finite.
@@ -90,11 +90,11 @@ pub enum SimError {
     /// The goal is no place, or too far away to compute with.
     #[error("the goal ({east}, {north}, {up}) m is not at a finite distance")]
     Goal {
-        /// Its East in metres.
+        /// East of the goal in metres.
         east: f64,
-        /// Its North in metres.
+        /// North of the goal in metres.
         north: f64,
-        /// Its height in metres.
+        /// Height of the goal in metres.
         up: f64,
     },
 }

@@ -44,13 +44,13 @@ pub enum CapturedPoseError {
     Size {
         /// Name of the field.
         field: &'static str,
-        /// Its value.
+        /// Value of the number.
         value: f64,
     },
     /// The quaternion is not a rotation.
     #[error("quaternion_wxyz has the norm {norm:.3}; that of a rotation is 1")]
     Norm {
-        /// Its norm.
+        /// Norm of the quaternion.
         norm: f64,
     },
 }

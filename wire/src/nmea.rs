@@ -46,7 +46,7 @@ impl<'a> Sentence<'a> {
         Ok(Self { kind, fields: fields.map(str::trim).collect() })
     }
 
-    /// Its three letters; empty for a maker's own sentence.
+    /// Returns the three letters of the sentence's kind; empty for a maker's own sentence.
     #[must_use]
     pub fn kind(&self) -> &'a str {
         self.kind
@@ -58,7 +58,7 @@ impl<'a> Sentence<'a> {
         self.fields.get(at).copied().filter(|text| !text.is_empty())
     }
 
-    /// The finite number of a field; `None` where it is empty.
+    /// Returns the finite number of a field; `None` if the field is empty.
     ///
     /// # Errors
     ///
@@ -69,7 +69,7 @@ impl<'a> Sentence<'a> {
         number.map(Some).ok_or(Malformed::Field)
     }
 
-    /// The whole number of a field; `None` where it is empty.
+    /// Returns the whole number of a field; `None` if the field is empty.
     ///
     /// # Errors
     ///

@@ -12,7 +12,7 @@ const LONGEST_LENGTH: usize = 64;
 /// Version of the protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Version {
-    /// Its own answer, `ICY 200 OK`.
+    /// Version 1, with the answer `ICY 200 OK`.
     One,
     /// HTTP 1.1.
     Two,

@@ -15,14 +15,15 @@ pub struct ForeignVehicle {
     pub flown: Endpoint,
     /// Endpoint of its telemetry, on a link of its own: nothing is sent there.
     pub pose: Endpoint,
-    /// Its system number; where absent, that of the first autopilot received.
+    /// System number of the vehicle; if absent, that of the first autopilot received.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub system_id: Option<u8>,
 }
 
 /// A drone of a simulated world that is wherever the telemetry of a vehicle outside has it.
 ///
-/// Until the first position, and while no news of it comes, it stays where it was.
+/// Until the first position, and during silence of the telemetry, the drone stays at its last
+/// place.
 pub struct CarriedDrone {
     vehicle: MavlinkVehicle<Box<dyn ByteStream>, SimClock>,
     world: World,

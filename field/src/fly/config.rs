@@ -26,7 +26,7 @@ use super::{
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FlightConfig {
-    /// Its name.
+    /// Name of the flight.
     pub name: String,
     /// The origin of the common frame, from which East and North are counted.
     pub site: Site,
@@ -207,7 +207,7 @@ impl FlightConfig {
         self.drones.iter().all(|drone| drone.vehicle.is_on_the_ground())
     }
 
-    /// The ground, where it has an elevation model.
+    /// Returns the ground, if the flight has an elevation model.
     ///
     /// # Errors
     ///

@@ -21,7 +21,7 @@ pub struct DroneConfig {
     pub launch_m: Option<[f64; 2]>,
     /// Device that flies it.
     pub vehicle: VehicleDevice,
-    /// A GNSS receiver that knows better where it is than what flies it.
+    /// A GNSS receiver whose place is better than that of the device that flies the drone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gnss: Option<GnssDevice>,
     /// Device that receives the beacons, unless its source does.
@@ -202,7 +202,7 @@ impl DroneConfig {
         }
     }
 
-    /// Returns this drone with its driver's limits, which count from where it stands, widened by
+    /// Returns this drone with its driver's limits, which count from its launch place, widened by
     /// the ground's relief.
     pub(super) fn with_limits_over(&self, ground: &Ground) -> Self {
         let mut drone = self.clone();
@@ -268,7 +268,7 @@ impl DroneConfig {
         }
     }
 
-    /// Its devices, each with where it is reached.
+    /// Returns the devices of the drone, each with its endpoint.
     pub fn endpoints(&self) -> impl Iterator<Item = (&'static str, &Endpoint)> {
         let (vehicle, navdata, capture) = match &self.vehicle {
             VehicleDevice::Mavlink { endpoint, .. } => (Some(endpoint), None, None),
@@ -311,7 +311,7 @@ impl DroneConfig {
         .filter_map(|(device, endpoint)| Some((device, endpoint?)))
     }
 
-    /// An AR.Drone's settings with the place where it stands.
+    /// Returns an AR.Drone's settings with the drone's launch place.
     pub(super) fn with_launch(&self, settings: &ArDroneConfig) -> ArDroneConfig {
         let [east_m, north_m] = self.launch_m.unwrap_or([settings.east_m, settings.north_m]);
         ArDroneConfig { east_m, north_m, ..*settings }

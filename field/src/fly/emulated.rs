@@ -63,11 +63,11 @@ pub struct EmulatedFieldConfig {
     /// free ones where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_port: Option<u16>,
-    /// Vehicles of other programs, drone by drone, with which the radios and motors fly; those that
-    /// are left out are emulated.
+    /// Vehicles of other programs, drone by drone, with which the radios and motors fly; drones
+    /// that are left out are emulated.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub vehicles: Vec<ForeignVehicle>,
-    /// Platforms, drone by drone: those that are left out fly by autopilots, with the scenario's
+    /// Platforms, drone by drone: drones that are left out fly by autopilots, with the scenario's
     /// own receivers.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub platforms: Vec<EmulatedPlatform>,
@@ -524,7 +524,7 @@ fn name(drone: usize) -> String {
     format!("drone-{}", drone + 1)
 }
 
-/// The site of a field: the origin of its world's tiles, where it has any.
+/// Returns the site of a field: the origin of its world's tiles, if there is one.
 fn site_of(site: Site, terrain: Option<&ReliefConfig>) -> Result<Site, EmulatedFieldError> {
     let origin = terrain.and_then(|terrain| terrain.lat_deg.zip(terrain.lon_deg));
     let Some((lat_deg, lon_deg)) = origin else { return Ok(site) };

@@ -205,7 +205,8 @@ impl EmulatedFlown {
         *last = ReportedMode { mode, is_commanded: commanded };
     }
 
-    /// Looks at where those that take our orders truly are.
+    /// Notes the true places of the drones that take our orders: the farthest, and the nearest
+    /// pair.
     fn look(&mut self, world: &World) {
         let commanded = self.drones.iter().enumerate().filter(|(_, drone)| drone.is_commanded);
         let ours: Vec<_> =

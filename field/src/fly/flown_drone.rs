@@ -8,7 +8,7 @@ use foxhunt_hunt::hunt::{Devices, Event};
 
 use super::{Ending, eager::Ordered};
 
-/// Modes of those that come down.
+/// Modes of drones that come down.
 const HOMEWARD: [&str; 3] = ["RTL", "RETURN", "LAND"];
 
 /// A link that has brought nothing for longer does not carry an order that is given once, in
@@ -48,7 +48,7 @@ pub struct FlownDrone<A, S> {
     pub source: S,
     /// Order of the hunt to a source that listens between the hunt's turns, too; absent for others.
     pub(crate) listens_between: Option<Ordered>,
-    /// Its present state; absent while its link fails.
+    /// Present state of the drone; absent while its link fails.
     state: Option<AircraftState>,
     /// The state that was logged last.
     reported_state: Option<AircraftState>,
@@ -135,7 +135,8 @@ impl<A, S> FlownDrone<A, S> {
         self.state.as_ref().is_some_and(|state| state.airborne)
     }
 
-    /// Allows that it is taken over where it is in the air already, in the mode that takes orders.
+    /// Allows that the drone is taken over if it is in the air already, in the mode that takes
+    /// orders.
     pub(crate) fn allow_take_over(&mut self) {
         self.may_take_over = true;
     }
@@ -243,8 +244,8 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
         Some(format!("{} is in the air in {}, not by us{how}", self.name, state.mode))
     }
 
-    /// Reads the aircraft's state, which serves its link. Adds what is to be logged where it has
-    /// changed; `index` is the drone's number in the mission.
+    /// Reads the aircraft's state, which serves its link. Adds an event for each change; `index` is
+    /// the drone's number in the mission.
     pub(crate) fn read_state(
         &mut self,
         time: f64,

@@ -137,7 +137,7 @@ pub enum Warmth {
 }
 
 impl Warmth {
-    /// Its word.
+    /// Returns the word for the answer.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

@@ -96,8 +96,8 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
     }
 
     /// Allows that drones which are in the air already, in the mode that takes orders, are taken
-    /// over: where the one who starts the flight knows that nobody else flies them. Without it the
-    /// flight does not begin.
+    /// over: for a caller that knows that nobody else flies them. Without it the flight does not
+    /// begin.
     pub fn allow_take_over(&mut self) {
         self.drones.iter_mut().for_each(FlownDrone::allow_take_over);
     }
@@ -290,7 +290,7 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
         }
     }
 
-    /// Lets the hunt go on with those that take orders.
+    /// Lets the hunt go on with the drones that take orders.
     fn fly(&mut self, time: f64) {
         for (index, drone) in self.drones.iter_mut().enumerate() {
             drone.take_over_again(time);
@@ -334,8 +334,8 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
     /// is named. Until then one that is given back is brought home, too.
     ///
     /// They return one after the other: each climbs to the height of its autopilot and flies home
-    /// over those that hold their places until it is down. One whose battery is low, or whose link
-    /// fails, does not wait.
+    /// over the others, which hold their places until it is down. One whose battery is low, or
+    /// whose link fails, does not wait.
     fn leave(&mut self, time: f64) {
         let mut waited_for = Vec::new();
         let mut left = Vec::new();

@@ -11,7 +11,7 @@ use super::{Check, DroneConfig, FlightConfig, FlightRules, FlyError, Mission, Si
 /// The plan of a flight, as far as it is known before any device is opened.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FlightPlan {
-    /// Its name.
+    /// Name of the flight.
     pub name: String,
     /// The origin of the common frame.
     pub site: Site,
@@ -32,21 +32,20 @@ pub struct FlightPlan {
 /// A drone of a [`FlightPlan`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PlannedDrone {
-    /// Its name.
+    /// Name of the drone.
     pub name: String,
-    /// Place where it stands, East and North in metres.
+    /// Place of the drone before take-off, East and North in metres.
     pub launch_m: Option<[f64; 2]>,
-    /// The height of the ground where it stands, in metres above what the elevation model counts
-    /// from.
+    /// Height of the ground at the launch place, in metres above the zero of the elevation model.
     pub ground_m: Option<f64>,
     /// The height of the ground at its first goal, in metres above what the elevation model counts
     /// from.
     pub first_ground_m: Option<f64>,
     /// First goal, East, North and Up in metres.
     pub first_goal_m: Option<[f64; 3]>,
-    /// Its driver's limits, in words.
+    /// Limits of the drone's driver, in words.
     pub limits: String,
-    /// Its devices, each with where it is reached.
+    /// Devices of the drone, each with its endpoint.
     pub devices: Vec<(&'static str, String)>,
 }
 
@@ -127,7 +126,7 @@ impl PlannedDrone {
 /// The result of a flight.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FlightReport {
-    /// Its name.
+    /// Name of the flight.
     pub name: String,
     /// Duration of the flight, in seconds.
     pub duration_s: f64,
@@ -140,7 +139,7 @@ pub struct FlightReport {
 /// One beacon of a [`FlightReport`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FlownFix {
-    /// Its name.
+    /// Name of the beacon.
     pub name: String,
     /// Estimated place.
     pub estimate: PlaceEstimate,

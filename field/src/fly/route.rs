@@ -34,11 +34,11 @@ pub struct Route {
     pub drone: String,
     /// Place before take-off, East and North of the site's origin in metres.
     pub launch_m: Vector2<f64>,
-    /// Height of the first climb, in metres above where it stands.
+    /// Height of the first climb, in metres above the launch place.
     pub takeoff_up_m: f64,
     /// Speed in metres per second; the autopilot's own speed where absent.
     pub speed_mps: Option<f64>,
-    /// Places where it listens, in their order: East, North and Up in metres.
+    /// Places at which the drone listens, in their order: East, North and Up in metres.
     pub places_m: Vec<Vector3<f64>>,
     /// Action after the last place.
     pub ending: Ending,
@@ -121,7 +121,7 @@ impl MissionFormat {
     ///
     /// # Errors
     ///
-    /// [`MissionFormatError`] where it is another one.
+    /// [`MissionFormatError`] for any other ending.
     pub fn of_file(path: &Path) -> Result<Self, MissionFormatError> {
         path.extension().unwrap_or_default().to_string_lossy().parse()
     }
@@ -154,7 +154,7 @@ enum Order {
 /// One item of a mission.
 struct Item {
     order: Order,
-    /// The first four parameters; those that are absent leave the autopilot its own choice.
+    /// The first four parameters; an absent one leaves the autopilot its own choice.
     params: [Option<f64>; 4],
     place: Option<Geodetic>,
 }

@@ -46,9 +46,9 @@ impl Site {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FlownBeacon {
-    /// Its name.
+    /// Name of the beacon.
     pub name: String,
-    /// Its XBee address: 16 hexadecimal digits, or 4.
+    /// XBee address of the beacon: 16 hexadecimal digits, or 4.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub address: Option<String>,
     /// The frequency that a receiver is tuned to, in MHz.

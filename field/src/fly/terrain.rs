@@ -128,7 +128,7 @@ pub(super) enum WayError {
     },
 }
 
-/// A hovering drone is this near the height where it was sent, in metres.
+/// Maximum distance of a hovering drone from its ordered height, in metres.
 const HOVER_M: f64 = 0.5;
 
 impl Ground {

@@ -85,7 +85,7 @@ impl<A: Examine> Examine for Advised<A> {
 }
 
 /// An aircraft whose heights are above the ground below it, by an elevation model, while its
-/// autopilot's heights are above where it stood.
+/// autopilot's heights are above the launch place.
 ///
 /// On the ground it learns what its autopilot's heights count from. A line that does not clear the
 /// ground is flown in several orders: straight up, across, straight down.
@@ -149,7 +149,7 @@ impl<A> OverGround<A> {
 }
 
 impl<A: Aircraft> OverGround<A> {
-    /// Orders the next piece of its way where it is at the end of the last.
+    /// Orders the next piece of the way if the aircraft is at the end of the last one.
     fn go_on(&mut self) -> Result<(), A::Error> {
         let (Some(datum), Some(next)) = (self.datum, self.next.front().copied()) else {
             return Ok(());

@@ -17,9 +17,9 @@ use super::{DroneNodeConfig, NetworkError};
 /// loop with the time. It keeps nothing that a new one would miss: after a restart the next order
 /// holds everything. Without orders it goes on with the last one.
 ///
-/// Its own clock may be off by whatever it likes: the orders carry the stamps by which that is
-/// [estimated](ClockFilter), and every time that it reports is corrected to the clock of the one
-/// that fuses. Until the offset is known well enough it reports no place, so that it takes no part.
+/// The drone's clock may be off by any amount: the orders carry the stamps by which the offset is
+/// [estimated](ClockFilter), and every time that it reports is corrected to the clock of the fusing
+/// node. Until the offset is known well enough it reports no place, so that it takes no part.
 #[derive(Debug)]
 pub struct DroneNode<S, V, X, L> {
     source: S,
@@ -184,7 +184,7 @@ where
         Ok(())
     }
 
-    /// Follows the order where it was not followed yet; `false` where a device did not accept it.
+    /// Follows the order if it was not followed yet; `false` if a device did not accept it.
     fn follow(&mut self) -> bool {
         let mut failure = String::new();
         if self.order.land && !self.landed {
@@ -299,7 +299,7 @@ impl Deliveries {
         self.kept.push_back((time, delivery));
     }
 
-    /// Forgets those that are logged.
+    /// Forgets the deliveries that are logged.
     fn forget(&mut self, taken: &[Taken]) {
         self.kept.retain(|(_, delivery)| !taken.contains(&delivery.name()));
     }

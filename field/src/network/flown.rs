@@ -81,8 +81,8 @@ where
         })
     }
 
-    /// Allows that it is taken over where it is in the air already, in the mode that takes orders:
-    /// where the one who starts the node knows that nobody else flies it.
+    /// Allows that the drone is taken over if it is in the air already, in the mode that takes
+    /// orders: for a caller that knows that nobody else flies it.
     pub fn allow_take_over(&mut self) {
         self.drone.allow_take_over();
     }

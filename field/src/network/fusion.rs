@@ -14,7 +14,7 @@ use super::{FusionNodeConfig, NetworkError, Remote, remote::view};
 pub struct Past {
     /// Places where the drones began, East, North and Up in metres.
     pub homes: Vec<Vector3<f64>>,
-    /// Its events.
+    /// Events of the hunt.
     pub events: Vec<Event>,
 }
 
@@ -175,7 +175,7 @@ impl<L: FusionLink> FusionNode<L> {
     }
 
     /// Returns true if the hunt is over or was broken off, and every drone that is not silent has
-    /// followed its last order, and is down where it was ordered to come down.
+    /// followed its last order, and is down if it was ordered to come down.
     pub fn is_finished(&self, time: f64) -> bool {
         let done = |drone: &Remote| drone.is_done() || !self.is_reporting(drone, time);
         let over = self.has_begun() && self.hunt.is_finished() || self.failure.is_some();

@@ -36,19 +36,18 @@ use foxhunt_hunt::hunt::HuntError;
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use serde::{Deserialize, Serialize};
 
-/// Settings of a [`DroneNode`]: how often messages to the one that fuses are sent
-/// and repeated.
+/// Settings of a [`DroneNode`]: how often messages to the fusing node are sent and repeated.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DroneNodeConfig {
-    /// Its pose and its status are sent this often, in seconds.
+    /// Interval at which the drone's pose and status are sent, in seconds.
     pub report_every_s: f64,
     /// Interval at which a delivery is sent again until it is known to be logged, in seconds.
     pub repeat_every_s: f64,
     /// Time after which an order that a device did not follow is tried again, in seconds.
     pub retry_after_s: f64,
-    /// A drone whose clock's offset is less certain than this, in seconds, takes no part; what it
-    /// receives is refused.
+    /// Greatest uncertainty of a drone's clock offset, in seconds, with which it takes part; beyond
+    /// that its receptions are refused.
     pub clock_uncertainty_s: f64,
     /// Maximum number of kept deliveries that are not known to be logged; the oldest are given up.
     pub most_kept: usize,
@@ -163,7 +162,7 @@ pub enum NetworkError {
     Hunt(#[from] HuntError),
 }
 
-/// A drone, as far as the one that fuses knows it.
+/// A drone, as far as the fusing node knows it.
 #[derive(Debug, Default)]
 struct Remote {
     /// Current order of the drone.
@@ -183,7 +182,7 @@ struct Remote {
     clock: Option<ClockOffset>,
     /// The stamp of its last status, as long as it was not returned.
     unanswered: Option<UnixTime>,
-    /// Its clock as it was logged last.
+    /// Offset of the drone's clock as it was logged last.
     logged_clock: Option<ClockOffset>,
     failure: String,
     path: VecDeque<(UnixTime, Pose)>,

@@ -22,8 +22,8 @@ const CLOCK_STEP_S: f64 = 0.05;
 const CLOCK_SET_BACK_S: f64 = 30.0;
 
 impl Remote {
-    /// Takes note of where it is; `false` for a place that is no newer than the last one, unless
-    /// its clock was set back.
+    /// Takes note of the drone's place; returns `false` for one that is no newer than the last,
+    /// unless the drone's clock was set back.
     pub(super) fn place(&mut self, at: UnixTime, pose: Pose, most: usize) -> bool {
         let late =
             |(before, _): (UnixTime, Pose)| at <= before && before.since(at) < CLOCK_SET_BACK_S;
@@ -60,8 +60,8 @@ impl Remote {
         }
     }
 
-    /// Its clock's offset where that has to be logged: the first, and those that differ from the
-    /// last one.
+    /// Returns the offset of the drone's clock if it has to be logged: the first one, and each one
+    /// that differs from the last.
     pub(super) fn clock_to_log(&mut self) -> Option<ClockOffset> {
         let clock = self.clock?;
         let same = |before: ClockOffset| {

@@ -9,9 +9,9 @@ use crate::PosesLost;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ArDroneConfig {
-    /// Its East in metres when the driver starts.
+    /// East of the drone in metres when the driver starts.
     pub east_m: f64,
-    /// Its North in metres.
+    /// North of the drone in metres when the driver starts.
     pub north_m: f64,
     /// Direction of its nose when it is switched on, in degrees counter-clockwise from East: it
     /// counts its own yaw from there.
@@ -32,7 +32,7 @@ pub struct ArDroneConfig {
     pub max_up_m: f64,
     /// The lowest.
     pub min_up_m: f64,
-    /// The farthest goal over ground from where it started, in metres.
+    /// The farthest goal over ground from the place of the start, in metres.
     pub fence_radius_m: f64,
     /// Orders in a second. It hovers by itself without them.
     pub rate_hz: f64,
@@ -97,7 +97,7 @@ pub enum ArDroneError {
         /// The limit above.
         most: f64,
     },
-    /// Its motion capture has stopped, and it goes on by its own odometry.
+    /// The motion capture has stopped, and the drone goes on by its own odometry.
     #[error("motion capture: {0}")]
     MotionCapture(#[from] PosesLost),
     /// A number of the configuration is out of its range.

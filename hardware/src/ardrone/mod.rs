@@ -18,7 +18,7 @@ use nalgebra::{Vector2, Vector3};
 
 use crate::{Aircraft, AircraftState, Finding, Hands, MotionCapture};
 
-/// Its ordered place and heading.
+/// Ordered place and heading of the drone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Goal {
     place: Vector3<f64>,
@@ -30,12 +30,12 @@ struct Goal {
 
 /// A Parrot AR.Drone 2.0: orders to its UDP port 5556, navdata from 5554.
 ///
-/// It knows no place: that is counted from where it stood, by the speeds that it reports, and is
-/// off by more the farther it flies, which
-/// [`position_sigma`](foxhunt_core::Vehicle::position_sigma) gives. Place and heading of
-/// [motion capture](Self::with_motion_capture) go before it, and [`correct`](Self::correct) takes
-/// a better place from elsewhere. It is flown to its goals by orders of tilt, so it has to be
-/// served some twenty times a second; without orders it hovers by itself.
+/// The drone does not measure its place: the driver counts it from the launch place, by the
+/// reported speeds, and [`position_sigma`](foxhunt_core::Vehicle::position_sigma) grows with the
+/// distance flown. Place and heading of [motion capture](Self::with_motion_capture) take
+/// precedence, and [`correct`](Self::correct) takes a better place from elsewhere. Orders of tilt
+/// fly the drone to its goals, so it has to be served some twenty times a second; without orders it
+/// hovers by itself.
 ///
 /// After a lost link nothing is ordered until [`take_over`](Self::take_over) is called.
 #[derive(Debug)]
@@ -82,7 +82,7 @@ enum Phase {
     Flying,
     Returning,
     Landing,
-    /// Its motors are to stop.
+    /// The motors are to stop.
     Stopping,
     Lost,
 }
@@ -145,7 +145,7 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
         }
     }
 
-    /// Flies on after a lost link, from where it is. Without effect while it is ours.
+    /// Flies on after a lost link, from the present place. Without effect while the drone is ours.
     ///
     /// # Errors
     ///
@@ -283,7 +283,8 @@ impl<A: ByteStream, N: ByteStream, C: Clock> Spinner for ArDrone<A, N, C> {
     }
 }
 
-/// It has no rules of its own for coming back: it is flown to where it started, and lands there.
+/// An AR.Drone has no rules of its own for coming back: it is flown to its launch place, and lands
+/// there.
 impl<A: ByteStream, N: ByteStream, C: Clock> Aircraft for ArDrone<A, N, C> {
     fn state(&mut self) -> Result<AircraftState, ArDroneError> {
         let now = self.serve()?;

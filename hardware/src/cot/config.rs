@@ -38,7 +38,7 @@ pub struct CotAddress {
     pub transport: CotTransport,
     /// Name or number of the host, without brackets.
     pub host: String,
-    /// Its port.
+    /// Port of the host.
     pub port: u16,
 }
 

@@ -203,13 +203,13 @@ impl Guide {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CarriedError {
-    /// Its place is unknown.
+    /// The place of the receiver is unknown.
     #[error(transparent)]
     Gnss(#[from] GnssError),
-    /// Its heading is unknown, and its antenna has a direction.
+    /// The heading is unknown, and the antenna has a direction.
     #[error("the heading is unknown: walk some metres, add a compass, or set heading_deg_compass")]
     NoHeading,
-    /// Its guide cannot be reached.
+    /// The guide that goals are sent to cannot be reached.
     #[error("the guide that goals are sent to: {0}")]
     Guide(io::Error),
 }
@@ -350,7 +350,7 @@ impl<G: Positioning> Vehicle for CarriedVehicle<G> {
     }
 }
 
-/// Its carrier turns the body; an order to turn does nothing.
+/// The carrier turns the body; an order to turn does nothing.
 impl<G: Positioning> Spinner for CarriedVehicle<G> {
     fn spin(&mut self, _rate: Option<f64>) -> Result<(), CarriedError> {
         Ok(())

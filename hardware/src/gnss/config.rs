@@ -22,7 +22,7 @@ pub enum GnssKind {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GnssConfig {
-    /// Its protocol.
+    /// Protocol of the receiver.
     pub kind: GnssKind,
     /// Distance of its antenna in front of the vehicle's middle, in metres.
     pub antenna_forward_m: f64,
@@ -120,7 +120,7 @@ impl Default for GnssConfig {
     }
 }
 
-/// Dilution of precision that is assumed where it is not reported.
+/// Dilution of precision that is assumed if none is reported.
 const UNREPORTED_HDOP: f64 = 2.0;
 
 impl GnssConfig {

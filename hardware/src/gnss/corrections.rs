@@ -105,7 +105,7 @@ pub enum CorrectionsConfigError {
     Text {
         /// The setting.
         field: &'static str,
-        /// Its value.
+        /// Refused value of the setting.
         text: String,
         /// Allowed texts.
         allowed: &'static str,

@@ -43,13 +43,13 @@ pub struct GnssFix {
     pub height: HeightOrigin,
     /// Quality of the fix.
     pub quality: FixQuality,
-    /// σ of East, North and Up in metres, as the receiver reports; `None` where it does not.
+    /// σ of East, North and Up in metres, as the receiver reports; `None` if it reports none.
     pub sigma_m: Option<Vector3<f64>>,
     /// Velocity of the antenna to East, North and Up in metres per second, where that is known.
     pub velocity_mps: Option<Vector3<f64>>,
-    /// Number of satellites that it uses, where it reports that.
+    /// Number of satellites in use; `None` if it is not reported.
     pub satellites: Option<u32>,
-    /// The horizontal dilution of precision, where it reports that.
+    /// Horizontal dilution of precision; `None` if it is not reported.
     pub hdop: Option<f64>,
 }
 

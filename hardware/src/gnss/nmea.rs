@@ -70,7 +70,7 @@ impl Origin {
     }
 }
 
-/// Height above the sea, and the geoid's above the ellipsoid where it is known.
+/// Height above the sea, and the geoid's above the ellipsoid if it is known.
 type SeaHeight = (f64, Option<f64>);
 
 /// A place as a sentence reports it.
@@ -117,11 +117,11 @@ struct Sentences {
     date: Option<(f64, f64)>,
     /// Time of the day and σ of the last GST.
     gst: Option<(f64, Vector3<f64>)>,
-    /// Time of the day, where it is known, and velocity of the last RMC or VTG.
+    /// Time of the day, if it is known, and velocity of the last RMC or VTG.
     velocity: Option<(Option<f64>, Vector3<f64>)>,
     /// Time of the day and height of the last GGA whose quality is missing.
     height: Option<(Option<f64>, SeaHeight)>,
-    /// Time of the day, where it is known, and the last fix.
+    /// Time of the day, if it is known, and the last fix.
     fix: Option<(Option<f64>, GnssFix)>,
     heights: Heights,
     /// Dilution of the last GSA.

@@ -8,8 +8,8 @@ use super::{GnssError, HeightOrigin, Positioning};
 use crate::{Aircraft, AircraftState};
 
 /// A vehicle whose place comes from a GNSS receiver on it, with its σ. Heading and attitude stay
-/// those that the vehicle reports, its velocity too where it reports one, and orders go to it as
-/// they are: its own frame has to be the same one. Before a fix has had a height, the pose is an
+/// as the vehicle reports them, and so does a reported velocity. Orders go to the vehicle
+/// unchanged: its own frame has to equal this one. Before a fix has had a height, the pose is an
 /// error ([`GnssError::NoHeight`]).
 #[derive(Debug)]
 pub struct Placed<V, G> {

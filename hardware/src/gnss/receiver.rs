@@ -111,7 +111,7 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
         self.corrections.as_ref()
     }
 
-    /// Takes what has come, and sets the receiver up where it is new or has fallen silent.
+    /// Takes the bytes received, and sets the receiver up if it is new or has fallen silent.
     ///
     /// # Errors
     ///
@@ -336,7 +336,7 @@ pub enum GnssError {
         missing.as_ref().map_or(String::new(), |missing| format!("; {missing}"))
     )]
     NoFix {
-        /// Number of satellites that it uses, where it reports that.
+        /// Number of satellites in use; `None` if it is not reported.
         satellites: Option<u32>,
         /// Sentence about what the receiver does not send ([`GnssDecoder::missing`]).
         missing: Option<String>,
@@ -355,7 +355,7 @@ pub enum GnssError {
          sentences with a height on, such as GGA"
     )]
     NoHeight,
-    /// Its corrections have stopped, and it goes on without them.
+    /// The corrections have stopped, and the receiver goes on without them.
     #[error("the GNSS receiver has {0}")]
     Corrections(CorrectionsLost),
 }

@@ -35,12 +35,12 @@ const COMPANION_AGE_S: f64 = 2.0;
 const FIX_WITHIN_M: f64 = 100.0;
 
 /// Reads UBX of receivers by u-blox: NAV-PVT from generation 7 on, and NAV-HPPOSLLH, NAV-POSLLH and
-/// NAV-SOL of older ones or where it is off. What else comes, NMEA included, is passed over.
+/// NAV-SOL of older ones or if NAV-PVT is off. Other bytes, NMEA included, are passed over.
 ///
 /// The place comes from the best of these messages that the receiver sends. A poorer one counts
 /// from its second epoch on in which no better one came. NAV-SOL and NAV-STATUS have the quality of
 /// the fix, NAV-VELNED the velocity, NAV-TIMEUTC the time, NAV-DOP the dilution. Without a status a
-/// place counts as a fix by the satellites where it is within 100 m.
+/// place counts as a fix by the satellites if its accuracy is within 100 m.
 ///
 /// `hAcc` is √(σ_E² + σ_N²), as its users found against GST; East and North get equal shares.
 /// NAV-SOL's accuracy is shared equally by all three axes. NAV-PVT's heading of the vehicle is that
@@ -63,7 +63,7 @@ enum Origin {
     Pvt,
 }
 
-/// Quality of a fix, and the number of satellites where it is known.
+/// Quality of a fix, and the number of satellites if it is known.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Status {
     quality: FixQuality,

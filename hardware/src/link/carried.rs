@@ -95,8 +95,8 @@ pub struct CarriedFusion<C> {
 }
 
 impl<C: Carrier> CarriedFusion<C> {
-    /// The end of the one that fuses, for a number of drones. Without a key nothing is signed, and
-    /// what is signed is refused.
+    /// Returns the fusing end, for a number of drones. Without a key nothing is signed, and signed
+    /// messages are refused.
     ///
     /// # Errors
     ///
@@ -217,9 +217,9 @@ impl<C: Carrier> FusionLink for CarriedFusion<C> {
 /// The session is a random number of the run of its sender, in 16 hexadecimal digits; the echo is
 /// the session of the run that it is meant for, 0 while that is not known. Only who has received
 /// something of this run can name it, so that what was recorded before it began is refused. The
-/// count grows by one with every message of a session; of those that come each counts once, in any
-/// order within the last 64 (RFC 4303, section 3.4.3). The signature is the HMAC-SHA-256 of
-/// channel, head and body with the key of the team, so that no message counts on another channel.
+/// count grows by one with every message of a session; each count is accepted once, in any order
+/// within the last 64 (RFC 4303, section 3.4.3). The signature is the HMAC-SHA-256 of channel, head
+/// and body with the key of the team, so that no message counts on another channel.
 ///
 /// A message with another echo is answered by one without a body that names this session: so two
 /// ends find each other again after either was restarted.
@@ -230,7 +230,7 @@ struct Envelope {
     count: u64,
     /// The run of the other end, once it has named ours.
     peer: Option<u64>,
-    /// Its runs before that.
+    /// Earlier runs of the other end.
     retired: Vec<u64>,
     window: Window,
     /// The sessions of those who do not know ours.

@@ -16,7 +16,7 @@ const MOST_SENT: usize = 256;
 /// Nanoseconds in a second.
 const BILLION: u32 = 1_000_000_000;
 
-/// Offset of a clock from that of the one that fuses.
+/// Offset of a clock from that of the fusing node.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ClockOffset {
@@ -36,7 +36,7 @@ pub struct ClockOffset {
 pub struct Echo {
     /// Time at which the drone sent it, by its own clock.
     pub sent: UnixTime,
-    /// Time at which it was received, by the clock of the one that fuses.
+    /// Time at which the status was received, by the clock of the fusing node.
     pub received: UnixTime,
 }
 

@@ -78,8 +78,8 @@ impl<L: DroneLink + ?Sized> DroneLink for Box<L> {
     }
 }
 
-/// The end of a link of the one that fuses: reports of all drones come in, orders go out to each.
-/// Nothing waits; whatever is sent may be lost, late or doubled.
+/// The fusing end of a link: reports of all drones come in, orders go out to each. Nothing waits;
+/// whatever is sent may be lost, late or doubled.
 ///
 /// A link that counts the reports of each drone that come over another one:
 ///
@@ -167,7 +167,7 @@ pub enum LinkError {
     /// It could not be set up.
     #[error("{over}: {what} cannot be set up: {reason}")]
     Open {
-        /// By what it goes.
+        /// Name of the layer that failed, such as MQTT.
         over: &'static str,
         /// The part that could not be set up, such as a topic.
         what: String,
@@ -177,7 +177,7 @@ pub enum LinkError {
     /// A message could not be sent, or one that came could not be read.
     #[error("{over}: {what}: {reason}")]
     Message {
-        /// By what it goes.
+        /// Name of the layer that failed, such as MQTT.
         over: &'static str,
         /// The topic.
         what: String,

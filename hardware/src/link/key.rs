@@ -23,7 +23,7 @@ const MOST_BYTES: u64 = 256;
 #[derive(Clone, PartialEq, Eq)]
 pub struct TeamKey([u8; BYTES]);
 
-/// Its digits are nobody's business.
+/// Hides the digits of the key.
 impl fmt::Debug for TeamKey {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("TeamKey(..)")
@@ -159,7 +159,7 @@ pub enum KeyError {
     Readable {
         /// The file.
         file: String,
-        /// Its mode.
+        /// Mode of the file.
         mode: u32,
     },
     /// The file holds no key.

@@ -57,7 +57,7 @@ impl FusionLink for MemoryFusion {
     }
 }
 
-/// A carrier of messages between a drone and the one that fuses as bytes, for [`CarriedDrone`] and
+/// A carrier of messages between a drone and the fusing node as bytes, for [`CarriedDrone`] and
 /// [`CarriedFusion`]. Nothing waits; whatever is sent may be lost, late, doubled or a stranger's.
 ///
 /// A carrier that records what comes over another one:

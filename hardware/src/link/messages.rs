@@ -13,7 +13,7 @@ use super::{ClockOffset, Echo, UnixTime};
 pub enum Report {
     /// Pose of the drone; several times a second.
     Pose {
-        /// Time of the pose, by the clock of the one that fuses.
+        /// Time of the pose, by the clock of the fusing node.
         at: UnixTime,
         /// The pose, in the hunt's own frame.
         pose: Pose,
@@ -30,8 +30,8 @@ pub enum Report {
 pub struct Delivery {
     /// The beacon.
     pub beacon: BeaconId,
-    /// End of the turn, by the clock of the one that fuses. A reception's own time is not sent: it
-    /// is this one, in seconds of whoever reads it.
+    /// End of the turn, by the clock of the fusing node. A reception's own time is not sent: it is
+    /// this one, in seconds of whoever reads it.
     pub ended: UnixTime,
     /// The reception, or why nothing was received.
     pub reception: Result<Reception, String>,
@@ -55,9 +55,9 @@ pub struct Order {
     /// Number that is larger for every order with another content, so that one that comes late is
     /// known; 0 stands for no order.
     pub number: u64,
-    /// Ordered place; `None` without an order so far: the drone stays where it is.
+    /// Ordered place; `None` without an order so far: the drone stays at its place.
     pub goal: Option<Waypoint>,
-    /// True if it shall land where it is.
+    /// True if the drone shall land at its present place.
     pub land: bool,
     /// True if one that stands ready shall take off.
     pub take_off: bool,
@@ -65,7 +65,8 @@ pub struct Order {
     pub leave: Leave,
     /// The turn that is ordered.
     pub turn: Turn,
-    /// The last of its deliveries that are safe with the one that fuses, and need not be repeated.
+    /// The last of the drone's deliveries that the fusing node has logged; these need not be
+    /// repeated.
     pub taken: Vec<Taken>,
     /// The last of its statuses that was received: for its clock.
     pub echo: Option<Echo>,
@@ -99,7 +100,7 @@ pub struct Turn {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Taken {
-    /// Its beacon.
+    /// Beacon of the delivery.
     pub beacon: BeaconId,
     /// End of its turn.
     pub ended: UnixTime,
@@ -109,7 +110,7 @@ pub struct Taken {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Status {
-    /// Time of the status, by the clock of the one that fuses as far as the drone knows it.
+    /// Time of the status, by the clock of the fusing node as far as the drone knows it.
     pub at: UnixTime,
     /// Time of the status by the drone's own clock; it comes back in the order's
     /// [`Echo`](super::Echo).
@@ -173,7 +174,7 @@ impl fmt::Display for Stage {
     }
 }
 
-/// State of a hunt, as the one that fuses shows it to whoever looks on.
+/// State of a hunt, as the fusing node shows it to whoever looks on.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct View {
     /// Time of the view.
@@ -189,9 +190,9 @@ pub struct View {
 /// Belief about a beacon.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BeaconView {
-    /// Its number in the hunt's list, from 0.
+    /// Number of the beacon in the hunt's list, from 0.
     pub number: u16,
-    /// Its name.
+    /// Name of the beacon.
     pub name: String,
     /// Estimate of its place, East and North in metres.
     pub estimate: Estimate<2>,

@@ -43,11 +43,11 @@ const MOST_PACKET_BYTES: usize = 16 << 20;
 pub struct MqttConfig {
     /// Name or address of the broker.
     pub host: String,
-    /// Its TCP port.
+    /// TCP port of the broker.
     pub port: u16,
     /// Beginning of all topics: teams that share a broker have different ones.
     pub prefix: String,
-    /// The name and the password at the broker, where it wants them.
+    /// Name and password at the broker; `None` if it wants neither.
     pub login: Option<(String, String)>,
 }
 
@@ -75,8 +75,8 @@ impl fmt::Debug for MqttConfig {
 /// One end of the traffic over an MQTT broker. It connects again whenever the broker is lost; what
 /// is sent meanwhile is lost.
 ///
-/// A drone sends on `PREFIX/drone_N/report` and receives on `PREFIX/drone_N/order`, the one that
-/// fuses the other way round, with quality of service 0.
+/// A drone sends on `PREFIX/drone_N/report` and receives on `PREFIX/drone_N/order`, the fusing node
+/// the other way round, with quality of service 0.
 pub struct MqttCarrier {
     client: Client,
     prefix: String,
@@ -129,8 +129,7 @@ impl MqttCarrier {
         Self::join(config, &format!("drone_{drone}"), ("report", "order"), drone, 1)
     }
 
-    /// Joins as the one that fuses, for a number of drones. A broker that is not there is waited
-    /// for.
+    /// Joins as the fusing node, for a number of drones. A broker that is not there is waited for.
     ///
     /// # Errors
     ///

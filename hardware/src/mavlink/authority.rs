@@ -44,7 +44,7 @@ pub(super) struct Seen<'a> {
     pub(super) failsafe: bool,
     /// True if the order to climb was accepted, and it is not up yet.
     pub(super) climbs: bool,
-    /// Its height above its launch place, in metres.
+    /// Height of the vehicle above its launch place, in metres.
     pub(super) up_m: f64,
     /// True if it is as high as its take-off was to bring it.
     pub(super) climbed: bool,
@@ -174,7 +174,7 @@ impl Authority {
         self.pending.push(mode);
     }
 
-    /// Its pilot says that it may take off again.
+    /// Notes the pilot's consent to another take-off.
     pub(super) fn clear_to_take_off(&mut self) {
         if self.hands == Hands::Grounded {
             self.rest();

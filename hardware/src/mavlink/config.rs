@@ -25,8 +25,8 @@ pub struct MavlinkConfig {
     /// Firmware of the autopilot; where absent, that of its heartbeat.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub autopilot: Option<Autopilot>,
-    /// Its system number (SYSID_THISMAV, MAV_SYS_ID); where absent, that of the first autopilot
-    /// received.
+    /// System number of the autopilot (SYSID_THISMAV, MAV_SYS_ID); if absent, that of the first
+    /// autopilot received.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub system_id: Option<u8>,
     /// Our own (SYSID_MYGCS).
@@ -35,8 +35,8 @@ pub struct MavlinkConfig {
     /// place where this drone first has a good position: for a drone that flies alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub origin: Option<MavlinkOrigin>,
-    /// True if nothing is ever sent to it, no heartbeat and no question either: it is flown by
-    /// others, and what it sends them is all that is known of it.
+    /// True if nothing is ever sent to the autopilot, no heartbeat and no question either: others
+    /// fly it, and its messages to them are the only source of its state.
     pub listen_only: bool,
     /// Speed over ground that it is ordered to fly at, in metres per second; as it is set up where
     /// absent.
@@ -72,7 +72,7 @@ pub struct MavlinkConfig {
     pub turn_rate_deg_s: f64,
     /// Difference from an ordered heading within which it has turned, in degrees.
     pub heading_tolerance_deg: f64,
-    /// Limits of the places where it may be sent.
+    /// Limits of the places to which the vehicle may be sent.
     pub limits: FlightLimits,
     /// Requirements on its position for a take-off.
     pub position: PositionRequirements,

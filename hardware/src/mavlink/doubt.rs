@@ -9,7 +9,7 @@ use foxhunt_wire::mavlink::{
 
 use super::reports::is_good_news;
 
-/// Signs that the place or the heading of an aircraft in flight is not what it reports.
+/// Signs that the place or the heading of an aircraft in flight differs from its reports.
 ///
 /// A place that is false once is not shown to be true again by anything that the autopilot reports:
 /// ArduCopter calls a glitch cleared when it has taken the new place. So doubt outlasts its last
@@ -107,7 +107,7 @@ impl Doubt {
         (now < self.until).then_some(self.why.as_str())
     }
 
-    /// Takes a sign; the one that counts longest is told.
+    /// Takes a sign; the longest-lasting sign is told.
     fn sign(&mut self, now: f64, lasts_s: f64, why: String) {
         let until = now + lasts_s;
         if until >= self.until {

@@ -18,18 +18,18 @@ pub enum MavlinkError {
         /// The configured limit.
         limit_s: f64,
     },
-    /// It does not know well enough where it is.
+    /// The autopilot does not know its place well enough.
     #[error("no good position: {why}")]
     Position {
         /// Reason why it is not good enough.
         why: String,
     },
-    /// Its last report is too old.
+    /// The last report of the autopilot is too old.
     #[error("{}; the limit is {limit_s} s", aged(what, *age_s))]
     Stale {
         /// The message.
         what: &'static str,
-        /// Its age in seconds; infinite if it never came.
+        /// Age of the message in seconds; infinite if it never came.
         age_s: f64,
         /// The configured limit.
         limit_s: f64,
@@ -62,9 +62,9 @@ pub enum MavlinkError {
          fence_radius_m is {fence_radius_m}"
     )]
     Radius {
-        /// Its East.
+        /// East of the goal, in metres.
         east_m: f64,
-        /// Its North.
+        /// North of the goal, in metres.
         north_m: f64,
         /// Distance of the goal from the launch place.
         distance_m: f64,
@@ -92,11 +92,11 @@ pub enum MavlinkError {
     /// The goal is no place.
     #[error("the goal ({east_m}, {north_m}, {up_m}) m is not finite")]
     Goal {
-        /// Its East.
+        /// East of the goal, in metres.
         east_m: f64,
-        /// Its North.
+        /// North of the goal, in metres.
         north_m: f64,
-        /// Its Up.
+        /// Up of the goal, in metres.
         up_m: f64,
     },
     /// Too fast a turn, or a rate that is not a number.

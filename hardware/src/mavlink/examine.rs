@@ -20,9 +20,9 @@ const MOST_PAUSES: u32 = 1_000_000;
 const LOW_BATTERY: f64 = 0.3;
 
 impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
-    /// Looks at the autopilot: who it is, its mode, its position, home, battery, what keeps it from
-    /// arming and what it does when something fails. Nothing is ordered that moves anything.
-    /// `pause` is called while it waits.
+    /// Looks at the autopilot: its identity, mode, position, home and battery, its hindrances to
+    /// arming and its failsafes. Nothing is ordered that moves anything. `pause` is called while it
+    /// waits.
     pub fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding> {
         let mut findings = Vec::new();
         let met = self.wait(HEARTBEAT_S, pause, |vehicle| vehicle.telemetry.heartbeat.is_some());

@@ -47,7 +47,7 @@ const PX4: [Failsafe; 3] = [
     },
 ];
 
-/// Parameters that are read besides, and those that only some versions have.
+/// Parameters that are read besides, and parameters of some versions only.
 const ARDUPILOT_ALSO: [&str; 11] = [
     "FS_GCS_ENABLE",
     "FENCE_ENABLE",

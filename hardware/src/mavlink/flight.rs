@@ -97,8 +97,8 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         }
     }
 
-    /// Notices that somebody has chosen another mode before a heartbeat could show the one that was
-    /// ordered and accepted.
+    /// Notices that somebody has chosen another mode before a heartbeat could show the ordered and
+    /// accepted mode.
     fn notice_ignored(&mut self, mode: FlightMode) {
         let accepted = self.order.as_ref().filter(|order| order.accepted());
         let target = accepted.and_then(|order| order.mode(mode.autopilot));

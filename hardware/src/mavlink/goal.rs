@@ -160,8 +160,8 @@ fn is_there(over_ground: f64, up: f64) -> bool {
 }
 
 impl Goal {
-    /// Returns true if a target is the one that the autopilot had before this goal, which it may
-    /// not have received, or refuses.
+    /// Returns true if a target equals the autopilot's target before this goal, which it may not
+    /// have received, or refuses.
     fn is_still_before(&self, target: &Vector3<f64>) -> bool {
         !self.confirmed
             && self.before.is_some_and(|before| {

@@ -115,7 +115,7 @@ impl GroundReports {
         (value.is_finite() && value >= 0.0).then_some(Timed { at: beam.at, value })
     }
 
-    /// Its height above the terrain that it has.
+    /// Returns the vehicle's height above the terrain of its autopilot.
     fn terrain(&self, now: f64) -> Option<Timed<f64>> {
         let known = |of: Option<Timed<f64>>| of.and_then(|of| fresh(now, of));
         known(self.report).or_else(|| known(self.altitude))

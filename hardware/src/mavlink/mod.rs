@@ -63,9 +63,9 @@ const LANDED_S: f64 = 3.0;
 /// too, so that its failsafe acts. Orders that change its mode or its motors follow one of its
 /// heartbeats within half a second. It is ours again when the pilot has given the mode back
 /// (GUIDED; with PX4 HOLD, where the caller knows that) *and* [`take_over`](Self::take_over) is
-/// called; it then stays where it is until it is sent somewhere. Where another station sends it
-/// elsewhere in GUIDED, it is that station's until its mode has been another one. What lands or
-/// returns without our order is left to do so, and stays down until its pilot [clears
+/// called; it then hovers until the next goal. If another station sends it elsewhere in GUIDED, it
+/// is that station's until its mode has been another one. A vehicle that lands or returns without
+/// our order is left to do so, and stays down until its pilot [clears
 /// it](crate::Aircraft::clear_to_take_off) or sets GUIDED on the ground.
 #[derive(Debug)]
 pub struct MavlinkVehicle<S, C> {
@@ -75,7 +75,7 @@ pub struct MavlinkVehicle<S, C> {
     telemetry: Telemetry,
     streams: Option<Streams>,
     frame: Option<CommonFrame>,
-    /// Its place at take-off, for an autopilot that does not send its home.
+    /// Place of the vehicle at take-off, for an autopilot that does not send its home.
     launch: Option<Vector3<f64>>,
     phase: Phase,
     ordered: Ordered,
@@ -131,7 +131,7 @@ pub struct RadioStatus {
 /// The newest of each message of the autopilot.
 #[derive(Debug, Default)]
 struct Telemetry {
-    /// Its system, its component and its firmware.
+    /// System, component and firmware of the autopilot.
     who: Option<(u8, u8, Autopilot)>,
     /// Time of its last message.
     last: Option<f64>,
@@ -146,7 +146,7 @@ struct Telemetry {
     status: Option<Timed<SYS_STATUS_DATA>>,
     home: Option<Timed<HOME_POSITION_DATA>>,
     target: Option<Timed<POSITION_TARGET_GLOBAL_INT_DATA>>,
-    /// Its place and its target in the frame of its own estimator.
+    /// Place and target of the vehicle in the frame of its own estimator.
     local: Option<Timed<LOCAL_POSITION_NED_DATA>>,
     local_target: Option<Timed<POSITION_TARGET_LOCAL_NED_DATA>>,
     landed: Option<Timed<MavLandedState>>,

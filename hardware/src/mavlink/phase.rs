@@ -46,11 +46,11 @@ pub(super) enum Phase {
     Idle,
     /// On its way up to `up` metres; at this stage since then.
     TakingOff { up: f64, stage: Stage, since: f64 },
-    /// In the mode of our orders, going where it is sent.
+    /// In the mode of our orders, flying to the goal.
     Flying,
     /// It is requested to take the mode of our orders again.
     TakingOver,
-    /// Landing where it is.
+    /// Landing at the present place.
     Landing,
     /// Coming back by its own rules.
     Returning,
@@ -61,7 +61,7 @@ pub(super) enum Phase {
 pub(super) enum Ordered {
     #[default]
     Nothing,
-    /// Its motors were to run.
+    /// The motors were to run.
     Arm,
     /// It was to climb, and may do so.
     Climb,
@@ -82,7 +82,7 @@ pub(super) enum Stage {
     Command,
 }
 
-/// Its ordered place and heading.
+/// Ordered place and heading of the vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Goal {
     /// In metres of the common frame.

@@ -34,7 +34,7 @@ const PX4_BAD: [(u16, &str); 1] = [(0x0400, "finds that its GPS jumps")];
 /// Oldest report that is judged, in seconds.
 const OLD_S: f64 = 5.0;
 
-/// Checks that the autopilot's estimator knows where it is; the error names what its flags lack.
+/// Checks that the autopilot's estimator knows its place; the error names the missing flags.
 pub(super) fn estimator(telemetry: &Telemetry, now: f64) -> Result<(), String> {
     let autopilot = telemetry.autopilot();
     let (needed, bad): (_, &[(u16, &str)]) = match autopilot {
@@ -122,7 +122,7 @@ const RANGE_SIGMA_M: f64 = 2.5;
 /// Growth of σ of a place while nothing is received of it, in metres per second.
 const DRIFT_MPS: f64 = 2.0;
 
-/// σ of East, North and Up in metres, as the GPS has them; `None` where it sends nothing.
+/// σ of East, North and Up in metres, as the GPS has them; `None` if it sends nothing.
 ///
 /// An accuracy that the receiver reports is taken for each axis. Without one, dilution of precision
 /// times σ of a range, which RTK makes smaller. Without a fix in space everything is ten times

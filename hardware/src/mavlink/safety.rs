@@ -41,7 +41,7 @@ struct Copter {
     north_m: f64,
     yaw: f32,
     speaks: bool,
-    /// Its heartbeats are lost, and nothing else.
+    /// True if the copter's heartbeats are lost, and nothing else.
     beatless: bool,
     /// Number of heartbeats that have come.
     beats: usize,
@@ -49,7 +49,7 @@ struct Copter {
     /// The orders that came, with their first parameter.
     orders: Vec<(MavCmd, u32)>,
     goals: usize,
-    /// Its reported target: the last set-point, `moved_m` metres further north.
+    /// Reported target of the copter: the last set-point, `moved_m` metres further north.
     target: Option<POSITION_TARGET_GLOBAL_INT_DATA>,
     moved_m: f64,
 }
@@ -437,7 +437,7 @@ fn another_station_that_sends_it_elsewhere_has_it() {
     assert!(field.run(3.0).commanded);
 }
 
-/// Its set-points alternate with ours, and it is pulled to and fro between both.
+/// The other station's set-points alternate with ours, and the copter is pulled to and fro.
 #[test]
 fn another_station_whose_orders_alternate_with_ours_has_it() {
     let mut field = copter();

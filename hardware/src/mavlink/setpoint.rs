@@ -76,7 +76,7 @@ pub(super) fn message(
 /// place. Components that it was given no target of are not finite.
 ///
 /// PX4's POSITION_TARGET_GLOBAL_INT holds the target of its own modes, in OFFBOARD an old one; its
-/// POSITION_TARGET_LOCAL_NED holds what it flies to, and counts from the zero of its estimator.
+/// POSITION_TARGET_LOCAL_NED holds the present target, and counts from the zero of its estimator.
 /// That zero is found by its place, which it reports in both frames.
 pub(super) fn target(
     frame: &CommonFrame,

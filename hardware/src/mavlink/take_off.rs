@@ -148,8 +148,8 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         }
     }
 
-    /// Sets the goal after the climb: above where it stands. It is left as it is while no fresh
-    /// pose arrives.
+    /// Sets the goal after the climb: above the present place. The goal is left as it is while no
+    /// fresh pose arrives.
     fn first_goal(&mut self, now: f64, up: f64) -> Result<(), MavlinkError> {
         let Ok(pose) = self.fresh_pose(now) else { return Ok(()) };
         let [east, north] = pose.position.xy().into();
@@ -285,7 +285,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         self.unready(now)
     }
 
-    /// Its last warning, or what the link has to tell, for a while.
+    /// Returns the autopilot's last warning, or news of the link, for a while.
     fn warning(&self, now: f64) -> Option<String> {
         let since = now - SHOWN_S;
         let change = self.link.change().filter(|change| change.at >= since);

@@ -60,7 +60,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
 
     /// Sets when the clock was 0, in seconds of UNIX time
     /// ([`SystemClock::started_unix_s`](crate::SystemClock::started_unix_s)): signatures carry the
-    /// time, and autopilots refuse those that are a minute old.
+    /// time, and autopilots refuse a signature that is a minute old.
     #[must_use]
     pub fn with_clock_origin(mut self, unix_s: f64) -> Self {
         self.link.clock_origin_unix_s = unix_s;
@@ -75,9 +75,9 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         self
     }
 
-    /// Takes it over again after the pilot or a lost link had it. It stays where it is until it is
-    /// sent somewhere, or until it is ordered to take off. Without effect while it is ours, and
-    /// while it comes down by our order.
+    /// Takes the vehicle over again after the pilot or a lost link had it. The vehicle hovers until
+    /// the next goal or the next order to take off. Without effect while it is ours, and while it
+    /// comes down by our order.
     ///
     /// # Errors
     ///
@@ -137,8 +137,8 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         self.advance(now)
     }
 
-    /// Returns true if the nose is where it was ordered to, within the configured tolerance;
-    /// `false` while it turns at a rate.
+    /// Returns true if the nose points as ordered, within the configured tolerance; `false` while
+    /// it turns at a rate.
     ///
     /// # Errors
     ///
@@ -270,7 +270,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         }
     }
 
-    /// The present goal, where it is ours to set another one.
+    /// Returns the present goal, if it is ours to set another one.
     pub(super) fn commanded_goal(&self, now: f64) -> Result<Goal, MavlinkError> {
         self.check_link(now)?;
         match (&self.phase, self.goal) {
@@ -279,7 +279,8 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         }
     }
 
-    /// Its launch place in the common frame: what it calls home, or where it stood.
+    /// Returns the launch place in the common frame: the autopilot's home, or the place at
+    /// take-off.
     pub(super) fn launch_place(&self) -> Option<Vector3<f64>> {
         let home = self.telemetry.home.as_ref().map(|home| &home.value);
         let known = home.zip(self.frame).map(|(home, frame)| {
@@ -326,9 +327,9 @@ impl<S: ByteStream, C: Clock> Vehicle for MavlinkVehicle<S, C> {
         self.advance(now)
     }
 
-    /// Lands it where it is, and ends a take-off for good. During a lost link that may be ordered
-    /// as well: it is sent when a heartbeat shows that nobody else has it. Not while a pilot has
-    /// it.
+    /// Lands the vehicle at its present place, and ends a take-off for good. During a lost link
+    /// that may be ordered as well: it is sent when a heartbeat shows that nobody else has the
+    /// vehicle. Not while a pilot has it.
     fn land(&mut self) -> Result<(), MavlinkError> {
         self.come_down(Phase::Landing)
     }

@@ -300,7 +300,7 @@ pub enum RtlTcpRadioError {
         /// For how long.
         seconds: f64,
     },
-    /// Its samples cannot be searched for pulses.
+    /// The samples cannot be searched for pulses.
     #[error("rtl_tcp: pulses: {0}")]
     Pulses(#[source] DetectorError),
     /// There is no such beacon.
@@ -320,7 +320,7 @@ pub enum KrakenSourceError<V> {
     /// The connection failed.
     #[error("KrakenSDR: {0}")]
     Stream(#[source] io::Error),
-    /// Its server does not send the page.
+    /// The `KrakenSDR`'s server does not send the page.
     #[error("KrakenSDR: {0}")]
     Http(#[source] HttpError),
     /// The page did not come in time.

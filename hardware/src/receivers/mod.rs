@@ -44,7 +44,7 @@ pub struct SampleLosses {
 /// Silence of a stream that brings nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Silence {
-    /// Its length in seconds.
+    /// Duration of the silence, in seconds.
     seconds: f64,
     /// True if the stream is to be opened again now.
     renews: bool,

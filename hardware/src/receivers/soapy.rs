@@ -24,7 +24,7 @@ const LEAST_GAP: f64 = 2.0;
 pub struct SoapyTuning {
     /// The receiver's name, as `SoapySDR` writes it: `driver=airspy,serial=...`.
     pub device: String,
-    /// Its channel.
+    /// Channel of the receiver.
     pub channel: usize,
     /// The frequency in the middle, in Hz.
     pub center_hz: f64,
@@ -76,7 +76,7 @@ impl SoapyTuning {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SoapyError {
-    /// Something in the tuning cannot be what it is.
+    /// A field of the tuning is invalid.
     #[error(transparent)]
     Tuning(#[from] FieldError),
     /// It cannot be opened or set.
@@ -222,9 +222,9 @@ impl<C: Clock> SoapySamples<C> {
         self.placement.timeline().time_of(index)
     }
 
-    /// Replaces what is in `samples` by those that have come, and returns the index of the first;
-    /// `None` where there is nothing now. There is no gap inside. To be called until there is
-    /// nothing, and often.
+    /// Replaces the contents of `samples` by the samples received, and returns the index of the
+    /// first; `None` if there are none now. There is no gap inside. To be called until it returns
+    /// `None`, and often.
     ///
     /// # Errors
     ///
@@ -267,7 +267,7 @@ impl<C: Clock> SoapySamples<C> {
         Ok(first)
     }
 
-    /// Compares the timestamp of what has come with the one that was due.
+    /// Compares the timestamp of the samples received with the expected one, and counts a loss.
     fn place(&mut self, count: usize) {
         let Some(stream) = self.stream.as_ref().filter(|_| self.has_time) else { return };
         #[expect(clippy::cast_precision_loss, reason = "nanoseconds of a gap, samples of a chunk")]

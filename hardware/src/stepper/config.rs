@@ -50,8 +50,8 @@ pub struct FirmataConfig {
     pub beyond_cable: BeyondCable,
     /// Source of the antenna's direction at the beginning.
     pub homing: Homing,
-    /// True if the antenna is taken to look where it did after the Arduino was reset while it
-    /// stood: right as long as nobody turned it meanwhile.
+    /// True if the antenna is taken to keep its direction when the Arduino is reset while it
+    /// stands: right as long as nobody turned it meanwhile.
     pub trust_after_reset: bool,
     /// Time for which the antenna swings after a move, in seconds.
     pub settle_s: f64,

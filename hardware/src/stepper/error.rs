@@ -28,7 +28,7 @@ pub enum FirmataStepperError {
     /// There is Firmata, and it knows no steppers.
     #[error("the firmware {firmware:?} does not answer messages of a stepper: {why}")]
     NoStepper {
-        /// Its own name.
+        /// Name that the firmware reports.
         firmware: String,
         /// Reason, as far as it is known.
         why: MissingStepper,
@@ -106,13 +106,13 @@ pub enum LostPosition {
     Reset,
     /// The Arduino fell silent while it turned.
     Silent,
-    /// It was reported where it was not sent: an order was garbled.
+    /// The reported position is off the ordered move: an order was garbled.
     Astray,
-    /// Its count was set to 0, which was not ordered.
+    /// The device's count was set to 0, which was not ordered.
     Zeroed,
     /// A move ended sooner than the motor turns.
     TooFast,
-    /// Its coils do not have the levels of the reported position.
+    /// The coils do not have the levels of the reported position.
     Coils,
 }
 
@@ -142,7 +142,7 @@ impl fmt::Display for MissingStepper {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum CoilFailure {
-    /// Their levels were not reported.
+    /// The pins' levels were not reported.
     Silent,
     /// They did not have the levels of the motor's first step.
     Wrong,

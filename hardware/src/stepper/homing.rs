@@ -14,7 +14,7 @@ const LEAVE_TURNS: f64 = 0.25;
 const LOOK_S: f64 = 0.02;
 
 impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
-    /// Has it look for its home switch again; then it goes where it was last sent.
+    /// Has the stepper look for its home switch again; then it goes to its last ordered direction.
     ///
     /// # Errors
     ///
@@ -100,7 +100,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         }
     }
 
-    /// Requests the switch's level where it is due.
+    /// Requests the switch's level if it is due.
     pub(super) fn look(&mut self, now: f64) -> Result<(), FirmataStepperError> {
         let patience = self.config.answer_timeout_s;
         let wait = match &mut self.phase {

@@ -40,9 +40,9 @@ const MONITOR_S: f64 = 0.1;
 /// An antenna on a stepper motor behind Firmata: ConfigurableFirmata's AccelStepper, or the
 /// firmware in `hardware/firmware`.
 ///
-/// It sets its Arduino up by itself, again whenever that was reset or plugged in, and then
-/// goes where it was last ordered. Targets are exact fractions of a turn, rounded once, so that
-/// turns do not add up to a drift. Messages that were lost on the way are made good by queries.
+/// It sets its Arduino up by itself, again whenever that was reset or plugged in, and then goes to
+/// its last ordered direction. Targets are exact fractions of a turn, rounded once, so that turns
+/// do not add up to a drift. Messages that were lost on the way are made good by queries.
 ///
 /// Firmata has no checksum. A position is believed if it is one that the order and the motor's
 /// speed allow, and once the levels of the coils' pins are those of it; otherwise the motor is
@@ -97,11 +97,11 @@ enum Phase {
     Greeting(Wait),
     /// Set up; waiting for the report that it stands at its own 0.
     Arranging(Wait),
-    /// Waiting for the report where it stands, after the link was broken.
+    /// Waiting for the report of the position, after the link was broken.
     Checking(Wait),
     /// Making its first step, which shows that its coils follow.
     Aligning(Leg),
-    /// Waiting for reports that confirm where it stands.
+    /// Waiting for reports that confirm the position.
     Confirming(Confirming),
     Homing(Stage),
     Moving {
@@ -204,7 +204,7 @@ enum Stage {
     },
     /// Turning backwards until it closes.
     Seeking(Leg),
-    /// Stopping there; where it would have been given up.
+    /// Stopping at the closed switch; the position at which the search would have been given up.
     Stopping(Leg, i64),
     /// Going forwards by a step; how many there were.
     Leaving(Leg, u64),
@@ -361,7 +361,7 @@ struct Leg {
     ends_at: f64,
     query_at: f64,
     deadline: f64,
-    /// Its last reported position.
+    /// Last reported position of the motor.
     last: Option<i64>,
     /// True if a report was elsewhere than at the Arduino's 0.
     stirred: bool,
@@ -388,13 +388,13 @@ enum Due {
 enum Seen {
     /// It is on its way.
     Going,
-    /// It is where it was sent, or stands after a stop.
+    /// The motor is at its target, or stands after a stop.
     Complete,
     /// It stands elsewhere on its way.
     Short,
     /// It is where this move does not lead, or sooner than it can be.
     Astray,
-    /// Its count was set to 0, which nobody ordered.
+    /// The device's count was set to 0, which nobody ordered.
     Zeroed,
     /// The move has ended sooner than the motor turns.
     TooFast,

@@ -51,7 +51,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         self.phase = Phase::Standing { settled, watch_at };
     }
 
-    /// Goes where it was last sent, if it is known where it is.
+    /// Goes to the last ordered direction, if the present position is known.
     pub(super) fn go_on(&mut self, now: f64) -> Result<(), FirmataStepperError> {
         if self.coil_failure.is_some() {
             return Ok(());
@@ -220,7 +220,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
 
     /// Takes the speed from a motor that was stopped: AccelStepper keeps it, and goes on by as much
     /// as it would take to stop before it turns round. Without a ramp it takes no step to stop, so
-    /// that an order to where it stands ends its move.
+    /// that an order to its present position ends its move.
     pub(super) fn calm(&mut self) -> Result<(), FirmataStepperError> {
         if !self.has_ramp() {
             return Ok(());

@@ -25,8 +25,8 @@ const MOST_SILENT: f64 = 3.0;
 const MOST_UNANSWERED: u32 = 4;
 
 impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
-    /// The Arduino was reset, or plugged in again, or fell silent: it is set up again, and has
-    /// forgotten where it was.
+    /// The Arduino was reset, or plugged in again, or fell silent: it is set up again, and has lost
+    /// its position.
     pub(super) fn was_reset(&mut self, now: f64) {
         match self.phase {
             // Nothing was known of it yet that it could forget.

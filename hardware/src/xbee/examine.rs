@@ -12,8 +12,9 @@ const SLOW_S: f64 = 0.012;
 const PAUSES: u32 = 1_000_000;
 
 impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
-    /// Looks at the radio and queries every beacon some times: what it is, what it receives now,
-    /// how quick its port is. `pause` is called while it waits, and has to let a little time pass.
+    /// Looks at the radio and queries every beacon some times: the radio's identity, its present
+    /// receptions, the speed of its port. `pause` is called while it waits, and has to let a little
+    /// time pass.
     pub fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding> {
         let longest = Setup::longest(self.config.setup_timeout_s);
         let begun = self.clock.now();

@@ -118,7 +118,7 @@ impl XbeeConfig {
 /// Identity that a radio reported when it was set up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct XbeeIdentity {
-    /// Its API mode.
+    /// API mode of the radio.
     pub mode: ApiMode,
     /// The firmware's version, `VR`.
     pub firmware: u16,
@@ -126,7 +126,7 @@ pub struct XbeeIdentity {
     pub hardware: u16,
     /// The firmware's protocol on the air.
     pub protocol: Protocol,
-    /// Its address, `SH` and `SL`.
+    /// Address of the radio, `SH` and `SL`.
     pub address: Address64,
 }
 
@@ -160,7 +160,7 @@ pub enum XbeeError {
          escapes), or with +++, ATAP 1, ATWR in a terminal"
     )]
     Mode {
-        /// Its mode.
+        /// API mode of the radio, `AP`.
         ap: u8,
     },
     /// It refuses a question about itself.
@@ -171,15 +171,15 @@ pub enum XbeeError {
         /// Status that it returned.
         status: AtStatus,
     },
-    /// Its firmware has no such query.
+    /// The firmware has no such query.
     #[error("an XBee with {protocol} firmware cannot be used with question {question:?}")]
     Question {
-        /// Its firmware's protocol on the air.
+        /// Protocol of the firmware on the air.
         protocol: Protocol,
         /// The query.
         question: XbeeQuestion,
     },
-    /// Its firmware knows no such addresses.
+    /// The firmware knows no such addresses.
     #[error(
         "beacon address {address} is of 16 bits, which DigiMesh firmware does not have: use SH \
          and SL"

@@ -46,7 +46,7 @@ impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
         })
     }
 
-    /// Its identity; `None` while it is not set up.
+    /// Returns the identity of the radio; `None` while it is not set up.
     #[must_use]
     pub fn identity(&self) -> Option<XbeeIdentity> {
         match self.state {
@@ -329,8 +329,8 @@ impl<S: ByteStream, C: Clock> Radio for XbeeRadio<S, C> {
     }
 }
 
-/// A packet that came over the air: from whom, what it brought, and its power in −dBm where the
-/// frame reports that.
+/// A packet that came over the air: its sender, its data, and its power in −dBm if the frame
+/// reports that.
 struct Packet<'a> {
     from64: Option<Address64>,
     from16: Option<Address16>,

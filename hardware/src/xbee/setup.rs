@@ -38,7 +38,7 @@ pub(super) struct Setup {
 enum Step {
     /// The question of this number is next.
     Query { question: usize, attempts: u8 },
-    /// Its answer is waited for until then.
+    /// The answer to a question is waited for until then.
     Listen { question: usize, attempts: u8, id: u8, until: f64 },
     /// It sends nothing: the line is left quiet until then, so that it takes `+++` for a command.
     Quiet { until: f64 },

@@ -90,7 +90,7 @@ impl BeaconCourse {
 struct Leg {
     from: Vector2<f64>,
     to: Vector2<f64>,
-    /// Its length in metres.
+    /// Length of the line in metres.
     length: f64,
     /// The length of the part that is done, in metres.
     left: f64,
@@ -102,7 +102,7 @@ struct Leg {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BeaconConfig {
-    /// Its name, for people.
+    /// Name of the beacon, for people.
     pub name: String,
     /// East in metres.
     pub east_m: f64,
@@ -111,7 +111,7 @@ pub struct BeaconConfig {
     /// Height in metres; 0, on the ground, unless given.
     #[serde(default)]
     pub up_m: f64,
-    /// Its motion; if absent, the beacon does not move.
+    /// Motion of the beacon; if absent, the beacon does not move.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub course: Option<BeaconCourse>,
     /// σ of its East and its North at the time 0 about `east_m` and `north_m`, in metres: every
@@ -188,8 +188,8 @@ impl PulseTrain {
 }
 
 impl BeaconConfig {
-    /// The beacon's place after `time` seconds: East, North and Up in metres; the middle of its
-    /// scatter where it has one ([`drawn_beacons`](crate::WorldConfig::drawn_beacons)).
+    /// Returns the beacon's place after `time` seconds: East, North and Up in metres; the middle of
+    /// its scatter if it has one ([`drawn_beacons`](crate::WorldConfig::drawn_beacons)).
     #[must_use]
     pub fn place_at(&self, time: f64) -> Vector3<f64> {
         let start = Vector2::new(self.east_m, self.north_m);
@@ -225,7 +225,7 @@ impl BeaconConfig {
         self.pulses.map_or(time + latency, |pulses| pulses.end_after(time))
     }
 
-    /// Returns true if it sends at a time where it is listened to without a request.
+    /// Returns true if the beacon sends at the time `time`, listened to without a request.
     pub(crate) fn sends_at(&self, time: f64) -> bool {
         let on_air = |pulses: PulseTrain| pulses.end_after(time) - pulses.pulse_s <= time;
         self.answers_at(time) && self.pulses.is_none_or(on_air)
@@ -244,8 +244,8 @@ impl BeaconConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DipoleConfig {
-    /// Its strength, in milliampere square metres: 6.3 for the least that EN 300 718-1 demands of
-    /// an avalanche beacon, 0.5 µA/m abeam 10 m off.
+    /// Strength of the dipole, in milliampere square metres: 6.3 for the least that EN 300 718-1
+    /// demands of an avalanche beacon, 0.5 µA/m abeam 10 m off.
     pub moment_ma_m2: f64,
     /// Azimuth of the coil, in degrees counter-clockwise from East; 0 unless given.
     #[serde(default)]
@@ -256,7 +256,7 @@ pub struct DipoleConfig {
 }
 
 impl DipoleConfig {
-    /// Its East, North and Up, in milliampere square metres.
+    /// Returns the East, North and Up of the moment, in milliampere square metres.
     #[must_use]
     pub fn moment(&self) -> Vector3<f64> {
         let (sin, cos) = self.azimuth_deg_ccw_from_east.to_radians().sin_cos();

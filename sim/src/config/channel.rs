@@ -145,8 +145,8 @@ impl ShadowingConfig {
 
 /// Something that reflects every beacon's signal to every drone: a wall, a mast, a car.
 ///
-/// Its wave comes from where it is. Its phase follows from how much longer the way over it is, so
-/// the level at a moving drone beats within half a wavelength.
+/// The reflected wave comes from the reflector's place. Its phase follows from the extra length of
+/// its way, so the level at a moving drone beats within half a wavelength.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReflectorConfig {
@@ -219,7 +219,7 @@ pub struct DeadZoneConfig {
     pub east_m: f64,
     /// North of its centre in metres.
     pub north_m: f64,
-    /// Its radius over ground in metres.
+    /// Radius of the zone over ground in metres.
     pub radius_m: f64,
 }
 

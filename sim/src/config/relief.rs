@@ -138,8 +138,8 @@ impl ReliefConfig {
         Ok(())
     }
 
-    /// Builds the loss over it; `frequency_mhz` is what it is computed with unless it has its own.
-    /// Tiles are read when it, or a copy of it, is built for the first time.
+    /// Builds the loss over the terrain, computed with `frequency_mhz` unless the configuration has
+    /// its own. Tiles are read when it, or a copy of it, is built for the first time.
     ///
     /// # Errors
     ///
@@ -161,7 +161,7 @@ impl ReliefConfig {
         Ok(TerrainLoss::new(terrain, wavelength).map_err(FieldError::from)?)
     }
 
-    /// The terrain of some tiles, unless they are those that were read before.
+    /// Returns the terrain of some tiles; reads them unless they were read before.
     fn read(&self, tiles: Tiles) -> Result<SharedTerrain, ReliefError> {
         if let Some((known, terrain)) = self.read.0.get()
             && *known == tiles

@@ -61,8 +61,8 @@ pub struct DroneConfig {
     /// Further times when its radio receives nothing.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub silent: Vec<Interval>,
-    /// Times when it hovers where it is; orders that come meanwhile wait until the end, the last
-    /// one alone. It turns all the same.
+    /// Times when the drone hovers at its place; orders that come meanwhile wait until the end, the
+    /// last one alone. It turns all the same.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stuck: Vec<Interval>,
     /// Times without any link to it: it reports no pose and takes no order, and flies on to where
@@ -131,7 +131,7 @@ impl WorldConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Interval {
-    /// Its first second.
+    /// First second of the interval.
     pub from_s: f64,
     /// The second at which it is over; if absent, it never is.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -69,7 +69,7 @@ impl OnBoard {
         })
     }
 
-    /// Its clock, which may go ahead of the world's.
+    /// Returns the drone's clock, which may go ahead of the world's.
     fn clock(&self) -> SimClock {
         SimClock { truth: Rc::clone(&self.truth), drone: Some(self.drone) }
     }
@@ -230,7 +230,7 @@ impl Spinner for SimVehicle {
 }
 
 /// A simulated receiver whose sweeps hold no samples but quantities of the beacon's next pulse;
-/// nothing where it does not reach the receiver.
+/// nothing if it does not reach the receiver.
 ///
 /// One of three axes measures the magnetic field, in [`MagneticDipole::QUANTITIES`], up to its
 /// sign; one that shares its clock with a reference receiver the range difference, in

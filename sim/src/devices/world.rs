@@ -122,7 +122,7 @@ impl World {
         self.truth.borrow_mut().free = Free { until, step: dt };
     }
 
-    /// Returns true if every drone stays where it is until it is sent somewhere.
+    /// Returns true if every drone stays at its place until its next order.
     #[must_use]
     pub fn rests(&self) -> bool {
         self.truth.borrow().rests()
@@ -215,7 +215,7 @@ impl World {
 
     /// Puts a drone where something outside of the world flies it: its antenna and its radio go
     /// along, and orders of this world move it no more. Over terrain its Up counts from the ground
-    /// where it is put first.
+    /// below its first place.
     ///
     /// # Errors
     ///
@@ -231,15 +231,15 @@ impl World {
         Ok(())
     }
 
-    /// One sample of a beacon through an antenna on a drone, now, in dBm; `None` where it is lost,
-    /// below the receiver's floor, or not transmitted.
+    /// Returns one sample of a beacon through an antenna on a drone, now, in dBm; `None` if it is
+    /// lost, below the receiver's floor, or not transmitted.
     ///
-    /// It is what a user's own source is made of, such as a phased array or a receiver with a
-    /// pattern of its own: the sample goes through the world's channel as that of a
-    /// [radio](Self::radio) does, with the law of propagation, shadowing, reflectors, noise,
-    /// rounding and losses, but through `antenna`, whose boresight is turned by `boresight` radians
-    /// counter-clockwise from the nose, and without a delay. The antenna's mean over a level turn
-    /// is taken off, so that the mean level over a turn follows the law of propagation.
+    /// A user's own source is made of such samples, as a phased array or a receiver with a pattern
+    /// of its own: the sample goes through the world's channel as that of a [radio](Self::radio)
+    /// does, with the law of propagation, shadowing, reflectors, noise, rounding and losses, but
+    /// through `antenna`, whose boresight is turned by `boresight` radians counter-clockwise from
+    /// the nose, and without a delay. The antenna's mean over a level turn is taken off, so that
+    /// the mean level over a turn follows the law of propagation.
     ///
     /// The samples of one pattern share an offset of the level and an error of the direction
     /// ([`ChannelConfig`](crate::ChannelConfig)). A pattern ends when the drone has moved by more

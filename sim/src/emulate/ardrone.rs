@@ -18,8 +18,8 @@ use crate::{SimError, World, devices::OnBoard};
 ///
 /// What is imitated: navdata only after somebody spoke to their port, without numbers until they
 /// are configured; orders with old sequence numbers are ignored; tilt makes speed, with some delay;
-/// without orders for a while it hovers; an emergency stops the motors where it is, and is ended by
-/// the same order. Its drone begins on the ground below where the world has it.
+/// without orders for a while it hovers; an emergency stops the motors in the air, and is ended by
+/// a second emergency order. Its drone begins on the ground below its place in the world.
 #[derive(Debug)]
 pub struct EmulatedArDrone<A, N> {
     orders: A,
@@ -36,7 +36,7 @@ pub struct EmulatedArDrone<A, N> {
     /// True if the last reference order was an emergency order: only the first in a row acts.
     emergency_held: bool,
     configured: bool,
-    /// Its orders: roll, pitch, climb and yaw, in shares.
+    /// Orders to the drone: roll, pitch, climb and yaw, in shares.
     shares: [f64; 4],
     incoming: f64,
     last_sequence: u32,
@@ -63,7 +63,7 @@ const TAKE_OFF_UP_M: f64 = 1.0;
 /// Time from one datagram of navdata to the next, in seconds.
 const REPORT_INTERVAL_S: f64 = 1.0 / 15.0;
 
-/// Its battery, in percent.
+/// Charge of the battery, in percent.
 const BATTERY: u32 = 80;
 
 impl<A: ByteStream, N: ByteStream> EmulatedArDrone<A, N> {

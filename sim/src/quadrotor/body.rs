@@ -131,8 +131,8 @@ impl Quadrotor {
         Ok(())
     }
 
-    /// Turns the nose at a rate in radians per second, counter-clockwise where it is positive; or
-    /// holds it where it is.
+    /// Turns the nose at a rate in radians per second, counter-clockwise if it is positive; or
+    /// holds the heading.
     ///
     /// # Errors
     ///
@@ -196,8 +196,8 @@ impl Quadrotor {
     }
 }
 
-/// The path that a quadrotor is requested to follow: from where it is to its goal, at no more than
-/// so much speed and change of speed; and the ramp of its heading.
+/// The path that a quadrotor is requested to follow: from its place to its goal, with bounded speed
+/// and change of speed; and the ramp of its heading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Reference {
     goal: Vector3<f64>,

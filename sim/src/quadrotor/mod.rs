@@ -90,7 +90,7 @@ pub enum Dynamics {
 pub struct WindConfig {
     /// East of the wind, the way it blows to, in metres per second.
     pub east_mps: f64,
-    /// Its North in metres per second.
+    /// North of the wind, the way it blows to, in metres per second.
     pub north_mps: f64,
     /// σ of the gusts' East and North in metres per second.
     pub gust_sigma_mps: f64,
@@ -258,7 +258,7 @@ struct State {
     velocity: Vector3<f64>,
     /// ψ, θ, φ in radians.
     attitude: Vector3<f64>,
-    /// Their derivatives in radians per second.
+    /// Derivatives of the angles in radians per second.
     rates: Vector3<f64>,
 }
 
@@ -356,7 +356,7 @@ impl Wind {
         }
     }
 
-    /// Its velocity over the next step, in m/s.
+    /// Returns the wind's velocity over the next step, in m/s.
     fn next(&mut self) -> Vector3<f64> {
         if self.fresh.x > 0.0 {
             let new = normal(&mut self.rng);

@@ -117,7 +117,7 @@ impl Body {
         }
     }
 
-    /// Puts it on the ground below, an Up of 0, where it stays.
+    /// Puts the body on the ground below, an Up of 0, where it stays.
     #[cfg(feature = "emulators")]
     pub(crate) fn put_down(&mut self) {
         match self {
@@ -178,7 +178,7 @@ pub(crate) struct Kinematics {
     path_length: f64,
 }
 
-/// The flight to its goal from where it is.
+/// The body's flight from its place to its goal.
 #[derive(Clone, Copy, Debug, Default)]
 struct Leg {
     /// East, North and Up in metres per second.
@@ -264,7 +264,7 @@ impl Kinematics {
         (left_s > 0.0 && self.rate.abs() <= 0.0).then_some((velocity, left_s))
     }
 
-    /// The straight line from where it is: the slower of the two speeds sets the pace.
+    /// Returns the straight line from the body's place: the slower of the two speeds sets the pace.
     fn straight_to_goal(&self) -> Leg {
         let way = self.goal - self.pose.position;
         let left_s = (way.xy().norm() / self.cruise).max(way.z.abs() / self.limits.climb_mps);

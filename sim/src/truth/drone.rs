@@ -28,7 +28,7 @@ pub(crate) struct Drone {
     course: Course,
     /// The goal that it was last sent to.
     order: Option<Vector3<f64>>,
-    /// True if it hovers where it is instead of going there.
+    /// True if the drone hovers instead of flying to its goal.
     held: bool,
     /// The angle that the antenna was turned to by something else than orders, until a request is
     /// sent there.
@@ -36,7 +36,7 @@ pub(crate) struct Drone {
     reports_velocity: bool,
     /// The time of its devices, in seconds, where that is ahead of the world's.
     ahead: f64,
-    /// The ground, where it is not level.
+    /// The ground; `None` if it is level.
     terrain: Option<SharedTerrain>,
     /// Height of the ground that its body's heights count from, where they do not count from the
     /// ground below.
@@ -71,7 +71,7 @@ impl Drone {
         })
     }
 
-    /// Its pose; Up is its height above the ground below.
+    /// Returns the drone's pose; Up is the height above the ground below.
     #[inline]
     pub(crate) fn pose(&self) -> Pose {
         let mut pose = self.body.pose();
@@ -143,7 +143,7 @@ impl Drone {
         }
     }
 
-    /// Returns true if it stays where it is until it is ordered to move.
+    /// Returns true if the drone stays at its place until its next order.
     #[inline]
     fn rests(&self) -> bool {
         self.body.rests() && self.failures.stuck.is_empty()
@@ -168,8 +168,8 @@ impl Drone {
         !self.failures.lost.iter().any(|lost| lost.contains(now))
     }
 
-    /// Its motion, and until when it goes on so, unless it is sent somewhere; `None` if the motion
-    /// changes at any moment.
+    /// Returns the drone's motion, and its end unless another order comes first; `None` if the
+    /// motion changes at any moment.
     pub(crate) fn steady_motion(&self, now: f64) -> Option<SteadyMotion> {
         let DroneConfig { stuck, lost, .. } = &self.failures;
         let held = stuck.iter().any(|stuck| stuck.contains(now));
@@ -332,8 +332,8 @@ impl Drone {
         (sent && measured.norm() >= receiver.floor()).then_some(measured)
     }
 
-    /// Range difference of a beacon that a receiver measures against its reference, in metres;
-    /// `None` where it receives nothing.
+    /// Returns the range difference of a beacon that a receiver measures against its reference, in
+    /// metres; `None` if the receiver gets nothing.
     pub(crate) fn range_difference(
         &mut self,
         channel: &Channel,
@@ -384,7 +384,7 @@ impl Drone {
         self.receiver.signal(channel, &arrival, still)
     }
 
-    /// Its pose as it reports it: with a velocity if its autopilot measures one.
+    /// Returns the pose that the drone reports: with a velocity if its autopilot measures one.
     #[inline]
     pub(crate) fn reported_pose(&self) -> Pose {
         let velocity = self.reports_velocity.then(|| self.body.velocity());
@@ -432,7 +432,7 @@ impl Truth {
         Some(own.unwrap_or_else(spaced))
     }
 
-    /// Returns true if every drone stays where it is until it is sent somewhere.
+    /// Returns true if every drone stays at its place until its next order.
     pub(crate) fn rests(&self) -> bool {
         self.drones.iter().all(Drone::rests)
     }

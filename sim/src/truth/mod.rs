@@ -29,7 +29,7 @@ const WAVES: usize = 256;
 /// A time in which drones that rest are left alone.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Free {
-    /// Its end, in seconds.
+    /// End of the time, in seconds.
     pub(crate) until: f64,
     /// Time from one moment at which devices may be polled to the next, in seconds.
     pub(crate) step: f64,
@@ -151,10 +151,10 @@ impl Course {
     }
 }
 
-/// An antenna's motor: it turns at constant speed to where it was last ordered.
+/// An antenna's motor: it turns at constant speed to the last ordered angle.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Turntable {
-    /// Its speed in radians per second.
+    /// Speed of the motor in radians per second.
     speed: f64,
     from: f64,
     to: f64,
@@ -168,7 +168,7 @@ impl Turntable {
         Self { speed, from: 0.0, to: 0.0, departure: 0.0, arrival: 0.0 }
     }
 
-    /// Turns to `angle` radians from where it is at `now`.
+    /// Turns to `angle` radians from the angle at `now`.
     fn order(&mut self, angle: f64, now: f64) {
         self.from = self.angle(now);
         self.to = angle;
@@ -182,7 +182,7 @@ impl Turntable {
         (self.from, self.to, self.departure, self.arrival) = (angle, angle, now, now);
     }
 
-    /// Its angle, in radians.
+    /// Returns the angle of the motor, in radians.
     fn angle(&self, now: f64) -> f64 {
         self.standing(now).unwrap_or_else(|| {
             let turned = (now - self.departure) * self.speed;
@@ -301,7 +301,7 @@ impl Channel {
         })
     }
 
-    /// The ground, where it is not level.
+    /// Returns the ground; `None` if it is level.
     fn terrain(&self) -> Option<&SharedTerrain> {
         self.terrain.as_ref().map(TerrainLoss::terrain)
     }

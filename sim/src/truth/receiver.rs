@@ -35,7 +35,7 @@ struct Path {
 struct Wave {
     /// The direction that it comes from, of any length.
     sight: Vector3<f64>,
-    /// Its amplitude over the direct wave's, before the antenna.
+    /// Amplitude over the direct wave's, before the antenna.
     amplitude: f64,
     /// The phase by which it leads the direct wave, in radians.
     phase: f64,
@@ -158,7 +158,7 @@ struct Pattern {
     bearing_error: f64,
     /// The scattered waves; `None` where nothing scatters.
     scattered: Option<Rc<[Wave]>>,
-    /// Its turn is over.
+    /// True if the turn of the pattern is over.
     ended: bool,
 }
 

@@ -8,7 +8,7 @@ pub enum ArDroneCommand {
     Reference {
         /// Takes off, or stays in the air; lands, or stays on the ground.
         fly: bool,
-        /// Stops the motors where it is in the air; ends an emergency where there is one.
+        /// Stops the motors in the air; ends an emergency if there is one.
         emergency: bool,
     },
     /// `AT*PCMD`: tilts, climbs and turns in shares of what is configured as the most, −1 to 1.
@@ -31,7 +31,7 @@ pub enum ArDroneCommand {
     Control {
         /// The request.
         mode: i32,
-        /// Its argument.
+        /// Argument of the request.
         argument: i32,
     },
     /// `AT*CONFIG`: sets a value of the configuration.
@@ -151,7 +151,7 @@ pub enum ArDroneCommandError {
     /// It is longer than the drone reads, or not text.
     #[error("a datagram of {length} bytes; orders are text of at most 1024")]
     Datagram {
-        /// Its length.
+        /// Length of the datagram in bytes.
         length: usize,
     },
     /// A line is no order.

@@ -2,9 +2,9 @@
 /// the numbers of the `demo` and `magneto` options.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ArDroneNavdata {
-    /// Its state.
+    /// State of the drone.
     pub state: DroneState,
-    /// Counts the datagrams; those that are not above the last one are late.
+    /// Number of the datagram; one that is not above the last one is late.
     pub sequence: u32,
     /// The numbers of flight; absent after boot until they are requested.
     pub demo: Option<ArDroneDemo>,
@@ -101,7 +101,7 @@ pub enum ArDroneNavdataError {
     /// It does not begin as navdata do.
     #[error("navdata must begin with 0x55667788, but begin with {header:#010x}")]
     Header {
-        /// Its first four bytes.
+        /// First four bytes of the datagram.
         header: u32,
     },
     /// An option is longer than the datagram, or shorter than its own head.
@@ -109,7 +109,7 @@ pub enum ArDroneNavdataError {
     Option {
         /// Tag of the option.
         tag: u16,
-        /// Its declared length.
+        /// Declared length of the option in bytes.
         length: u16,
         /// Number of bytes left in the datagram.
         left: usize,

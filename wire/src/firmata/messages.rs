@@ -24,9 +24,9 @@ pub enum Request {
     AnalogMapping,
     /// Sets the mode of a pin.
     PinMode {
-        /// Its number.
+        /// Number of the pin.
         pin: u8,
-        /// Its mode.
+        /// Mode of the pin.
         mode: PinMode,
     },
     /// Switches reports of the levels of a port of eight pins, which come at once and on every
@@ -41,7 +41,7 @@ pub enum Request {
     Reset,
     /// Something of a stepper.
     Stepper {
-        /// Its number, from 0 to 9.
+        /// Number of the stepper, from 0 to 9.
         device: u8,
         /// The request to it.
         request: StepperRequest,
@@ -162,7 +162,7 @@ pub enum Reply {
     AnalogMapping(Vec<Option<u8>>),
     /// The mode of a pin, and what was last written to it.
     PinState {
-        /// Its number.
+        /// Number of the pin.
         pin: u8,
         /// The code of a [`PinMode`](super::PinMode), or of one that is not listed there.
         mode: u8,
@@ -178,16 +178,16 @@ pub enum Reply {
     },
     /// A stepper's position, in steps.
     Position {
-        /// Its number.
+        /// Number of the stepper.
         device: u8,
-        /// Its position.
+        /// Position of the stepper, in steps.
         position: i32,
     },
     /// A stepper's move is complete.
     Done {
-        /// Its number.
+        /// Number of the stepper.
         device: u8,
-        /// Its position, in steps.
+        /// Position of the stepper, in steps.
         position: i32,
     },
 }

@@ -78,8 +78,8 @@ pub trait Message: Sized {
 
 /// Reads messages of one direction from a stream of bytes.
 ///
-/// Whatever comes, it finds the next message after it: a byte of 0x80 or more begins a message, and
-/// ends the one that it cut. It holds one message at most, of at most [`LONGEST`](Self::LONGEST)
+/// After any bytes it finds the next message: a byte of 0x80 or more begins a message, and ends the
+/// message that it interrupts. It holds one message at most, of at most [`LONGEST`](Self::LONGEST)
 /// bytes; a longer one is passed over.
 #[derive(Clone, Debug)]
 pub struct Decoder<M> {

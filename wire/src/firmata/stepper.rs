@@ -103,14 +103,14 @@ impl StepperRequest {
 /// Wiring of a stepper to its device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StepperInterface {
-    /// Its pins.
+    /// Pins of the stepper.
     pub wiring: Wiring,
     /// A step is 1/2ⁿ of a whole one: 0 for whole steps, 1 for half steps.
     pub divisor_log2: u8,
     /// The pin that switches it on.
     pub enable_pin: Option<u8>,
     /// Inverted pins: bits 0 to 3 are the pins of the wiring in their order, bit 4 is the enable
-    /// pin. The real firmware reads this even where it was not sent, so it is always sent.
+    /// pin. The real firmware reads this even if it was not sent, so it is always sent.
     pub inverted: u8,
 }
 
@@ -121,7 +121,7 @@ pub enum Wiring {
     Driver {
         /// A pulse is a step.
         step_pin: u8,
-        /// Its level is the direction.
+        /// Pin whose level is the direction.
         direction_pin: u8,
     },
     /// Two wires.
@@ -191,9 +191,9 @@ impl Decimal {
     /// The largest number: `8_388_607 · 10⁴`.
     pub const MAX: Self = Self { negative: false, significand: 8_388_607, exponent: 4 };
 
-    /// The number of at most as many digits as fit whose magnitude is next below that of `value`;
-    /// `None` where it is not finite or more than [`MAX`](Self::MAX). Magnitudes below 10⁻¹¹
-    /// become 0.
+    /// Returns the number of at most as many digits as fit whose magnitude is next below that of
+    /// `value`; `None` if `value` is not finite or more than [`MAX`](Self::MAX). Magnitudes below
+    /// 10⁻¹¹ become 0.
     ///
     /// The digits equal firmata-io's. A significand of exactly 2²³, which that library sends as
     /// 0, loses a digit here, and exponents that it wraps are kept in their range.

@@ -93,7 +93,7 @@ impl Codec {
 pub struct Frame {
     /// System, component and sequence number of the sender.
     pub header: MavHeader,
-    /// Its message.
+    /// Message of the frame.
     pub message: MavMessage,
 }
 

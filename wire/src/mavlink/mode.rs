@@ -84,7 +84,7 @@ const fn px4(main: u32, sub: u32) -> u32 {
 pub struct FlightMode {
     /// The autopilot that the mode belongs to.
     pub autopilot: Autopilot,
-    /// Its number.
+    /// Number of the mode.
     pub custom: u32,
 }
 

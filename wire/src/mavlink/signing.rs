@@ -23,7 +23,7 @@ impl SigningKey {
         Self(bytes)
     }
 
-    /// Its bytes, which are secret.
+    /// Returns the bytes of the key, which are secret.
     #[must_use]
     pub fn bytes(&self) -> &[u8; 32] {
         &self.0

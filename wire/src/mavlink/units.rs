@@ -63,7 +63,7 @@ impl CommonFrame {
         Ok(Self { frame: LocalFrame::new(Geodetic::new(lat_deg, lon_deg, 0.0)?)? })
     }
 
-    /// Its origin.
+    /// Returns the origin of the frame.
     #[must_use]
     pub fn origin(&self) -> Geodetic {
         self.frame.origin()

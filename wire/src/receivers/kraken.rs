@@ -24,7 +24,7 @@ const LONGEST: usize = 1 << 18;
 pub struct KrakenDoa {
     /// The time in milliseconds of UNIX time, by its clock.
     pub unix_ms: u64,
-    /// Its own opinion of how sure the direction is, from 0 to 99.
+    /// Confidence of the `KrakenSDR` in the direction, from 0 to 99.
     pub confidence: f64,
     /// The power, in dB over its full scale.
     pub power_db: f64,
@@ -138,13 +138,13 @@ pub enum HttpError {
     /// It is no HTTP.
     #[error("the server's answer begins with {line:?}, which is not HTTP")]
     NoHttp {
-        /// Its first line.
+        /// First line of the answer.
         line: String,
     },
     /// The server refuses.
     #[error("the server answers {status}")]
     Status {
-        /// Its number, such as 404.
+        /// Number of the status, such as 404.
         status: u16,
     },
     /// It ended before it was complete.

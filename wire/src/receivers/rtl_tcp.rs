@@ -19,10 +19,10 @@ pub struct RtlTcpError {
 }
 
 impl RtlTcpHeader {
-    /// Its length in bytes.
+    /// Length of the header in bytes.
     pub const LENGTH: usize = 12;
 
-    /// Its bytes.
+    /// Returns the bytes of the header.
     #[must_use]
     pub fn encode(&self) -> [u8; Self::LENGTH] {
         let [a, b, c, d] = self.tuner.to_be_bytes();
@@ -71,7 +71,7 @@ impl RtlTcpCommand {
     /// Length of a command in bytes.
     pub const LENGTH: usize = 5;
 
-    /// Its bytes.
+    /// Returns the bytes of the command.
     #[must_use]
     pub fn encode(self) -> [u8; Self::LENGTH] {
         let (number, value) = match self {

@@ -86,8 +86,9 @@ pub trait ByteStream {
         1
     }
 
-    /// Gives its other end up and opens it again, as if it had been lost: what is still on its way
-    /// from there is dropped. Without effect, unless overridden, where it cannot be opened again.
+    /// Gives its other end up and opens it again, as if it had been lost: bytes still on their way
+    /// from there are dropped. Has no effect unless overridden: for streams that cannot be opened
+    /// again.
     fn renew(&mut self) {}
 
     /// Returns true if received bytes may come from anybody: each receipt is then a datagram of its
@@ -115,13 +116,13 @@ pub trait ByteStream {
         Ok(())
     }
 
-    /// Returns the peer that was pinned last, which is the one that is answered; `None` before the
-    /// first, and where there is one other end.
+    /// Returns the peer that was pinned last, to which answers go; `None` before the first, and for
+    /// a stream with one other end.
     fn peer(&self) -> Option<SocketAddr> {
         None
     }
 
-    /// Returns the sender of the last bytes received, where it is open.
+    /// Returns the sender of the last bytes received, if the stream is open.
     fn sender(&self) -> Option<SocketAddr> {
         None
     }

@@ -21,7 +21,7 @@ const LONGEST: usize = 65_536;
 /// and opened to others when none hears its own any more.
 pub struct SharedStream {
     port: Rc<RefCell<Port>>,
-    /// Its number among the users of the port.
+    /// Number of the stream among the users of the port.
     index: u32,
     /// The number and the sender of the receipt that it took last.
     taken: u64,

@@ -60,7 +60,7 @@ impl ByteStream for TcpStream {
     }
 }
 
-/// A TCP port of this machine that serves one client at a time: the one that came last.
+/// A TCP port of this machine that serves one client at a time: the latest.
 #[derive(Debug)]
 pub struct TcpServerStream {
     listener: TcpListener,

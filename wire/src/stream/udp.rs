@@ -18,7 +18,7 @@ pub struct UdpStream {
     learns: bool,
     /// True if the socket is connected to the peer.
     pinned: bool,
-    /// True if the peer was pinned before, and stays the one that is answered.
+    /// True if the peer was pinned before, and still gets the answers.
     kept: bool,
     /// The sender of the last datagram.
     sender: Option<SocketAddr>,

@@ -73,7 +73,7 @@ impl Grid {
             && east + lon >= area.west
     }
 
-    /// Row and column of a place, in steps, where it is within `beyond` steps of the samples; the
+    /// Row and column of a place, in steps, if it is within `beyond` steps of the samples; the
     /// samples at the border stand for the places beyond them.
     fn index(&self, lat_deg: f64, lon_deg: f64, beyond: f64) -> Option<(f64, f64)> {
         let row = (self.north - lat_deg) / self.lat_step;

@@ -185,7 +185,7 @@ impl AtStatus {
     pub const ERROR: Self = Self(1);
     /// There is no such command.
     pub const INVALID_COMMAND: Self = Self(2);
-    /// Its parameter is out of range.
+    /// The command's parameter is out of range.
     pub const INVALID_PARAMETER: Self = Self(3);
     /// The other radio, which was to execute it, does not answer.
     pub const NO_ANSWER: Self = Self(4);
@@ -289,7 +289,7 @@ pub struct ModemStatus(pub u8);
 impl ModemStatus {
     /// It was switched on.
     pub const HARDWARE_RESET: Self = Self(0);
-    /// Its watchdog bit.
+    /// The watchdog reset the radio.
     pub const WATCHDOG_RESET: Self = Self(1);
 
     /// Returns true if the radio has just started.

@@ -99,7 +99,7 @@ impl Frame {
         Self::AtCommand { id, command, parameter: Vec::new() }
     }
 
-    /// Its first byte.
+    /// Returns the first byte of the frame: its type.
     #[must_use]
     pub fn frame_type(&self) -> u8 {
         match self {
@@ -123,7 +123,7 @@ impl Frame {
         }
     }
 
-    /// Its data: all bytes under the checksum, the first one included.
+    /// Returns the frame's data: all bytes under the checksum, the first one included.
     #[must_use]
     pub fn data(&self) -> Vec<u8> {
         let mut out = vec![self.frame_type()];
@@ -368,10 +368,10 @@ pub enum FrameError {
     /// It does not begin as frames do.
     #[error("a frame begins with 7E, not {found:02X}")]
     Delimiter {
-        /// Its first byte.
+        /// First byte received.
         found: u8,
     },
-    /// Its length is not the declared one.
+    /// The frame's length is not the declared one.
     #[error("a frame of {actual} bytes of data declares {declared}")]
     Length {
         /// The declared length.
@@ -402,7 +402,7 @@ pub enum FrameError {
     /// It is too short for its type.
     #[error("{length} bytes of data are too few for a frame of type {frame_type:02X}")]
     Short {
-        /// Its first byte.
+        /// Type of the frame: its first byte.
         frame_type: u8,
         /// The length of its data.
         length: usize,

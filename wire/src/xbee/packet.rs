@@ -29,7 +29,7 @@ pub enum ApiMode {
 }
 
 impl Frame {
-    /// Its bytes on the line.
+    /// Returns the bytes of the frame on the line.
     ///
     /// # Errors
     ///

@@ -284,7 +284,7 @@ impl RosCarrier {
         Self::new(node, std::iter::once(drone), "signed_report", "signed_order")
     }
 
-    /// The end of the one that fuses, for a number of drones.
+    /// Returns the fusing end, for a number of drones.
     fn fusion(node: &mut impl Topics<Text>, drones: usize) -> Result<Self, LinkError> {
         Self::new(node, 0..drones, "signed_order", "signed_report")
     }

@@ -192,10 +192,10 @@ struct Status<H> {
     clock: Vec<f64>,
 }
 
-/// Messages that are kept: for subscribers that are slow, or for those that come late.
+/// Messages that are kept: for slow subscribers, or for late ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kept {
-    /// A queue of this length for subscribers that are slow; those that come late get nothing.
+    /// A queue of this length for slow subscribers; late ones get nothing.
     Queue(usize),
     /// The last one, for subscribers that come late.
     Last,

@@ -71,9 +71,9 @@ impl DroneLink for Ros1Drone {
 pub struct Ros1Fusion(FusionEnd<Header, Node>);
 
 impl Ros1Fusion {
-    /// Joins the network as the one that fuses, for a number of drones; waits for the master's
+    /// Joins the network as the fusing node, for a number of drones; waits for the master's
     /// answers. Nothing waits later: a beacon's topic is published on as soon as the master knows
-    /// of it. Without a key nothing is signed, and whoever sends is believed.
+    /// of it. Without a key nothing is signed, and every sender is believed.
     ///
     /// # Errors
     ///

@@ -56,8 +56,8 @@ impl DroneLink for Ros2Drone {
 pub struct Ros2Fusion(FusionEnd<Header, Node>);
 
 impl Ros2Fusion {
-    /// Joins the network as the one that fuses, for a number of drones. Without a key nothing is
-    /// signed, and whoever sends is believed.
+    /// Joins the network as the fusing node, for a number of drones. Without a key nothing is
+    /// signed, and every sender is believed.
     ///
     /// # Errors
     ///
@@ -108,7 +108,7 @@ impl RosHeader for Header {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Ros2Config {
-    /// The network among those that share the wires: `ROS_DOMAIN_ID`, 0 unless given.
+    /// Number of the network on shared wires: `ROS_DOMAIN_ID`, 0 unless given.
     pub domain_id: u16,
 }
 

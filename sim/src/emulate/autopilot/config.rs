@@ -20,15 +20,15 @@ pub struct AutopilotConfig {
     /// The minor version of a PX4: from 1.16 on its estimator's CONST_POS_MODE is set whenever it
     /// stands still.
     pub px4_minor: u8,
-    /// Its system number.
+    /// System number of the autopilot.
     pub system_id: u8,
     /// The place where the world's East, North and Up are 0, heights above sea level.
     pub origin: Geodetic,
-    /// The second of the world's time from which on it knows where it is.
+    /// Second of the world's time from which on the autopilot knows its place.
     pub position_good_after_s: f64,
-    /// Its GPS's reported error over ground, in metres. The places that it reports are exact.
+    /// Reported error of the GPS over ground, in metres. The reported places are exact.
     pub horizontal_accuracy_m: f64,
-    /// Its GPS's reported error in height, in metres.
+    /// Reported error of the GPS in height, in metres.
     pub vertical_accuracy_m: f64,
     /// The least height at which it comes back, in metres above the ground.
     pub return_up_m: f64,
@@ -90,7 +90,8 @@ pub struct AutopilotFaults {
     pub unheard: Vec<Interval>,
     /// It receives nothing, and is received.
     pub deaf: Vec<Interval>,
-    /// Its messages come late by up to a second each, out of order, and some of them twice.
+    /// Times during which messages of the autopilot come late by up to a second each, out of order,
+    /// and some of them twice.
     pub late: Vec<Interval>,
     /// The modes that the pilot chooses on his remote control, with their times.
     pub pilot: Vec<PilotOrder>,
@@ -111,7 +112,7 @@ pub struct AutopilotFaults {
     pub misread_up_m: f64,
     /// Times during which its GPS is aside.
     pub gps_steps: Vec<GpsStep>,
-    /// Reason why its checks before arming fail; they pass where it is empty.
+    /// Reason why the checks before arming fail; they pass if it is empty.
     pub preflight: String,
     /// Parameters that are set up differently, by their names.
     pub parameters: BTreeMap<String, f64>,
@@ -123,9 +124,9 @@ pub struct AutopilotFaults {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GpsStep {
-    /// Its beginning.
+    /// Beginning of the step, in seconds of the world's time.
     pub from_s: f64,
-    /// Its end.
+    /// End of the step, in seconds of the world's time.
     pub to_s: f64,
     /// Distance aside, to the East and to the North in metres.
     pub aside_m: [f64; 2],
@@ -164,7 +165,7 @@ impl AutopilotFaults {
 pub struct FailsafeOrder {
     /// Time of the failsafe.
     pub at_s: f64,
-    /// Its words, such as `Battery Failsafe`.
+    /// Text that the autopilot sends, such as `Battery Failsafe`.
     pub text: String,
     /// The mode that it chooses.
     pub mode: String,
@@ -176,7 +177,7 @@ pub struct FailsafeOrder {
 pub struct PilotOrder {
     /// Time of the choice.
     pub at_s: f64,
-    /// Its name, such as `LOITER`.
+    /// Name of the mode, such as `LOITER`.
     pub mode: String,
 }
 

@@ -144,7 +144,7 @@ impl Flight {
         self.landed = MavLandedState::MAV_LANDED_STATE_ON_GROUND;
     }
 
-    /// Every mode begins where it is.
+    /// Changes the mode; every mode begins with the present pose as its goal.
     fn change_mode(&mut self, mode: FlightMode, pose: &Pose) {
         if mode == self.mode {
             return;

@@ -71,7 +71,7 @@ impl EmulatedCasterConfig {
 
 /// An NTRIP caster, versions 1 and 2, of one client at a time.
 ///
-/// Its frames are proper RTCM 3 of a station: 1005 (its place) and 1230 (no biases). There are no
+/// The frames are proper RTCM 3 of a station: 1005 (its place) and 1230 (no biases). There are no
 /// observations in them: an emulated receiver takes any frame for a correction.
 #[derive(Debug)]
 pub struct EmulatedCaster<S> {

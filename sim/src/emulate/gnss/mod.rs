@@ -37,7 +37,7 @@ const LONGEST_QUERY: usize = 256;
 struct Epoch {
     /// UNIX time in milliseconds.
     utc_ms: i64,
-    /// Its place by its own measurement.
+    /// Place of the receiver by its own measurement.
     place: Geodetic,
     quality: FixQuality,
     sigma_m: Vector3<f64>,
@@ -141,7 +141,7 @@ impl UbloxHost {
         ubx_frame(0x05, u8::from(obeyed), &[class, id])
     }
 
-    /// Sets what is known of a list of keys and values; `None` where it is no such list.
+    /// Sets the known keys of a list of keys and values; `None` if the bytes are no such list.
     fn set(&mut self, mut items: &[u8]) -> Option<()> {
         while !items.is_empty() {
             let (key, rest) = items.split_first_chunk::<4>()?;

@@ -40,7 +40,7 @@ pub enum EmulatedGnssKind {
 /// never without a fix; time 0 of the world is 2026-01-01.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EmulatedGnssConfig {
-    /// Its protocol.
+    /// Protocol of the receiver.
     pub kind: EmulatedGnssKind,
     /// The place of the world's zero.
     pub origin: Geodetic,

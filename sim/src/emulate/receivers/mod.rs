@@ -62,9 +62,9 @@ pub struct EmulatedRtlTcpConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InterfererConfig {
-    /// Its frequency, in Hz.
+    /// Frequency of the carrier, in Hz.
     pub frequency_hz: f64,
-    /// Its power at every antenna, in dBm.
+    /// Power of the carrier at every antenna, in dBm.
     pub level_dbm: f64,
     /// Duration of a transmission, in seconds; if absent, it sends all the time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -123,8 +123,7 @@ impl InterfererConfig {
     }
 }
 
-/// An RTL-SDR under the antenna of a simulated drone: what it is set to, and the samples that it
-/// takes.
+/// An RTL-SDR under the antenna of a simulated drone: its tuning, and the samples that it takes.
 ///
 /// All that sends in the band that it is tuned to is in the samples: beacons with
 /// [pulses](crate::BeaconConfig::pulses) as pulses of a carrier, each with the power of its
@@ -153,13 +152,14 @@ pub struct PlayedPulse {
     pub beacon: BeaconId,
     /// Time of its middle, in seconds of the world's time.
     pub time_s: f64,
-    /// Its carrier as the receiver has it, with the error of its own oscillator, in Hz.
+    /// Carrier frequency as the receiver has it, with the error of its own oscillator, in Hz.
     pub frequency_hz: f64,
-    /// Its duration, in seconds.
+    /// Duration of the pulse, in seconds.
     pub width_s: f64,
-    /// Its power, in dBm.
+    /// Power of the pulse, in dBm.
     pub power_dbm: f64,
-    /// Its energy over the power density of the receiver's noise, rounding included, in dB.
+    /// Energy of the pulse over the power density of the receiver's noise, rounding included, in
+    /// dB.
     pub snr_db: f64,
 }
 
@@ -257,7 +257,7 @@ impl EmulatedDongle {
         self.correction_ppm = correction_ppm;
     }
 
-    /// Leaves out what it has not sampled yet.
+    /// Discards the time before now: sampling goes on from the present.
     pub fn restart(&mut self) {
         self.until = self.clock.now();
     }

@@ -58,7 +58,7 @@ struct Motor {
 enum Action {
     /// A step, `after_s` seconds after the one before it.
     Step { after_s: f64 },
-    /// The motor is where it was sent.
+    /// The motor is at its target.
     Arrived,
 }
 
@@ -90,7 +90,8 @@ impl Motor {
         (self.running, self.ordered) = (true, now);
     }
 
-    /// Freezes it where it is. Its speed is kept: the next order goes on with that.
+    /// Freezes the motor at its present position. Its speed is kept: the next order goes on with
+    /// that.
     fn stop(&mut self) {
         if self.speed != 0.0 {
             let way = self.steps_to_stop() + 1;
@@ -260,8 +261,8 @@ impl Wires {
             .map(move |(i, pin)| (pin, outputs >> i & 1 == 1))
     }
 
-    /// Half steps that a rotor makes at each step, its coils being at `wired`; `None` where it does
-    /// not just follow.
+    /// Returns the half steps that a rotor makes at each step, its coils being at `wired`; `None`
+    /// if it does not just follow.
     fn gain(&self, wired: [u8; 4]) -> Option<i64> {
         if self.patterns != HALF_4 || self.inverted & 0x0F != 0 {
             return None;
@@ -355,11 +356,11 @@ pub struct EmulatedStepperConfig {
     /// Half steps per second above which the rotor stands still while its coils go on; absent, it
     /// follows at any speed. A 28BYJ-48 follows some 1000.
     pub fastest_half_steps_per_s: Option<f64>,
-    /// True if AccelStepper is in the sketch. It is commented out in the one that comes with
+    /// True if AccelStepper is in the sketch. It is commented out in the sketch that comes with
     /// ConfigurableFirmata.
     pub accel_stepper: bool,
     /// Number of steppers that the memory holds. Each Configure without a system reset before it
-    /// leaks one, and the one that finds no room hangs the firmware.
+    /// leaks one, and a Configure that finds no room hangs the firmware.
     pub steppers_in_memory: u32,
 }
 
@@ -445,7 +446,7 @@ mod tests {
     use super::*;
     use approx::{abs_diff_eq, assert_abs_diff_eq};
 
-    /// Steps that it makes by `now`, and where it was farthest back.
+    /// Returns the steps that a motor makes by `now`, and its lowest position.
     fn run(motor: &mut Motor, now: f64) -> (i64, i64) {
         let mut steps = 0;
         let mut least = motor.position;

@@ -25,7 +25,7 @@ const QUIET_S: f64 = 0.1;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EmulatedXbeeConfig {
-    /// Its firmware's protocol on the air.
+    /// Protocol of the emulated firmware on the air.
     pub firmware: Protocol,
     /// `AP`: 0 transparent, 1 plain frames, 2 escaped frames.
     pub ap: u8,
@@ -70,8 +70,8 @@ pub struct EmulatedXbee<S> {
 }
 
 impl<S: ByteStream> EmulatedXbee<S> {
-    /// The radio of a drone, which has just been switched on: it reports it where it speaks in
-    /// frames.
+    /// Returns the radio of a drone, which has just been switched on and reports that if it speaks
+    /// in frames.
     ///
     /// # Errors
     ///

@@ -111,7 +111,7 @@ impl Registers {
         self.values.insert(*b"DB", vec![neg_dbm]);
     }
 
-    /// Its name.
+    /// Returns the name of the radio, its `NI`.
     fn name(&self) -> &[u8] {
         self.values.get(b"NI").map_or(&[], Vec::as_slice)
     }

@@ -36,15 +36,15 @@ const CHUNK: usize = 50;
 
 /// An autopilot on a drone of a world, behind a stream of bytes.
 ///
-/// It imitates ArduCopter: it sends nothing but heartbeats until it is requested; a
-/// take-off is refused unless it is armed in GUIDED and knows where it is; the first set-point in
-/// GUIDED, and after a take-off, has it fly at WPNAV_SPEED, whatever was ordered before, and a
-/// speed is refused in other modes; it can be armed in STABILIZE without knowing; motors that do
-/// not take off stop after 10 s; a relative CONDITION_YAW counts from the heading that it is
-/// slewing to; a set-point without yaw turns the nose to the goal; it stops its motors on the
-/// ground after landing; it comes back when the ground station falls silent (system 255). Of PX4:
-/// its modes, set-points flown to at MPC_XY_VEL_MAX, heights of take-off above sea level, telemetry
-/// without a request, and OFFBOARD, which needs set-points at 2 Hz and ends without them.
+/// It imitates ArduCopter: it sends nothing but heartbeats until it is requested; a take-off is
+/// refused unless it is armed in GUIDED and knows its place; the first set-point in GUIDED, and
+/// after a take-off, has it fly at WPNAV_SPEED, whatever was ordered before, and a speed is refused
+/// in other modes; it can be armed in STABILIZE without knowing; motors that do not take off stop
+/// after 10 s; a relative CONDITION_YAW counts from the heading that it is slewing to; a set-point
+/// without yaw turns the nose to the goal; it stops its motors on the ground after landing; it
+/// comes back when the ground station falls silent (system 255). Of PX4: its modes, set-points
+/// flown to at MPC_XY_VEL_MAX, heights of take-off above sea level, telemetry without a request,
+/// and OFFBOARD, which needs set-points at 2 Hz and ends without them.
 ///
 /// A drone of a world begins in the air; one with an emulated autopilot begins on the ground below,
 /// at an Up of 0.
@@ -86,7 +86,7 @@ impl<S: ByteStream> EmulatedAutopilot<S> {
         Ok(Self { stream, codec, connections, brain, late: Vec::new(), random })
     }
 
-    /// Its mode.
+    /// Returns the autopilot's mode.
     #[must_use]
     pub fn mode(&self) -> FlightMode {
         self.brain.flight.mode
@@ -164,11 +164,11 @@ struct Brain {
     flight: Flight,
     streams: Streams,
     params: Params,
-    /// The place where it was put on the ground.
+    /// Place on the ground at which the drone was put down.
     home: Vector3<f64>,
-    /// Pose by its estimator at the time of the last step; Up counts from where it was put down.
+    /// Pose by the autopilot's estimator at the time of the last step; Up counts from `home`.
     pose: Pose,
-    /// Its true place.
+    /// True place of the drone.
     place: Vector3<f64>,
     /// True if its estimator found then that its GPS jumps.
     glitch: bool,
@@ -188,7 +188,7 @@ struct Brain {
     piloted: usize,
     failed: usize,
     restarted: usize,
-    /// Time since which it knows where it is.
+    /// Time since which the estimator knows its place.
     placed_at: f64,
     /// True if a failsafe acts, as its heartbeats say.
     critical: bool,
@@ -265,7 +265,7 @@ impl Brain {
         times.iter().any(|interval| interval.contains(self.now))
     }
 
-    /// Returns true if its estimator knows where it is.
+    /// Returns true if the estimator knows its place.
     fn is_placed(&self) -> bool {
         self.now >= self.placed_at
     }

@@ -69,7 +69,7 @@ impl Brain {
         whole((self.home_alt() + up) * 1e3)
     }
 
-    /// The message of a number, as of now; `None` where it has none of that kind.
+    /// Returns the message of a number, as of now; `None` if the autopilot has none of that kind.
     pub(super) fn message(&self, id: u32) -> Option<MavMessage> {
         let position = &self.pose.position;
         let (lat, lon) = self.lat_lon(position);

@@ -35,8 +35,8 @@ const SPEED: u8 = 0x09;
 ///
 /// It has the leniency of that firmware with damaged messages, which it takes with bytes that older
 /// ones left, and its faults: it keeps its speed after a stop, and hangs when a Configure finds no
-/// memory. Its coils are those that its pins energise; the rotor follows them or does not, whatever
-/// position is reported.
+/// memory. The pins energise the coils; the rotor follows them or does not, whatever position is
+/// reported.
 #[derive(Debug)]
 pub struct EmulatedStepper<S> {
     on_board: OnBoard,
