@@ -139,6 +139,8 @@ pub fn bearing_extractor(
             assert!(change < 1e-6, "a turned sweep's σ changed by {change} rad");
             assert!(before.sigma > 0.0, "the bearing's σ is {} rad", before.sigma);
             assert!((0.0..=1.0).contains(&before.confidence), "confidence {}", before.confidence);
+            let change = (changed.covariance - reading.covariance).abs();
+            assert!(change < 1e-6, "a turned sweep's covariance changed by {change} dB rad");
         }
         (Err(_), Err(_)) => {}
         (before, after) => panic!("the turned sweep has {after:?}, the other {before:?}"),

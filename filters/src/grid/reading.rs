@@ -292,6 +292,18 @@ mod tests {
     }
 
     #[test]
+    fn a_curve_is_bent_alike_upwards_and_downwards() {
+        for four in [[0.0, 0.0, 90.0, 400.0], [3.0, -70.0, 20.0, 900.0], [0.0, 50.0, 500.0, 960.0]]
+        {
+            for behind in 0..3 {
+                let up = bent(four, behind, 0.4);
+                let down = bent(four.map(|value: f64| -value), behind, 0.4);
+                assert_abs_diff_eq!(up, -down, epsilon = 1e-12);
+            }
+        }
+    }
+
+    #[test]
     fn all_columns_are_read_in_all_rows() {
         let column = |factor: f64| -> Vec<f64> { (0..81).map(|i| factor * number(i)).collect() };
         let old: Vec<Vec<f64>> = [1.0, 2.0, 3.0, 4.0].into_iter().map(column).collect();

@@ -330,6 +330,15 @@ mod tests {
     }
 
     #[test]
+    fn a_skewed_cloud_has_its_mean_across_the_cut() {
+        // The resultant looks short of π, the mean lies beyond it.
+        let columns = [alloc::vec![2.885, -2.318]];
+        let estimate = moments(&columns, &[0.75, 0.25], &[Axis::Angle], Threads::One);
+        let mean = 0.75 * 2.885 + 0.25 * (core::f64::consts::TAU - 2.318);
+        assert_abs_diff_eq!(estimate.mean[0], mean - core::f64::consts::TAU, epsilon = 1e-14);
+    }
+
+    #[test]
     fn a_stray_first_particle_does_not_split_the_others() {
         // About 3.0, −0.3 and 0.1 lie on different sides.
         let columns = [alloc::vec![3.0, -0.3, 0.1]];

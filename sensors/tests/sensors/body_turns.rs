@@ -204,6 +204,40 @@ fn a_turn_ends_whatever_fails() {
     assert!(silent.0 == 0 && silent.1 < 13.0 && silent.2.is_empty());
 }
 
+/// A body that does not take the order to stop goes on turning: that is reported, and the turn is
+/// over only when the order is taken.
+#[test]
+fn a_body_that_does_not_stop_is_reported() {
+    let handle = devices();
+    let mut source = handle.body(BodyConfig::pritzl2018());
+    let begun = handle.with(|w| w.now);
+    source.begin(&[BeaconId(3)]).expect("a turn can always begin");
+    let mut failures = 0_u32;
+    let mut samples = 0;
+    while failures < 100 {
+        let turns = handle.with(|w| w.now) > begun + 1.0;
+        handle.with(|w| w.rotator = if turns { Health::Broken } else { Health::Good });
+        match source.poll() {
+            Ok(Some(_)) => panic!("the turn is over, and the body turns on"),
+            Ok(None) => {}
+            Err(error) => {
+                assert_eq!(error, BodyError::Vehicle(Failed));
+                failures += 1;
+            }
+        }
+        handle.wait(0.005);
+    }
+    handle.with(|w| w.rotator = Health::Good);
+    for _ in 0..1000 {
+        match source.poll() {
+            Ok(Some(sweep)) => samples = sweep.samples.len(),
+            over => assert_eq!(over.map(|_| ()), Ok(())),
+        }
+        handle.wait(0.005);
+    }
+    assert!(samples > 100, "{samples} samples");
+}
+
 #[test]
 fn what_is_not_a_number_is_counted_and_dropped() {
     let handle = devices();

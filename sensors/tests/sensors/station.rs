@@ -224,6 +224,16 @@ impl Built {
     }
 }
 
+/// A station that is turned by 100° with all that it received.
+fn turned(record: &StationRecord) -> StationRecord {
+    let turn = |angle: &f64| wrap(angle + 100.0_f64.to_radians());
+    let burst = |of: &StationBurst| StationBurst { truth: turn(&of.truth), ..of.clone() };
+    StationRecord {
+        recorded: record.recorded.iter().map(turn).collect(),
+        bursts: record.bursts.iter().map(burst).collect(),
+    }
+}
+
 fn bearing_of(pattern: &StationPattern, recorded: &[f64], burst: &StationBurst) -> Option<Bearing> {
     let readings = recorded.iter().zip(&burst.readings_dbm);
     let samples: Vec<Sample> =
@@ -297,6 +307,10 @@ fn stations_of_few_bursts_lean_on_each_other() {
         }
     }
     assert!(fitted_squares < 0.95 * recorded_squares, "{fitted_squares} {recorded_squares}");
+
+    // Stations that are turned have the errors of boresights that they had.
+    let turned = fit_stations(&records.iter().map(turned).collect::<Vec<_>>()).expect("a fit");
+    assert_abs_diff_eq!(turned.model.boresight_sigma, model.boresight_sigma, epsilon = 1e-4);
 
     // A single antenna has no say about directions, but its levels count.
     let alone = &built[16];

@@ -285,6 +285,21 @@ fn smoothed_sums_are_consistent() {
     consistent(judged(make, &place(), walk), 0.1, 0.0);
 }
 
+/// The later belief lies 200 σ off: each part is all but impossible, and one of them is likeliest.
+#[test]
+fn a_sum_is_smoothed_by_a_later_one_far_off() {
+    let sum = |place: Estimate<2>| {
+        let ekf = Ekf::new(WALK, First, place).expect("proper");
+        GaussianSum::new(&ekf, split(&place, [3, 3]).expect("proper")).expect("proper")
+    };
+    let mut earlier = sum(place());
+    let far = Estimate::isotropic(Vector2::new(800.0, 0.0), 1.0);
+    earlier.smooth(&sum(far), 1.0).expect("a sum of possible parts");
+    let total: f64 = earlier.components().map(|(weight, _)| weight).sum();
+    assert!((total - 1.0).abs() < 1e-12, "{total}");
+    assert!(earlier.estimate().mean.x > 400.0, "{}", earlier.estimate().mean);
+}
+
 #[test]
 fn smoothed_interacting_models_are_consistent() {
     // The two-state chain of a mean sojourn of 8 s: after a second it has changed with

@@ -521,6 +521,15 @@ mod tests {
     use super::*;
     use approx::assert_abs_diff_eq;
 
+    #[test]
+    fn a_level_that_goes_with_the_direction_is_uncertain_by_it() {
+        let nodes = nodes(|angle| -0.5 * ((angle - 3.0) / 0.2).powi(2), |angle| 10.0 * angle);
+        let [peak] = peaks(&nodes)[..] else { panic!("one peak") };
+        // 0.25 dB² of each direction, and (10 dB/rad · 0.2 rad)².
+        assert_abs_diff_eq!(peak.level_variance, 4.25, epsilon = 0.01);
+        assert_abs_diff_eq!(peak.covariance, 0.4, epsilon = 0.002);
+    }
+
     fn nodes(log_density: impl Fn(f64) -> f64, level: impl Fn(f64) -> f64) -> Vec<Node> {
         (0..180_u16)
             .map(|i| {
