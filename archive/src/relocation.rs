@@ -58,7 +58,7 @@ struct Tracking {
 #[serde(deny_unknown_fields)]
 struct Sought {
     name: String,
-    /// Its true places with their times, if known.
+    /// True places of the transmitter with their times, if known.
     truth: Vec<(f64, Vector2<f64>)>,
     /// The time that its place is of.
     time: f64,
@@ -73,8 +73,8 @@ struct Row {
 }
 
 impl Relocation {
-    /// Nothing located yet, by an estimator of the registry or by the one that suits the
-    /// receptions.
+    /// Begins with nothing located, by an estimator of the registry or by the estimator that suits
+    /// the receptions.
     #[must_use]
     pub fn new(estimator: Option<&str>, config: LocateConfig) -> Self {
         let estimator = estimator.map(str::to_owned);
@@ -241,7 +241,7 @@ pub enum RelocationError {
     /// The lines are of another version.
     #[error("line 1: foxhunt_relocation is {version}; this program reads {VERSION}")]
     Version {
-        /// Their version.
+        /// Version of the lines.
         version: u32,
     },
     /// A line cannot be read.

@@ -31,7 +31,7 @@ pub struct Replay {
 pub struct ReplayedFix {
     /// The beacon.
     pub beacon: BeaconId,
-    /// Its name.
+    /// Name of the beacon.
     pub name: String,
     /// The estimate after its last reception.
     pub estimate: Estimate<2>,

@@ -33,7 +33,7 @@ pub trait BearingExtractor {
 pub struct Reading {
     /// The mean power over the turn, in dBm.
     pub rss_dbm: f64,
-    /// Its standard deviation in dB.
+    /// Standard deviation of the mean power, in dB.
     pub rss_sigma_db: f64,
     /// The direction of arrival, or the reason that there is no bearing. Where several compete,
     /// their common mean and a σ that covers them.
@@ -50,7 +50,7 @@ pub struct Reading {
 pub struct Bearing {
     /// The direction in radians in the world frame.
     pub angle: f64,
-    /// Its standard deviation in radians.
+    /// Standard deviation of the direction, in radians.
     pub sigma: f64,
     /// Similarity of the sweep to one transmitter received through one main lobe: 0 not at all, 1
     /// without a doubt. Each extractor documents how it counts.
@@ -76,7 +76,7 @@ pub enum NoBearing {
         "the strongest readings do not single out a direction (resultant length {resultant:.3})"
     )]
     Ambiguous {
-        /// Their mean resultant length, from 0 (none) to 1 (sharp).
+        /// Mean resultant length of the strongest readings, from 0 (none) to 1 (sharp).
         resultant: f64,
     },
     /// The antenna's pattern, wherever it is turned, fits no better than the same level all round.
@@ -121,7 +121,7 @@ pub enum NoReading {
     Position {
         /// Index of the sample.
         index: usize,
-        /// Its position.
+        /// Position of the sample.
         position: u16,
         /// Number of positions of a turn.
         positions: u16,
@@ -155,7 +155,7 @@ pub struct BearingMode {
     pub weight: f64,
     /// The direction in radians in the world frame.
     pub angle: f64,
-    /// Its standard deviation in radians, if the signal came from it.
+    /// Standard deviation of the direction in radians, if the signal came from there.
     pub sigma: f64,
 }
 

@@ -85,8 +85,8 @@ pub trait FormationPlanner {
     ) -> Result<Decision, PlanError>;
 
     /// Sets the goals from the beliefs about all unfinished targets that every turn listens for. A
-    /// hunt calls this method. The first target is the one that [`begin`](Self::begin) or
-    /// [`resume`](Self::resume) was about, and [`Decision::Finish`] is about that one. Unless
+    /// hunt calls this method. The first target is the target of [`begin`](Self::begin) or
+    /// [`resume`](Self::resume), and [`Decision::Finish`] is about the first target. Unless
     /// overridden, the others make no difference.
     ///
     /// # Errors
@@ -216,9 +216,9 @@ pub enum PlanError {
     /// The belief, or a place to go to, holds NaN or infinity.
     #[error("the place ({east}, {north}) m is not finite")]
     NotFinite {
-        /// Its East.
+        /// East of the place, in metres.
         east: f64,
-        /// Its North.
+        /// North of the place, in metres.
         north: f64,
     },
 }

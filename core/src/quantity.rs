@@ -69,13 +69,13 @@ impl Quantity {
         Self { name, axis: Axis::Angle }
     }
 
-    /// Its name, with its unit.
+    /// Returns the name of the quantity, with its unit.
     #[must_use]
     pub const fn name(&self) -> &'static str {
         self.name
     }
 
-    /// Its geometry.
+    /// Returns the geometry of the quantity.
     #[must_use]
     pub const fn axis(&self) -> Axis {
         self.axis
@@ -95,7 +95,7 @@ pub struct Measured {
     pub name: QuantityName,
     /// The value, in the unit of the name.
     pub value: f64,
-    /// Its standard deviation, in the same unit.
+    /// Standard deviation of the value, in the same unit.
     pub sigma: f64,
 }
 

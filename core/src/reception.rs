@@ -146,7 +146,7 @@ impl From<Written> for Reception {
 pub struct Level {
     /// The power in dBm.
     pub rss_dbm: f64,
-    /// Its standard deviation in dB.
+    /// Standard deviation of the power in dB.
     pub sigma_db: f64,
 }
 

@@ -116,7 +116,7 @@ impl Receptions {
         self.rows.iter().map(|row| row.position)
     }
 
-    /// Returns the receptions from an index to before another one; those that there are.
+    /// Returns the receptions from an index to before another one, as far as they exist.
     #[must_use]
     pub fn range(&self, begin: usize, end: usize) -> Iter<'_> {
         let end = end.min(self.rows.len());

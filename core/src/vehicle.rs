@@ -195,7 +195,7 @@ pub struct HeightAboveGround {
 pub enum HeightSource {
     /// A distance sensor that looks down.
     Rangefinder,
-    /// Its place above the terrain that its autopilot has: tiles, or an estimate.
+    /// The vehicle's place above the terrain that its autopilot has: tiles, or an estimate.
     Terrain,
 }
 

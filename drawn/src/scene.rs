@@ -182,9 +182,9 @@ impl Scene {
 /// A file of a drawn recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DrawnFile {
-    /// Its name in the folder that the command runs in.
+    /// Name of the file in the folder that the command runs in.
     pub name: String,
-    /// Its text.
+    /// Text of the file.
     pub text: String,
 }
 
@@ -230,7 +230,7 @@ impl DrawnRecording {
 /// A kind of recordings.
 #[derive(Clone, Copy, Debug)]
 pub struct Class {
-    /// Its name, as `--class` takes it.
+    /// Name of the class, as `--class` takes it.
     pub name: &'static str,
     /// Summary of its draws, in a line.
     pub about: &'static str,

@@ -25,7 +25,7 @@ pub type AnyModel<const N: usize, const M: usize> = Arc<dyn MeasurementModel<N, 
 ///
 /// An [`Estimate`] is one: a Gaussian.
 pub trait Prior<const N: usize> {
-    /// Its first two moments.
+    /// Returns the first two moments of the belief.
     fn moments(&self) -> Estimate<N>;
 
     /// Returns true if the moments describe it fully.
@@ -195,7 +195,7 @@ const fn once() -> u32 {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OutlierConfig {
-    /// Their share, in [0, 1).
+    /// Share of the outliers, in [0, 1).
     pub share: f64,
     /// The volume that they are spread over: for level and bearing in dB rad.
     pub support: f64,
@@ -241,7 +241,8 @@ impl GateConfig {
 ///
 /// It is implemented for the sizes of hunts and trials, each compiled here and nowhere else.
 pub trait FilterOf<const N: usize, const M: usize> {
-    /// Builds the filter over two models and a prior; `seed` is for those that draw random numbers.
+    /// Builds the filter over two models and a prior; `seed` is for filters that draw random
+    /// numbers.
     ///
     /// # Errors
     ///

@@ -100,7 +100,7 @@ pub enum TimeStep {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum WithoutBearing {
-    /// Its level is used.
+    /// The level is used.
     #[default]
     UseLevel,
     /// It is not used, and makes no step at all.
@@ -209,8 +209,8 @@ impl Track {
         }
     }
 
-    /// Sets what the log calls the prior, where the first two moments of the estimator are not
-    /// exactly those that it was made of.
+    /// Sets the prior of the log, where the first two moments of the estimator are not exactly the
+    /// moments of the belief that it was made of.
     #[must_use]
     pub fn with_prior(self, prior: Estimate<2>) -> Self {
         Self { prior, ..self }

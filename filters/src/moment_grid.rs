@@ -12,9 +12,9 @@ use crate::{Gaussian, count::number, peaks};
 /// is linear in its moment, as a magnetic dipole's is: z = ± G(place) m + noise. The sign of each
 /// measurement is unknown.
 ///
-/// At each place the moment is a Gaussian that is integrated out, and the signs are those that the
-/// moment explains best, found in turns with it. The remaining density over places is kept on a
-/// grid about each of its maxima that covers it. So nothing is linearised, and no start has to be
+/// At each place the moment is a Gaussian that is integrated out, and the signs that the moment
+/// explains best are found in turns with it. The remaining density over places is kept on a grid
+/// about each of its maxima that covers it. So nothing is linearised, and no start has to be
 /// guessed. After each observation all grids are weighed again; the prior's area is searched as a
 /// whole whenever there are twice as many observations.
 ///

@@ -19,7 +19,7 @@ pub struct SlantRange {
     pub receiver: Vector3<f64>,
     /// The distance through the air, in metres.
     pub range: f64,
-    /// Its standard deviation, in metres.
+    /// Standard deviation of the distance, in metres.
     pub sigma: f64,
 }
 
@@ -79,10 +79,10 @@ impl MeasurementModel<4, 1> for BiasedNearness {
 pub struct SlantRangeDifference {
     /// The receiver's East, North and Up in metres.
     pub receiver: Vector3<f64>,
-    /// Its distance from the target less that of the reference, in metres: the difference of the
-    /// arrivals' times, times the speed of light.
+    /// Distance of the receiver from the target less that of the reference, in metres: the
+    /// difference of the arrivals' times, times the speed of light.
     pub difference: f64,
-    /// The standard deviation of that, in metres.
+    /// Standard deviation of the difference, in metres.
     pub sigma: f64,
 }
 
@@ -164,7 +164,7 @@ pub fn range_bias_sigmas(ranges: &[SlantRange]) -> [f64; 2] {
     [0.2 * median, 0.1]
 }
 
-/// Ranges, negated, and those that are longer than a limit.
+/// Builds observations of negated ranges: measured ones, then lower limits of ranges.
 fn observations(
     ranges: &[SlantRange],
     beyond: &[SlantRange],

@@ -50,7 +50,7 @@ pub trait Map<const A: usize, const B: usize> {
     /// The image of `x`.
     fn value(&self, x: &SVector<f64, A>) -> SVector<f64, B>;
 
-    /// Its derivative at `x`.
+    /// Returns the derivative of the map at `x`.
     fn jacobian(&self, x: &SVector<f64, A>) -> SMatrix<f64, B, A>;
 
     /// `y ⊖ z` in the image.
@@ -201,7 +201,7 @@ impl Unscented {
         Self { alpha: 1e-3, beta: 2.0, kappa: Kappa::ThreeMinusN }
     }
 
-    /// Its rule for states of `dimension` components.
+    /// Returns the rule of the pairs for states of `dimension` components.
     #[inline(always)]
     fn pairs(&self, dimension: usize) -> Pairs {
         let n = number(dimension);

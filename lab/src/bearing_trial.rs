@@ -29,9 +29,9 @@ const SLOPE_STEP: f64 = 0.0087;
 /// The disturbances of the turns in a campaign of bearings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BearingCase {
-    /// Its name, as `foxhunt compare extractors` takes it.
+    /// Name of the case, as `foxhunt compare extractors` takes it.
     pub name: &'static str,
-    /// Its description, in a line.
+    /// Description of the case, in a line.
     pub about: &'static str,
     /// The number of distinct boresights of a turn, equally spaced.
     pub boresights: u16,

@@ -25,7 +25,7 @@ impl From<Vector2<f64>> for Place {
 /// The result of one simulated hunt.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct HuntReport {
-    /// Its seed.
+    /// Seed of the hunt.
     pub seed: u64,
     /// The estimator's name.
     pub estimator: String,
@@ -40,7 +40,7 @@ pub struct HuntReport {
 /// One beacon of a [`HuntReport`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct HuntedBeacon {
-    /// Its name.
+    /// Name of the beacon.
     pub name: String,
     /// The beacon's true place.
     pub truth: Place,

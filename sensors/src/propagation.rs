@@ -52,7 +52,7 @@ pub trait Propagation {
     /// The mean received power in dBm at `range` metres.
     fn rss_dbm(&self, range: f64) -> f64;
 
-    /// Its derivative at `range`, in dB per metre.
+    /// Returns the derivative of the power at `range`, in dB per metre.
     fn slope(&self, range: f64) -> f64;
 
     /// dP/d(d²) where the square of the range is `square` m² and not 0, in dB per m²; a law of
@@ -290,7 +290,7 @@ pub enum Polarisation {
     Horizontal,
 }
 
-/// The direct wave and the one that a flat ground reflects (Rappaport 2002, §4.6):
+/// Direct wave and reflection from a flat ground (Rappaport 2002, §4.6):
 /// P = Pt + 20 log₁₀((λ / 4π) |1/d + Γ e^(−jk(d′ − d)) / d′|), d the slant range and
 /// d′ = √(d² + 4 h₁ h₂) the way over the ground.
 ///

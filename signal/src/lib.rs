@@ -20,7 +20,7 @@ pub struct Pulse {
     /// The carrier's frequency, in hertz; absolute where the receiver's centre is known, otherwise
     /// relative to it.
     pub frequency_hz: f64,
-    /// Its duration, in seconds.
+    /// Duration of the pulse, in seconds.
     pub width_s: f64,
     /// The mean power while it lasts, in dBm, or in dB of full scale where the receiver is not
     /// calibrated.

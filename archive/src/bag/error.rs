@@ -30,7 +30,7 @@ pub enum BagError {
     Message {
         /// The topic.
         topic: String,
-        /// The number of the message among those that are read, from 1.
+        /// Number of the message among the messages that are read, from 1.
         number: usize,
         /// The error in the message.
         source: Box<BagError>,
@@ -40,7 +40,7 @@ pub enum BagError {
     NoTopic {
         /// Name of the wanted topic, if one is wanted.
         name: Option<String>,
-        /// Its wanted contents.
+        /// Wanted contents of the topic.
         what: &'static str,
         /// The topics with their types.
         known: String,
@@ -50,7 +50,7 @@ pub enum BagError {
     SeveralTopics {
         /// Names of the topics.
         names: String,
-        /// Their contents.
+        /// Contents of the topics.
         what: &'static str,
         /// The flag that chooses.
         flag: &'static str,
@@ -68,7 +68,7 @@ pub enum BagError {
     Value {
         /// Name of the setting.
         name: &'static str,
-        /// Its value.
+        /// Value of the setting.
         value: f64,
     },
 }

@@ -41,7 +41,7 @@ pub struct CotEvent {
 /// A receiver as teams see it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CotPlatform {
-    /// Its name.
+    /// Name of the receiver.
     pub name: String,
     /// True for a person, a car, a boat or a station.
     pub on_the_ground: bool,

@@ -7,13 +7,13 @@ use crate::overview::{Believed, Overview, Received, SearchOverview};
 /// Something on the map.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Feature {
-    /// Its kind.
+    /// Kind of the feature.
     pub(super) kind: Kind,
     /// Name of the beacon or the receiver that it belongs to.
     pub(super) name: String,
     /// Time in seconds of the overview.
     pub(super) time: Option<f64>,
-    /// Its shape: one point, the points of a line, or the rings of an area, each closed.
+    /// Shape of the feature: one point, the points of a line, or the rings of an area, each closed.
     pub(super) shape: Shape,
     /// Other quantities, by names with units.
     pub(super) numbers: Vec<(&'static str, f64)>,
@@ -43,7 +43,7 @@ pub(super) enum Kind {
 }
 
 impl Kind {
-    /// Its name in files.
+    /// Returns the name of the kind in files.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Fix => "fix",

@@ -8,7 +8,7 @@ pub(super) const POSE_STAMPED: &str = "geometry_msgs/msg/PoseStamped";
 pub(super) const POSE_WITH_COVARIANCE_STAMPED: &str = "geometry_msgs/msg/PoseWithCovarianceStamped";
 pub(super) const TF_MESSAGE: &str = "tf2_msgs/msg/TFMessage";
 
-/// Types with their fields; those that a type holds stand before it.
+/// Types with their fields; a type stands after the types that it holds.
 const FIELDS: [(&str, &str); 17] = [
     ("builtin_interfaces/msg/Time", "int32 sec\nuint32 nanosec\n"),
     ("std_msgs/msg/Header", "builtin_interfaces/Time stamp\nstring frame_id\n"),

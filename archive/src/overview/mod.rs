@@ -45,7 +45,7 @@ pub struct Overview {
     pub frame: Option<LocalFrame>,
     /// The drones, or other receivers.
     pub receivers: Vec<Receiver>,
-    /// Their receptions.
+    /// Receptions of the receivers.
     pub received: Vec<Received>,
     /// The searches, each for one beacon.
     pub searches: Vec<SearchOverview>,
@@ -58,11 +58,11 @@ pub struct Overview {
 /// A drone, or another receiver.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Receiver {
-    /// Its name.
+    /// Name of the receiver.
     pub name: String,
-    /// Its places with their times; on straight lines between.
+    /// Places of the receiver with their times; on straight lines between.
     pub path: Vec<Knot>,
-    /// Its battery, link and position over time, for drones that report them.
+    /// Battery, link and position of the receiver over time, for drones that report them.
     pub health: Vec<Health>,
 }
 
@@ -119,9 +119,9 @@ pub struct Received {
     pub used: bool,
     /// True if it was struck out by hand.
     pub struck: bool,
-    /// Its key in the log or in the recordings.
+    /// Key of the reception in the log or in the recordings.
     pub id: Option<ReceptionKey>,
-    /// Its normalised innovation squared, and the degrees of freedom.
+    /// Normalised innovation squared of the reception, and the degrees of freedom.
     pub nis: Option<(f64, usize)>,
     /// The turn of the antenna that it was read in, where its samples were kept.
     pub turn: Option<Turn>,
@@ -132,7 +132,7 @@ pub struct Received {
 pub struct SearchOverview {
     /// The beacon's name.
     pub name: String,
-    /// Its true place or way, if known.
+    /// True place or way of the beacon, if known.
     pub truth: Vec<Knot>,
     /// Beliefs in the order of time.
     pub beliefs: Vec<Believed>,

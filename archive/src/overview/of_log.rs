@@ -99,7 +99,7 @@ type Key = (usize, u16, u64);
 /// A drone's flight, by its orders.
 #[derive(Clone, Copy, Default)]
 struct Flight {
-    /// Its last known place.
+    /// Last known place of the drone.
     at: Option<Vector3<f64>>,
     /// Goal of its order from there.
     to: Option<Vector3<f64>>,

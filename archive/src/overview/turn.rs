@@ -18,7 +18,7 @@ pub struct Turn {
 /// The antenna that an extractor knows.
 #[derive(Clone, Copy, Debug)]
 pub struct KnownAntenna<'a> {
-    /// Its gain.
+    /// Gain of the antenna.
     pub antenna: &'a dyn Antenna,
     /// Elevation of beacons above the horizon, in radians.
     pub elevation: f64,

@@ -19,7 +19,7 @@ pub(super) struct Points {
 }
 
 impl Points {
-    /// Packs points; those that are not finite are left out.
+    /// Packs points; points that are not finite are left out.
     pub(super) fn new(points: impl Iterator<Item = [f64; 2]> + Clone) -> Self {
         let finite = points.filter(|point| point.iter().all(|v| v.is_finite()));
         let mut low = [f64::INFINITY; 2];

@@ -59,8 +59,8 @@ impl PageLog {
         Ok(Self { header: header_line(header, other, OF_A_LIVE_HUNT)?, lines: Vec::new() })
     }
 
-    /// The receptions of recordings, for an estimator of a registry; `estimator` is the one that
-    /// located.
+    /// Builds the log of recordings' receptions; `estimator` is the registry's entry for the
+    /// estimator that located with them.
     ///
     /// # Errors
     ///

@@ -9,7 +9,7 @@ use super::{
 /// The results of one contender's runs, for [`distributions_svg`](super::distributions_svg).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Distribution {
-    /// Its name.
+    /// Name of the contender.
     pub name: String,
     /// From the estimates to the truth in metres, rising.
     pub errors_m: Vec<f64>,

@@ -25,9 +25,9 @@ pub struct Graph {
 /// An axis; its range is that of what is shown.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Axis {
-    /// Its quantity with the unit.
+    /// Quantity on the axis, with its unit.
     pub label: String,
-    /// Its division.
+    /// Division of the axis.
     pub scale: Scale,
 }
 
@@ -46,13 +46,13 @@ pub enum Scale {
 /// Points of one kind.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
-    /// Its name in the legend; without one it has no line there.
+    /// Name of the curve in the legend; without one the curve has no line there.
     pub name: String,
-    /// Its points: to the right, and upwards. One that is not finite divides a line.
+    /// Points of the curve: to the right, and upwards. A point that is not finite divides a line.
     pub points: Vec<[f64; 2]>,
     /// Style of the points.
     pub mark: Mark,
-    /// Its colour.
+    /// Colour of the curve.
     pub tint: Tint,
 }
 
@@ -83,7 +83,7 @@ pub enum Tint {
 /// A range for each value across: what is expected there.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Band {
-    /// Its name in the legend.
+    /// Name of the band in the legend.
     pub name: String,
     /// The value across, and the range upwards.
     pub points: Vec<[f64; 3]>,

@@ -9,7 +9,7 @@ use crate::overview::{Believed, Knot, SearchOverview};
 /// A search, and what it is called in a legend.
 #[derive(Clone, Debug)]
 pub struct NamedSearch<'a> {
-    /// Its name.
+    /// Name of the search in a legend.
     pub name: String,
     /// The search.
     pub search: &'a SearchOverview,

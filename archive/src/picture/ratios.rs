@@ -10,7 +10,7 @@ use super::{
 /// Comparison of a contender with a reference, for [`ratios_svg`](super::ratios_svg).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ratios {
-    /// Its name.
+    /// Name of the contender.
     pub name: String,
     /// For each figure, in one order: its ratio over the reference's, and where that lies with
     /// 95 %; [`None`] where it is not known.

@@ -14,7 +14,7 @@ pub const LOW_CONFIDENCE: f64 = 0.6;
 pub struct BearingReading {
     /// The turn.
     pub sweep: RecordedSweep,
-    /// Its level, and its bearing or why that is missing.
+    /// Level of the turn, and its bearing or the reason that the bearing is missing.
     pub reading: Reading,
 }
 

@@ -31,7 +31,7 @@ pub struct BearingsFit {
     pub constant: Result<BearingOffsetFit, CalibrationError>,
     /// Offset with its first harmonic over the heading, or why it cannot be fitted.
     pub heading: Result<BearingOffsetFit, CalibrationError>,
-    /// Their σ against their errors without the offset, or why it cannot be fitted.
+    /// σ of the bearings against their errors without the offset, or why it cannot be fitted.
     pub sigma: Result<SigmaFit, CalibrationError>,
 }
 

@@ -72,7 +72,7 @@ pub enum RecordedError {
     /// The recording holds several beacons, and none is chosen.
     #[error("the recording holds {}; choose one with --beacon", list(beacons))]
     SeveralBeacons {
-        /// Their names.
+        /// Names of the beacons in the recording.
         beacons: Vec<String>,
     },
     /// The chosen beacon is not in the recording.

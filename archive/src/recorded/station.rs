@@ -32,7 +32,7 @@ impl Default for StationConfig {
 /// Stations that were fitted together.
 #[derive(Debug)]
 pub struct StationsCalibration {
-    /// Their common pattern, for stations that were not fitted.
+    /// Common pattern of the stations, for stations that were not fitted.
     pub model: StationModel,
     /// Each station in the order given, or why it had no part in the fit.
     pub stations: Vec<Result<StationCalibration, RecordedError>>,

@@ -14,7 +14,7 @@ use super::{
 
 /// A table that lies beside a recording, by the names of its rows.
 pub(super) struct Joined {
-    /// Its name in messages.
+    /// Name of the table's file in messages.
     pub(super) file: String,
     /// The columns of ours that name a row; empty where one row holds for all.
     pub(super) by: Vec<Column>,

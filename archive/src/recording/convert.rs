@@ -100,10 +100,10 @@ fn truth(record: &Record, of: &Recording) -> Option<[String; 2]> {
     Some(degrees(&of.frame()?, truth.x, truth.y))
 }
 
-/// Writes recordings in our own format, whatever format they were read from; angles are counted
-/// from true North, and heights are those that estimators work with: above the ground, or above the
-/// frame's origin where a recording has heights above the ellipsoid. Columns that hold nothing are
-/// left out. Returns how many rows there are.
+/// Writes recordings in our own format, whatever format they were read from. Angles are counted
+/// from true North. Heights are above the ground, or above the frame's origin where a recording has
+/// heights above the ellipsoid, as estimators take them. Columns that hold nothing are left out.
+/// Returns the number of rows.
 ///
 /// # Errors
 ///

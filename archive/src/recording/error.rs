@@ -374,7 +374,7 @@ pub enum RecordingError {
         /// The missing part.
         problem: String,
     },
-    /// A log or a path holds several levels, or not the one that was asked for.
+    /// A log or a path holds several levels, or not the level that was asked for.
     #[error(
         "{file}: this is {what} {}; {}",
         match named {
@@ -408,11 +408,11 @@ pub enum RecordingError {
     NoCommonTime {
         /// The recording.
         file: String,
-        /// Its first and last time, in seconds since 1970.
+        /// First and last time of the recording, in seconds since 1970.
         times: [f64; 2],
         /// The track.
         track: String,
-        /// Its first and last time, in seconds since 1970.
+        /// First and last time of the track, in seconds since 1970.
         track_times: [f64; 2],
     },
     /// Files in local metres and files in degrees do not share a frame.
@@ -487,7 +487,7 @@ pub enum FieldProblem {
     /// It must be a latitude or longitude.
     #[error("is neither degrees nor degrees, minutes and seconds")]
     NotDegrees,
-    /// Its hemisphere is that of the other coordinate.
+    /// The hemisphere is that of the other coordinate.
     #[error(
         "has the hemisphere of the other coordinate; N and S are latitudes, E and W longitudes"
     )]
@@ -507,7 +507,7 @@ pub enum FieldProblem {
     /// It must not be empty.
     #[error("must not be empty here")]
     Missing,
-    /// Its quote is not closed.
+    /// The quote at the beginning is not closed.
     #[error("begins with a quote that is not closed")]
     Unclosed,
     /// The mapping's lookup does not list it.

@@ -105,8 +105,9 @@ pub(super) fn is_known(columns: &[String], options: &ReadOptions) -> bool {
         || plain::is_plain(columns, options)
 }
 
-/// The shipped mapping whose header fits a file's columns; of several, the one that needs most. A
-/// table whose columns have common names gets a mapping of its own, by the cells of its first row.
+/// Returns the shipped mapping whose header fits a file's columns; of several, the mapping with the
+/// longest header. A table whose columns have common names gets a mapping of its own, by the cells
+/// of its first row.
 pub(super) fn recognise(
     table: &Table<'_>,
     options: &ReadOptions,

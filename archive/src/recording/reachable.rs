@@ -202,7 +202,8 @@ pub(super) fn out_of_time(records: &[Record]) -> Vec<(usize, f64)> {
     out
 }
 
-/// The places of the longest series that does not fall; of equals the one that ends lowest.
+/// Returns the places of the longest series that does not fall; of equally long series, the one
+/// with the lowest end.
 fn longest_rising(times: &[(usize, f64)]) -> Vec<usize> {
     // For each length the place at which the series of that length with the lowest end ends.
     let mut ends: Vec<usize> = Vec::new();

@@ -173,7 +173,7 @@ fn of_kind(error: RecordingError, taken_for: &str) -> RecordingError {
 /// The text of a file, and where it lies.
 struct File<'f> {
     bytes: &'f [u8],
-    /// Its rows, if it has another shape than a table.
+    /// Rows of the file, if it has another shape than a table.
     rows: Option<Rows>,
     name: &'f str,
     folder: Option<&'f Path>,
@@ -207,7 +207,7 @@ impl File<'_> {
         read.map(|read| read.recording)
     }
 
-    /// Opens the table: its header is the one that fits the format, or is stated.
+    /// Opens the table by the header that fits the format, or by the header that is stated.
     fn table(&self, options: &ReadOptions) -> Result<Table<'_>, RecordingError> {
         let name = self.name;
         let bytes = self.bytes;

@@ -42,7 +42,7 @@ impl Record {
     }
 }
 
-/// Values of a row that many rows share, and those that few recordings have.
+/// Values of a row that many rows share, or that few recordings have.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Details {
     /// The beacon's name, if the recording names them.
@@ -89,7 +89,7 @@ impl Deref for Record {
 pub struct RecordedBearing {
     /// From the receiver to the beacon, in radians counter-clockwise from East.
     pub angle: f64,
-    /// Its standard deviation in radians, if the recording has it.
+    /// Standard deviation of the bearing in radians, if the recording has it.
     pub sigma: Option<f64>,
     /// True if angle and σ are calibrated by the array that made it.
     pub is_calibrated: bool,

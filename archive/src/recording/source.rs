@@ -78,7 +78,7 @@ impl Source {
         terms
     }
 
-    /// Its name in messages: the names of its columns.
+    /// Returns the name of the source in messages: the names of its columns.
     pub(super) fn label(&self) -> String {
         self.columns.join(" and ")
     }

@@ -21,9 +21,9 @@ pub struct RecordedSweep {
     pub line: u64,
     /// True if the recording has the receiver's place; if not, poses are at the origin.
     pub located: bool,
-    /// Its readings in the order of time. The receiver is the mean over the turn; the rows between
-    /// its first and last that have a boresight but no level are `unanswered`. All recorded sweeps
-    /// are of beacon 0: [`as_sweep`](Self::as_sweep) numbers them.
+    /// Readings of the turn in the order of time. The receiver is the mean over the turn; the rows
+    /// between its first and last that have a boresight but no level are `unanswered`. All recorded
+    /// sweeps are of beacon 0: [`as_sweep`](Self::as_sweep) numbers them.
     pub sweep: OwnedSweep,
 }
 

@@ -78,7 +78,7 @@ impl<'b> Table<'b> {
     }
 
     /// Opens a table without a header, whose columns the user has named: rows are as long as the
-    /// names, and the separator is the one that gives the first row that length.
+    /// list of names, and the separator is the sign that gives the first row that length.
     pub(super) fn open_named(
         file: &str,
         bytes: &'b [u8],

@@ -33,7 +33,7 @@ pub enum StruckError {
     Version {
         /// The file.
         path: PathBuf,
-        /// Its version.
+        /// Version of the list.
         version: u32,
     },
     /// A line is no reception.

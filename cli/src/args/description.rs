@@ -8,7 +8,7 @@ use serde::Serialize;
 /// A command that can be run.
 #[derive(Debug, Serialize)]
 pub(crate) struct CommandDescription {
-    /// Its words, such as `["compare", "sigmas"]`.
+    /// Words of the command, such as `["compare", "sigmas"]`.
     words: Vec<String>,
     about: String,
     details: String,
@@ -43,7 +43,7 @@ enum Kind {
     Text,
 }
 
-/// All commands but those that only hold others, in the order of `--help`.
+/// Returns all commands but groups that only hold other commands, in the order of `--help`.
 pub(crate) fn described(mut command: Command) -> Vec<CommandDescription> {
     command.build();
     let mut all = Vec::new();

@@ -125,7 +125,7 @@ struct Report {
     remarks: Vec<Remark>,
     /// Residual of each measurement that took part, by file and line.
     rows: Residuals,
-    /// Number of rows that the table lists; those that do not fit unless given.
+    /// Number of rows that the table lists; unless given, it lists the rows that do not fit.
     #[serde(skip)]
     listed: Option<usize>,
     /// Number of the first remarks, of the recordings, that were warned of on reading.
@@ -465,7 +465,7 @@ fn details(report: &Report) -> String {
         .collect()
 }
 
-/// Lists the remarks, except those that have a table of their own.
+/// Lists the remarks that have no table of their own.
 fn remarks_of(remarks: &[Remark], whose: &str) -> String {
     let untold = |remark: &&Remark| !["ellipse-is-poor", "rivals"].contains(&&*remark.code);
     doubts(remarks.iter().filter(untold), whose)

@@ -355,7 +355,7 @@ impl Locating {
         self.estimator.is_some()
     }
 
-    /// The estimator of the command line, or the one that suits what was received.
+    /// Returns the estimator of the command line, or the estimator that suits the receptions.
     pub(super) fn estimator<'a>(
         &self,
         registry: &'a Registry,

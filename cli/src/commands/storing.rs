@@ -37,7 +37,7 @@ pub(super) struct Storing {
 enum ChosenShard {
     /// This one.
     Given(Shard),
-    /// The one that the environment names.
+    /// The part that the environment names.
     Auto,
 }
 

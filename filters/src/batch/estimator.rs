@@ -374,7 +374,7 @@ impl<const N: usize> Expansion<N> {
         self.bend.iter_mut().zip(bend).for_each(|(sum, bend)| *sum += bend);
     }
 
-    /// Its minimum; `None` where that is so far from the centre that the expansion errs.
+    /// Returns the minimum; `None` where that is so far from the centre that the expansion errs.
     fn minimum(&self) -> Option<End<N>> {
         let mut step = State::<N>::zeros();
         for iterations in (1..).take(ROUNDS) {

@@ -95,7 +95,7 @@ impl BearingGrid {
     ///
     /// # Errors
     ///
-    /// [`BatchError::TooFew`] for fewer than two bearings, [`BatchError::Value`] for the one that
+    /// [`BatchError::TooFew`] for fewer than two bearings, [`BatchError::Value`] for a bearing that
     /// is not finite, [`BatchError::Flat`] when all were taken in one place or no place fits, and
     /// [`BatchError::Parameter`] for a setting that is out of range.
     pub fn locate(&self, bearings: &[(BearingLine, f64)]) -> Result<BearingGridFix, BatchError> {

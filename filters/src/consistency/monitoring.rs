@@ -42,7 +42,7 @@ impl<E, H, const M: usize> Monitored<E, H, M> {
     }
 
     /// The normalised innovations in their order, as [`Whiteness`](super::Whiteness) takes them;
-    /// those that could not be computed are missing as a whole.
+    /// innovations that could not be computed are missing as a whole.
     #[must_use]
     pub fn innovations(&self) -> &[SVector<Option<f64>, M>] {
         &self.innovations

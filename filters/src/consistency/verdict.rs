@@ -138,7 +138,7 @@ impl ChiSquaredAverage {
         self.count
     }
 
-    /// Their degrees of freedom altogether.
+    /// Returns the degrees of freedom of all squares together.
     #[must_use]
     pub fn degrees_of_freedom(&self) -> usize {
         self.degrees_of_freedom

@@ -158,8 +158,8 @@ mod tests {
         assert_eq!(apart.autocorrelations().count(), 0);
     }
 
-    /// The share of 2000 runs of 40 that fail at 5 %: independent normal numbers of two components
-    /// with a fifth missing, plus what `colour` makes of the one before and the present one.
+    /// Returns the share of 2000 runs of 40 that fail at 5 %. Each of two components is
+    /// `colour` of its previous value and an independent normal number; a fifth is missing.
     fn failing(colour: impl Fn(f64, f64) -> f64) -> f64 {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(5);
         let mut failed = 0.0;

@@ -192,7 +192,7 @@ impl DirectionalGrid {
         self.sites = sites;
     }
 
-    /// Weighs the cells, and closes those that are out of the question.
+    /// Weighs the cells, and closes cells of negligible weight.
     fn weigh(&mut self) -> Weighed {
         let nodes = &self.nodes;
         let powers = self.nodes.powers;

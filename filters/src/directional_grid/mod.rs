@@ -35,7 +35,7 @@ const CURVE_STEPS: usize = 1152;
 /// out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DirectionalGridConfig {
-    /// σ in dB of the transmitter's power about the one that the levels are of.
+    /// σ in dB of the transmitter's power about the power that the levels are of.
     pub power_sigma_db: f64,
     /// σ in dB of the error that all levels at one site have in common.
     pub site_sigma_db: f64,

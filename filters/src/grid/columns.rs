@@ -495,7 +495,7 @@ fn behind() -> impl Iterator<Item = (usize, usize)> {
     (2..).flat_map(|i| (2..=i).map(move |j| (i, j)))
 }
 
-/// Returns the mean of the one component behind the place, 0 without information.
+/// Returns the mean of the single component behind the place, 0 without information.
 #[inline(always)]
 fn mean_behind(shift: f64, information: f64) -> f64 {
     let mean = shift * (1.0 / information);
@@ -539,7 +539,7 @@ impl<I: Fn(usize) -> f64> Kernel for Diffusion<'_, I> {
     }
 }
 
-/// Λ of the one component behind the place when its variance grows.
+/// Returns Λ of the single component behind the place when its variance grows by `more`.
 #[inline(always)]
 fn wider(information: f64, more: f64) -> f64 {
     1.0 / (1.0 / information + more)

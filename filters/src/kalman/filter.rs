@@ -397,8 +397,8 @@ impl<H: MeasurementModel<2, M>, const M: usize> Ukf<RandomWalk<2>, H, 2, M> {
     /// The reference's filter (Pritzl 2018, §4.4): α = 0.001, β = 2, κ = 3 − n; a still
     /// target with the process noise q = 0.1957 m per step; [`Gate::pritzl2018`].
     ///
-    /// Its time counts steps: `predict(1.0)` before every update that is executed, the first
-    /// included. It starts from P = 70 m² I about the centroid of the drones.
+    /// The filter's time counts steps: `predict(1.0)` before every update that is executed, the
+    /// first included. The filter starts from P = 70 m² I about the centroid of the drones.
     ///
     /// The document prints q² as "0.19572", which is 0.1957² without its exponent, or a variance
     /// of 0.19572 m². This is the first reading; for the second, add

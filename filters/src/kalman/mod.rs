@@ -32,7 +32,7 @@ const ROOM: f64 = 0.1;
 /// that give the free energy are themselves not exact.
 const SLACK: f64 = 0.5;
 
-/// Limits to the linearisations of an update, each about the posterior of the one before.
+/// Limits to the linearisations of an update, each about the posterior of the previous one.
 ///
 /// ```
 /// # use foxhunt_filters::Iterations;
@@ -287,10 +287,10 @@ where
         Regression::new(&image, residual, self.observation)
     }
 
-    /// The posterior about the last of the centres, and the log-evidence of the regression that led
-    /// to it; `textbook` is the one about the prior, by the regression `first`.
+    /// Returns the posterior about the last of the centres, and the log-evidence of the regression
+    /// that led to it; `textbook` is the posterior about the prior, by the regression `first`.
     ///
-    /// Its mean is a Gauss-Newton step from the centre N(m, P) on
+    /// The posterior's mean is a Gauss-Newton step from the centre N(m, P) on
     ///
     /// J(m) = |m ⊖ x̂|² in the metric of the prior + |z ⊖ z̄(m)|² in that of R + Ω,
     ///

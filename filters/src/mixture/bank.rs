@@ -18,7 +18,7 @@ use super::{Component, InnovationOf, belief_of, correct, nis_of, normalise, weig
 /// - A component that fails is dropped; only where all fail, the bank does, and is as it was.
 /// - A component whose own gate keeps an observation out keeps its belief. A gate has no
 ///   density: the component is weighed by exp(−NIS / 2) over the widest normaliser 1 / √|2π S|
-///   of those that let it in. Where all keep it out, the bank does.
+///   of the components that let it in. Where all keep it out, the bank does.
 /// - A component lighter than 10⁻⁶ of the heaviest is dropped, see
 ///   [`with_pruning`](Self::with_pruning).
 ///

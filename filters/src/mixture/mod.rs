@@ -133,7 +133,7 @@ fn normalise<E>(components: &mut [Component<E>]) -> Option<f64> {
     Some(log_total)
 }
 
-/// The estimates of those that have any weight.
+/// Returns the estimates of the components that have any weight.
 fn estimates<E: Estimator<N, M>, const N: usize, const M: usize>(
     components: &[Component<E>],
 ) -> impl Iterator<Item = (f64, Estimate<N>)> + Clone {
@@ -167,9 +167,10 @@ fn nis_of<E, const M: usize>(
 
 /// Updates every component and weighs it by its evidence.
 ///
-/// One that fails keeps no weight. One whose gate keeps the observation out keeps its belief; a
-/// gate has no density, so it is weighed by exp(−NIS / 2) over the widest normaliser among
-/// those that fused, that is 1 / √|2π S|. Where all keep it out no weight changes.
+/// A component that fails keeps no weight. A component whose gate keeps the observation out keeps
+/// its belief; a gate has no density, so the component is weighed by exp(−NIS / 2) over the
+/// widest normaliser among the components that fused, that is 1 / √|2π S|. Where all keep it out
+/// no weight changes.
 ///
 /// # Errors
 ///

@@ -16,7 +16,7 @@ const MOST: usize = 64;
 pub(super) struct Part<const N: usize> {
     pub weight: f64,
     pub estimate: Estimate<N>,
-    /// The heaviest of those that were merged into it.
+    /// Index of the component that the part came from; after a merge, the heavier part's.
     pub origin: usize,
     pub merged: bool,
     log_determinant: f64,

@@ -10,7 +10,7 @@ use super::ShadowingGridError;
 pub enum Intercept {
     /// Nothing: a flat prior over the real line, integrated out.
     Flat,
-    /// Its value, in the readings' unit.
+    /// Known value of the intercept, in the readings' unit.
     Known(f64),
     /// The value that a calibration measured at one value of the slope's regressor, with the gain's
     /// at zero. Its error is independent of the readings', and of the slope where `regressor` is
@@ -29,7 +29,7 @@ pub enum Intercept {
 /// Prior of a coefficient, such as the path-loss exponent of received levels, or of a height.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Slope {
-    /// Its value.
+    /// Known value of the coefficient.
     Known(f64),
     /// Values it may have, each with its prior weight; the weights need not sum to 1.
     Nodes(Vec<(f64, f64)>),

@@ -12,7 +12,7 @@ pub enum ShadowingGridError {
     Value {
         /// Index of the reading, from 0.
         index: usize,
-        /// Its value.
+        /// Value of the reading.
         value: f64,
     },
     /// A reading's receiver pose holds NaN or infinity.
@@ -33,9 +33,9 @@ pub enum ShadowingGridError {
          they hold nothing about another"
     )]
     OnePlace {
-        /// Its East in metres.
+        /// East of the place, in metres.
         east: f64,
-        /// Its North in metres.
+        /// North of the place, in metres.
         north: f64,
     },
     /// The readings' correlation matrix has no Cholesky factor: places coincide and the nugget

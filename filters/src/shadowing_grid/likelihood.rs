@@ -44,7 +44,7 @@ pub(super) struct Likelihood {
     regressions: Vec<Regression>,
     slope: Coefficient,
     gain: Coefficient,
-    /// n − 1 degrees of freedom, n if the intercept is known, plus those that the prior of σ has.
+    /// Degrees of freedom: n − 1, or n if the intercept is known, plus the prior's of σ.
     freedom: f64,
     /// SSR before any reading, by the prior of σ.
     prior_square: f64,
@@ -167,7 +167,7 @@ impl Likelihood {
     }
 
     /// The posterior over a grid, from the target's heights with their log-weights, −∞ for
-    /// those that are ruled out, and the log-density of places before the readings.
+    /// heights that are ruled out, and the log-density of places before the readings.
     pub(super) fn posterior(
         &self,
         grid: Grid,

@@ -76,11 +76,12 @@ impl ShadowingGrid {
     /// Locates the target of `readings`, given in the order in which they were taken.
     ///
     /// A segment of which nothing is known but that its value lay below or above a limit weighs in
-    /// by the probability of that, Φ(±(limit − m) / s). Its mean m and s follow from a + b x + c g,
-    /// σ and the values of the nearest segments, as in kriging (Chilès & Delfiner 2012,
-    /// *Geostatistics*, §3.4). The power is 1 / Σⱼ rᵢⱼ over all such segments, r the correlation
-    /// that remains: those that fade together count as one (a composite likelihood: Varin, Reid &
-    /// Firth 2011). Of more than a hundred on one side some stand for the others beside them.
+    /// by the probability of that, Φ(±(limit − m) / s). Its mean m and s follow from
+    /// a + b x + c g, σ and the values of the nearest segments, as in kriging (Chilès & Delfiner
+    /// 2012, *Geostatistics*, §3.4). The power is 1 / Σⱼ rᵢⱼ over all such segments, r the
+    /// correlation that remains: segments that fade together count as one (a composite likelihood:
+    /// Varin, Reid & Firth 2011). Of more than a hundred on one side some stand for the others
+    /// beside them.
     ///
     /// The target's height is not looked at: [`locate_with`](Self::locate_with) takes it.
     ///

@@ -44,7 +44,7 @@ pub enum Duty {
     Still,
     /// It delivers nothing; its turns are still requested, and not waited for.
     Silent,
-    /// Its place is not known.
+    /// The place of the drone is not known.
     Lost,
     /// It takes no orders: its pilot has it, it flies by its own rules, or it is on the ground.
     Away,
@@ -157,8 +157,8 @@ impl Attendance {
         time - self.located
     }
 
-    /// Its place is known. `under_way` is whether it was sent somewhere else and has not come
-    /// there.
+    /// Takes note of the drone's place. `under_way` is true if the drone was sent somewhere else
+    /// and has not come there.
     pub fn located(&mut self, time: f64, position: Vector3<f64>, under_way: bool) {
         self.located = time;
         self.lost = false;

@@ -28,14 +28,14 @@ pub struct AirspaceConfig {
 pub enum KeepOut {
     /// A disc.
     Disc {
-        /// Its centre, East and North in metres.
+        /// Centre of the disc, East and North in metres.
         centre_m: [f64; 2],
-        /// Its radius in metres.
+        /// Radius of the disc in metres.
         radius_m: f64,
     },
     /// A polygon, not necessarily convex.
     Polygon {
-        /// Its corners, East and North in metres.
+        /// Corners of the polygon, East and North in metres.
         corners_m: Vec<[f64; 2]>,
     },
 }
@@ -158,11 +158,11 @@ pub enum TrafficError {
     Outside {
         /// Index of the drone.
         drone: usize,
-        /// Its East in metres.
+        /// East of the drone in metres.
         east: f64,
-        /// Its North in metres.
+        /// North of the drone in metres.
         north: f64,
-        /// Its Up in metres.
+        /// Up of the drone in metres.
         up: f64,
     },
     /// A place that is not finite.
@@ -170,11 +170,11 @@ pub enum TrafficError {
     NotFinite {
         /// Index of the drone.
         drone: usize,
-        /// Its East.
+        /// East of the place in metres.
         east: f64,
-        /// Its North.
+        /// North of the place in metres.
         north: f64,
-        /// Its Up.
+        /// Up of the place in metres.
         up: f64,
     },
     /// There is no such drone, or it was named twice.

@@ -19,7 +19,8 @@ pub struct EnduranceConfig {
     pub endurance_s: f64,
     /// Reserve of that time when it lands, in seconds.
     pub reserve_s: f64,
-    /// Its speed over ground, in metres per second; the least that it keeps against the wind.
+    /// Speed of a drone over ground, in metres per second; the least that it keeps against the
+    /// wind.
     pub speed_mps: f64,
     /// Speed of climbing and sinking, in metres per second.
     pub climb_mps: f64,
@@ -74,8 +75,8 @@ impl Endurance {
     /// Returns an upper bound of the time until each of `flights`, from one place to another, is
     /// over; `None` where there is no permitted way.
     ///
-    /// Targets need not be kept away from. Drones of the traffic that are not among those that
-    /// fly are flown around.
+    /// Targets need not be kept away from. Drones of the traffic that have no such flight are flown
+    /// around.
     fn flights_s(
         &self,
         traffic: &Traffic,

@@ -25,9 +25,9 @@ pub enum CalibrationFileError {
     Version {
         /// The file.
         file: String,
-        /// Its version.
+        /// Version of the file.
         version: u32,
-        /// The one that is read.
+        /// Version that this program reads.
         known: u32,
     },
     /// A number of an array is out of its range.

@@ -39,8 +39,9 @@ pub struct CalibrationFile {
     /// Errors of bearings; no correction where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bearings: Option<BearingSection>,
-    /// Errors of arrays that do not turn, over the direction; no correction where absent. Each is
-    /// of another receiver, and one without a name of those that no other before it is of.
+    /// Errors of arrays that do not turn, over the direction; no correction where absent. Each
+    /// section is of another receiver, and a section without a name is of the receivers that no
+    /// section before it is of.
     #[serde(default, rename = "array", skip_serializing_if = "Vec::is_empty")]
     pub arrays: Vec<ArraySection>,
     /// The model of stations of fixed antennas that have no section of their own; they are read as

@@ -167,9 +167,9 @@ pub struct StationSection {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StationPlace {
-    /// Its latitude.
+    /// Latitude of the station.
     pub lat_deg: f64,
-    /// Its longitude.
+    /// Longitude of the station.
     pub lon_deg: f64,
 }
 
@@ -197,11 +197,11 @@ fn one_db() -> f64 {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StationAntennaSection {
-    /// Its boresight in recordings, by which it is identified.
+    /// Boresight of the antenna in recordings, by which it is identified.
     pub recorded_deg_compass: f64,
-    /// Its true boresight.
+    /// True boresight of the antenna.
     pub boresight_deg_compass: f64,
-    /// Half the 95 % interval of that, for the reader.
+    /// Half the 95 % interval of the true boresight, for the reader.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub half_interval_deg: Option<f64>,
     /// Standard deviation of the boresight, which bearings take into account.
@@ -290,7 +290,7 @@ impl From<&StationPattern> for StationSection {
     }
 }
 
-/// Common pattern of stations of one make, for those that have no section of their own.
+/// Common pattern of stations of one make, for stations that have no section of their own.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StationModelSection {

@@ -112,7 +112,7 @@ pub enum ExtractorConfigError {
     /// A field is out of its range.
     #[error("extractor: {0}")]
     Field(#[from] ParameterError),
-    /// Its name is not known.
+    /// The extractor's name is not known.
     #[error("extractor.name: {0}")]
     Name(#[from] RegistryError),
     /// It is known by name alone, and no registry is at hand; or its entry is itself a name.

@@ -20,7 +20,7 @@ use crate::planners::{BayesianOptimisation, BayesianOptimisationConfig};
 pub enum PlannerConfig {
     /// A shape that follows the estimate (Pritzl 2018, §5.2).
     FollowEstimate {
-        /// Its parameters; the reference's unless given.
+        /// Parameters of the planner; the reference's unless given.
         #[serde(default)]
         follow: FollowConfig,
         /// Shape of the formation; a polygon of `follow.circumradius_m` unless given.
@@ -69,7 +69,7 @@ pub enum PlannerConfig {
     },
     /// Goals where the next turns are expected to shrink the ellipse most.
     Information {
-        /// Its parameters; the defaults unless given.
+        /// Parameters of the planner; the defaults unless given.
         #[serde(default)]
         information: InformationConfig,
     },
@@ -262,7 +262,7 @@ pub enum PlannerConfigError {
     /// The area cannot be swept.
     #[error("planner.corners_m: {0}")]
     Area(#[source] CoverageError),
-    /// Its name is not known.
+    /// The planner's name is not known.
     #[error("planner.name: {0}")]
     Name(#[from] RegistryError),
     /// It is known by name alone, and no registry is at hand.

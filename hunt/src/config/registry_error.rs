@@ -18,13 +18,13 @@ pub enum RegistryError {
     /// The estimator takes all receptions at once, and there is a stream of them.
     #[error("the estimator {estimator} needs all receptions at once; it works in `locate`")]
     NeedsAllAtOnce {
-        /// Its name.
+        /// Name of the estimator.
         estimator: String,
     },
     /// The estimator is built by its registrant's own code and has no settings to change.
     #[error("the estimator {estimator} has no setting {setting}")]
     NoSetting {
-        /// Its name.
+        /// Name of the estimator.
         estimator: String,
         /// Name of the setting that was given.
         setting: &'static str,

@@ -52,9 +52,9 @@ pub enum HuntError {
     OtherHunt {
         /// Index of the beacon, from 0.
         beacon: usize,
-        /// Its name in the log.
+        /// Name of the beacon in the log.
         logged: String,
-        /// Its name in this hunt; empty if this hunt has no beacon of that number.
+        /// Name of the beacon in this hunt; empty if this hunt has no beacon of that number.
         expected: String,
     },
     /// A signal came in a phase that it does not belong to.

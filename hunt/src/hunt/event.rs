@@ -17,7 +17,7 @@ pub enum Event {
         time: f64,
         /// The beacon.
         beacon: BeaconId,
-        /// Its name.
+        /// Name of the beacon.
         name: String,
         /// Belief of the estimator before the first reception.
         prior: Estimate<2>,
@@ -198,7 +198,7 @@ pub enum Event {
         time: f64,
         /// Index of the drone.
         drone: usize,
-        /// Its own name of its mode.
+        /// Mode of the aircraft, by its own name.
         mode: String,
         /// True if its motors run.
         armed: bool,
@@ -320,7 +320,7 @@ impl Event {
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum FlightStage {
-    /// The aircraft are on the ground; those that are not ready are waited for.
+    /// The aircraft are on the ground; aircraft that are not ready are waited for.
     Preparing,
     /// They take off.
     Climbing,
@@ -350,7 +350,7 @@ impl std::fmt::Display for FlightStage {
 pub struct Fix {
     /// The beacon.
     pub beacon: BeaconId,
-    /// Its name.
+    /// Name of the beacon.
     pub name: String,
     /// Estimated place.
     pub estimate: Estimate<2>,

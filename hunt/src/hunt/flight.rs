@@ -50,7 +50,7 @@ struct FlownDrone {
     owed: Vec<BeaconId>,
     /// True if its owed sweeps are waited for.
     awaited: bool,
-    /// Its order to land, while it does not take it.
+    /// Order to land, while the drone does not take it.
     landing: Option<LandingRefused>,
 }
 
@@ -198,7 +198,7 @@ impl Flight {
         let _ = self.traffic.repeat(drone);
     }
 
-    /// Lets time pass: sends those that may fly on, and logs who drops out and who comes back.
+    /// Lets time pass: sends drones that may fly on, and logs drones that drop out or come back.
     pub(super) fn pass(&mut self, time: f64, outbox: &mut Outbox) {
         for drone in &mut self.drones {
             drone.attendance.pass(time);
@@ -241,8 +241,8 @@ impl Flight {
         }
     }
 
-    /// Returns the drones that take a place in the formation: those in formation, else those that
-    /// are still or silent, else the lost ones.
+    /// Returns the drones that take a place in the formation: drones in formation, else still or
+    /// silent drones, else the lost ones.
     fn placed(&self) -> Vec<usize> {
         let ranks: [&[Duty]; 3] = [&[Duty::Formation], &[Duty::Still, Duty::Silent], &[Duty::Lost]];
         let of = |rank: &[Duty]| -> Vec<usize> {
@@ -253,8 +253,8 @@ impl Flight {
         ranks.into_iter().map(of).find(|placed| !placed.is_empty()).unwrap_or_default()
     }
 
-    /// Has `plan` set the goals of those that take part, makes places of them that may be flown to,
-    /// and sends each drone to one of them. On an error the drones' goals stay.
+    /// Has `plan` set the goals of the drones that take part, turns the goals into places that may
+    /// be flown to, and sends each drone to one of them. On an error the drones' goals stay.
     pub(super) fn form<T>(
         &mut self,
         time: f64,
@@ -320,7 +320,7 @@ impl Flight {
         self.drones.iter().enumerate().all(settled)
     }
 
-    /// Has every drone in the air turn its antenna, those that deliver nothing included.
+    /// Has every drone in the air turn its antenna, also drones that deliver nothing.
     pub(super) fn listen(&mut self, time: f64, beacons: &[BeaconId], outbox: &mut Outbox) {
         self.listening = time;
         let counts =
@@ -392,7 +392,7 @@ impl Flight {
         Some(self.endurance.as_ref().map_or(event, |_| event.min(self.return_check_at())))
     }
 
-    /// Waits no longer for the sweeps that are owed; those that come late are used.
+    /// Stops waiting for owed sweeps; late sweeps are used.
     pub(super) fn give_up_turns(&mut self, time: f64, waited_s: f64, outbox: &mut Outbox) {
         for (index, drone) in self.drones.iter_mut().enumerate() {
             if mem::take(&mut drone.awaited) && !drone.owed.is_empty() {

@@ -23,7 +23,7 @@ mod resume;
 pub struct Search<'a> {
     /// Beacon that is searched for.
     pub beacon: BeaconId,
-    /// Its name.
+    /// Name of the beacon.
     pub name: &'a str,
     /// Belief of its place before the first reception.
     pub prior: Estimate<2>,
@@ -322,8 +322,8 @@ impl Hunt {
         }
     }
 
-    /// Lets time pass: drones fly on, arrive and drop out, and those that deliver nothing are given
-    /// up.
+    /// Lets time pass: drones fly on, arrive and drop out, and drones that deliver nothing are
+    /// given up.
     ///
     /// # Errors
     ///
@@ -469,7 +469,7 @@ impl Hunt {
         &self.fixes
     }
 
-    /// Returns the number of beacons to be found, those that are done included.
+    /// Returns the number of beacons to be found, finished ones included.
     #[must_use]
     pub fn beacon_count(&self) -> usize {
         self.targets.len()
@@ -501,8 +501,8 @@ impl Hunt {
         self.fixes.len() == self.targets.len()
     }
 
-    /// The beacons of a turn: the one that is searched for, and all that are not done where turns
-    /// are shared.
+    /// Returns the beacons of a turn: the beacon of the present search, and all that are not done
+    /// where turns are shared.
     fn beacons_of_turn(&self) -> impl Iterator<Item = BeaconId> {
         let shared = self.config.shared_turns;
         let open = move |(index, target): &(usize, &SearchedTarget)| {
@@ -999,7 +999,7 @@ impl Hunt {
         self.next_beacon(time)
     }
 
-    /// Ends all searches, those that have not begun included, and sends the drones home.
+    /// Ends all searches, also searches that have not begun, and sends the drones home.
     fn recall(&mut self, time: f64, reason: Recall) -> Result<(), HuntError> {
         let Recall { outcome, reason } = reason;
         if !matches!(self.phases.phase(), Phase::Idle | Phase::Finished(_)) {
@@ -1064,7 +1064,7 @@ impl Hunt {
 pub struct Believed<'a> {
     /// The beacon.
     pub beacon: BeaconId,
-    /// Its name.
+    /// Name of the beacon.
     pub name: &'a str,
     /// Estimated place.
     pub estimate: Estimate<2>,

@@ -46,7 +46,7 @@ pub enum LocateError {
         what: &'static str,
         /// The place's East in metres.
         east: f64,
-        /// Its North in metres.
+        /// The place's North in metres.
         north: f64,
     },
     /// The estimator needs a known power.

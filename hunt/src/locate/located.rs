@@ -80,7 +80,7 @@ impl RangeBias {
 /// Another place where the posterior density has a maximum.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rival {
-    /// Its East and North in metres.
+    /// East and North of the place, in metres.
     pub place: Vector2<f64>,
     /// The density there over that at the estimate, from 0.01 to 1.
     pub relative_density: f64,

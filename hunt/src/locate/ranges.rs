@@ -12,7 +12,7 @@ use super::{
     located::{regions_with_rivals, rivals},
 };
 
-/// The place from ranges: measured ones, or those that levels have by a known law of propagation
+/// Locator by ranges: measured ranges, or ranges of levels by a known law of propagation
 /// (`filters::multilaterate`); a silence is farther away than its floor would be.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Multilateration;

@@ -62,7 +62,7 @@ pub struct LogHeader {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LoggedBeacon {
-    /// Its name.
+    /// Name of the beacon.
     pub name: String,
     /// True place at the time 0, East and North in metres, if that is known.
     pub truth: Option<Vector2<f64>>,

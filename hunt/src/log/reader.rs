@@ -9,9 +9,9 @@ use crate::{document, hunt::Event};
 /// A log that was read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Log {
-    /// Its header.
+    /// Header of the log.
     pub header: LogHeader,
-    /// Its events, in the order in which they happened.
+    /// Events of the log, in the order in which they happened.
     pub events: Vec<Event>,
     /// True if the last line was cut short, as by a crash; it is left out of `events`.
     pub torn: bool,
@@ -113,7 +113,7 @@ pub enum LogError {
     Version {
         /// The file.
         path: PathBuf,
-        /// Its version.
+        /// Version of the log.
         version: u32,
     },
     /// A line is no event.

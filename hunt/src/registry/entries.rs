@@ -96,7 +96,7 @@ pub struct Needs {
 /// An estimator that has a name.
 #[derive(Clone)]
 pub struct EstimatorEntry {
-    /// Its name, as `--estimator` takes it.
+    /// Name of the estimator, as `--estimator` takes it.
     pub name: Cow<'static, str>,
     /// Description in a line.
     pub about: Cow<'static, str>,
@@ -156,7 +156,7 @@ impl EstimatorEntry {
     }
 
     /// A user's own estimator, which takes one reception after the other. It may be a filter of
-    /// foxhunt over a user's own model; `request.model` is the one that the scenario states.
+    /// foxhunt over a user's own model; `request.model` is the model that the scenario states.
     ///
     /// ```
     /// use foxhunt_core::RandomWalk;
@@ -250,7 +250,7 @@ impl EstimatorEntry {
         &self.needs
     }
 
-    /// Its settings, where it is made of the library's parts.
+    /// Returns the settings of the estimator, where it is made of the library's parts.
     #[must_use]
     pub fn settings(&self) -> Option<&EstimatorConfig> {
         match &self.build {
@@ -357,7 +357,7 @@ pub type MakeExtractor = dyn Fn() -> Box<dyn BearingExtractor + Send + Sync> + S
 /// An extractor that has a name.
 #[derive(Clone, Debug)]
 pub struct ExtractorEntry {
-    /// Its name, as `--extractor` takes it.
+    /// Name of the extractor, as `--extractor` takes it.
     pub name: Cow<'static, str>,
     /// Description in a line.
     pub about: Cow<'static, str>,
@@ -395,7 +395,7 @@ pub type MakePlanner = dyn Fn(&Field) -> Box<dyn FormationPlanner> + Send + Sync
 /// A planner that has a name.
 #[derive(Clone, Debug)]
 pub struct PlannerEntry {
-    /// Its name, as `--planner` takes it.
+    /// Name of the planner, as `--planner` takes it.
     pub name: Cow<'static, str>,
     /// Description in a line.
     pub about: Cow<'static, str>,
@@ -424,7 +424,7 @@ pub type MakeSource = dyn Fn(&World, usize) -> Result<BoxedSource, SimError> + S
 /// A source of sweeps for simulated worlds that has a name.
 #[derive(Clone)]
 pub struct SourceEntry {
-    /// Its name.
+    /// Name of the source.
     pub name: Cow<'static, str>,
     /// Description in a line.
     pub about: Cow<'static, str>,

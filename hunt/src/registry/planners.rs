@@ -172,7 +172,7 @@ fn waypoints(field: &Field) -> PlannerConfig {
     }
 }
 
-/// Its area is the fence, or else a box that holds the beacon with 95 %.
+/// Returns a lawn mower over the fence, or else over a box that holds the beacon with 95 %.
 fn lawn_mower(field: &Field) -> PlannerConfig {
     let fence = &field.hunt.airspace.fence_m;
     let (corners_m, spacing, inside) = if fence.is_empty() {

@@ -38,7 +38,7 @@ pub enum ScenarioError {
         file: String,
         /// Name of the field.
         field: &'static str,
-        /// Its value.
+        /// Value of the field.
         value: f64,
         /// The least it may be.
         least: f64,

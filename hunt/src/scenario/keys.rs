@@ -3,7 +3,7 @@
 /// Key of a table of a scenario's file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Key {
-    /// Its name in the file.
+    /// Name of the key in the file.
     pub name: &'static str,
     /// Unit of its value; empty for names, tables and counts.
     pub unit: &'static str,
@@ -20,7 +20,7 @@ pub struct KeyTable {
     pub table: &'static str,
     /// Description of the table.
     pub about: &'static str,
-    /// Its keys, in the order of the documents.
+    /// Keys of the table, in the order of the documents.
     pub keys: &'static [Key],
 }
 

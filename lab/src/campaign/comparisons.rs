@@ -39,7 +39,7 @@ impl AntennaSetup {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::Omnidirectional, Self::RotatingBody, Self::RotatingAntenna];
 
-    /// Its name.
+    /// Returns the name of the antenna setup.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

@@ -136,7 +136,7 @@ impl Repetition<'_> {
         runner.run(experiment, self.runs, self.seed, self.progress)
     }
 
-    /// Flies hunts and keeps their statistics alone; `take` is given those that ended.
+    /// Flies hunts and keeps their statistics alone; `take` is given the hunts that ended.
     fn fly<F: Fn(u64) -> Result<Simulated, SimulationError> + Sync>(
         &self,
         runner: &Runner,
@@ -179,7 +179,7 @@ fn summarise(name: &str, beacons: &[String], runs: &[Flown]) -> EstimatorCampaig
     summary.report(name)
 }
 
-/// The names of all beacons of a scenario, those that appear later included.
+/// Returns the names of all beacons of a scenario, also of beacons that appear later.
 pub(crate) fn beacon_names(scenario: &Scenario) -> Vec<String> {
     scenario.world.beacons.iter().map(|beacon| beacon.name.clone()).collect()
 }
@@ -201,7 +201,7 @@ pub fn campaign(
 }
 
 /// Flies a [`campaign`] and hands the report of each hunt to `on_hunt`, estimator by estimator in
-/// the order of the seeds, but of those that could not go on.
+/// the order of the seeds; hunts that could not go on are left out.
 ///
 /// # Errors
 ///

@@ -33,7 +33,7 @@ impl SigmaSetup {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::Own, Self::Fitted, Self::Constant];
 
-    /// Its name.
+    /// Returns the name of the σ setup.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

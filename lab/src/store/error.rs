@@ -27,9 +27,9 @@ pub enum StoreError {
     Format {
         /// The file.
         file: String,
-        /// Its format.
+        /// Format of the file.
         found: i64,
-        /// The one that is known.
+        /// Format that this program reads.
         known: i64,
     },
     /// A row does not hold what it must.
@@ -54,7 +54,7 @@ pub enum StoreError {
     /// A scenario without beacons has nothing to keep.
     #[error("the scenario {scenario} has no beacon, so that there is nothing to keep")]
     NoBeacon {
-        /// Its name.
+        /// Name of the scenario.
         scenario: String,
     },
     /// Seeds are kept as 64 bits with a sign.
@@ -70,7 +70,7 @@ pub enum StoreError {
     Other {
         /// The store that was taken first.
         first: String,
-        /// The one that differs.
+        /// The store that differs.
         second: String,
         /// The difference, with the value of each.
         what: String,
@@ -80,7 +80,7 @@ pub enum StoreError {
     Contradiction {
         /// The store that was taken first.
         first: String,
-        /// The one that differs.
+        /// The store that differs.
         second: String,
         /// The contender.
         estimator: String,

@@ -52,7 +52,7 @@ impl Shard {
         }
     }
 
-    /// Its part of `runs` runs.
+    /// Returns the range of runs, out of `runs`, that the part flies.
     #[must_use]
     pub fn of(self, runs: u32) -> Range<u32> {
         let before = |parts: u32| {

@@ -311,7 +311,7 @@ impl Store {
 /// A campaign as it stands in a store: what all of its contenders have in common.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct StoredCampaign {
-    /// Its number in the file.
+    /// Number of the campaign in the file.
     #[serde(skip)]
     pub id: i64,
     /// The SHA-256 of its definition, in hexadecimal digits.
@@ -322,7 +322,7 @@ pub struct StoredCampaign {
     pub scenario: String,
     /// The planner's name, or that it is the scenario's own.
     pub planner: String,
-    /// Its definition, as TOML: program, planner and the scenario as it was flown.
+    /// Definition of the campaign, as TOML: program, planner and the scenario as it was flown.
     #[serde(skip)]
     pub definition: String,
     /// The names of the beacons, in their order.
@@ -332,7 +332,7 @@ pub struct StoredCampaign {
 /// An estimator that a campaign compares.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Contender {
-    /// Its number in the file.
+    /// Number of the contender in the file.
     #[serde(skip)]
     pub id: i64,
     /// The number of its campaign.
@@ -342,7 +342,7 @@ pub struct Contender {
     pub digest: String,
     /// The estimator's name.
     pub estimator: String,
-    /// Its definition, as TOML: name and settings of the estimator.
+    /// Definition of the contender, as TOML: name and settings of the estimator.
     #[serde(skip)]
     pub definition: String,
 }
@@ -395,7 +395,7 @@ impl Contender {
         })
     }
 
-    /// Its name, with the beginning of its digest: `ekf@1a2b3c4d`.
+    /// Returns the contender's name, with the beginning of its digest: `ekf@1a2b3c4d`.
     #[must_use]
     pub fn full_name(&self) -> String {
         let digest = self.digest.get(..8).unwrap_or(&self.digest);

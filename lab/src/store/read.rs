@@ -68,7 +68,8 @@ pub struct Summary {
     pub campaign: StoredCampaign,
     /// The runs of each contender.
     pub held: Vec<Held>,
-    /// Their statistics, as [`campaign`](crate::campaign::campaign) gives them for the same runs.
+    /// Statistics of the runs, as [`campaign`](crate::campaign::campaign) gives them for the same
+    /// runs.
     pub report: CampaignReport,
 }
 
@@ -395,7 +396,7 @@ impl StoredRow<'_> {
 pub struct SeedBySeed {
     /// The contender whose figures come first.
     pub first: String,
-    /// The one that it is compared with.
+    /// The contender that the first is compared with.
     pub second: String,
     /// The beacon's name.
     pub beacon: String,

@@ -34,9 +34,9 @@ const TEXTS: [(&str, &str); 6] = [
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Trial {
-    /// Its name.
+    /// Name of the trial.
     pub name: String,
-    /// Its description, in a line.
+    /// Description of the trial, in a line.
     pub description: String,
     /// The estimator that runs unless another one is given.
     pub estimator: String,
@@ -47,7 +47,7 @@ pub struct Trial {
     pub checkpoints: Vec<u32>,
     /// The receiver's places.
     pub receiver: ReceiverConfig,
-    /// Its bearings; for differences, their number and times.
+    /// Bearings of the trial; for differences, their number and times.
     pub bearings: BearingsConfig,
     /// Measurement instead of bearings; bearings if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -87,7 +87,7 @@ pub struct Leg {
     pub speed_mps: f64,
     /// The course in degrees clockwise from North.
     pub course_deg_compass: f64,
-    /// Its duration, in seconds.
+    /// Duration of the leg, in seconds.
     pub duration_s: f64,
 }
 
@@ -99,13 +99,13 @@ pub struct BearingsConfig {
     pub count: u32,
     /// Time from one to the next, in seconds.
     pub interval_s: f64,
-    /// Their standard deviation, in radians; left out where differences are measured.
+    /// Standard deviation of the bearings, in radians; left out where differences are measured.
     #[serde(default)]
     pub sigma_rad: f64,
-    /// The angle by which they lie counter-clockwise of the truth, in radians; 0 unless given.
+    /// Angle by which bearings lie counter-clockwise of the truth, in radians; 0 unless given.
     #[serde(default)]
     pub bias_rad: f64,
-    /// The share of those that point anywhere; 0 unless given.
+    /// Share of bearings that point anywhere; 0 unless given.
     #[serde(default)]
     pub outlier_share: f64,
 }
@@ -116,7 +116,7 @@ pub struct BearingsConfig {
 pub struct DifferencesConfig {
     /// East and North of the second receiver, in metres.
     pub reference_m: [f64; 2],
-    /// Their standard deviation, in metres.
+    /// Standard deviation of the differences, in metres.
     pub sigma_m: f64,
 }
 
@@ -143,7 +143,7 @@ pub enum TargetConfig {
     },
     /// On a circle about the origin, counter-clockwise from the East.
     Circle {
-        /// Its radius in metres.
+        /// Radius of the circle in metres.
         radius_m: f64,
         /// The time of one round, in seconds.
         period_s: f64,
@@ -173,13 +173,13 @@ pub enum TargetMotion {
 pub enum PriorConfig {
     /// Anywhere in a room, with the same probability.
     Room {
-        /// Its West wall, in metres East.
+        /// West wall of the room, in metres East.
         west_m: f64,
-        /// Its East wall, in metres East.
+        /// East wall of the room, in metres East.
         east_m: f64,
-        /// Its South wall, in metres North.
+        /// South wall of the room, in metres North.
         south_m: f64,
-        /// Its North wall, in metres North.
+        /// North wall of the room, in metres North.
         north_m: f64,
         /// σ of each component of the velocity, in metres per second; only for a target that
         /// moves.
@@ -390,7 +390,7 @@ pub enum TrialError {
     /// The estimator does not run in this trial.
     #[error("{estimator} cannot run in {trial}: it needs {needs}")]
     Unsuited {
-        /// Its name.
+        /// Name of the estimator.
         estimator: String,
         /// The trial.
         trial: String,

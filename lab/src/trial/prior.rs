@@ -96,7 +96,7 @@ impl Prior {
         }
     }
 
-    /// Its mean and covariance.
+    /// Returns the mean and covariance of the prior.
     fn moments(&self) -> Estimate<4> {
         match *self {
             Self::Room { low, high, speed_sigma } => {
@@ -114,7 +114,7 @@ impl Prior {
         }
     }
 
-    /// Its information at a state; `None` for a room, whose density has no slope.
+    /// Returns the prior's information at a state; `None` for a room, whose density has no slope.
     pub(super) fn information(&self, state: &Vector4<f64>) -> Option<Matrix4<f64>> {
         let Self::Ranging(r) = *self else { return None };
         let place = state.xy() - r.receiver;

@@ -53,7 +53,7 @@ pub enum AntennaError {
     Extension {
         /// The file.
         file: String,
-        /// Its extension, in small letters.
+        /// Extension of the file, in small letters.
         extension: String,
     },
 }
@@ -146,7 +146,7 @@ impl Default for PatchConfig {
 pub struct YagiConfig {
     /// Number of elements.
     pub elements: u16,
-    /// Their spacing in wavelengths.
+    /// Spacing of the elements in wavelengths.
     pub spacing_wavelengths: f64,
     /// Front-to-back ratio, in dB.
     pub front_to_back_db: f64,

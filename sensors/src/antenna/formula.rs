@@ -95,10 +95,11 @@ impl Antenna for Cardioid {
 /// A patch or panel by its data sheet: beamwidths in both planes and front-to-back ratio.
 ///
 /// The power in each principal plane is ((1 + cos ψ) / 2)ⁿ at the angle ψ from boresight, with
-/// n such that it halves at half the beamwidth. Between the planes it is cos² χ of the one and
-/// sin² χ of the other at the angle χ round the boresight, as the fields of a cosⁿ source are
-/// (Balanis 2016, §15.4.1, after Rahmat-Samii); with a back lobe 10^(−F/10) ((1 − cos ψ) /
-/// 2)³. Lossless: its gain is its directivity. Cut off 60 dB below the maximum.
+/// n such that it halves at half the beamwidth. Between the planes it is cos² χ of one plane's
+/// power and sin² χ of the other's at the angle χ round the boresight, as the fields of a cosⁿ
+/// source are (Balanis 2016, §15.4.1, after Rahmat-Samii); with a back lobe
+/// 10^(−F/10) ((1 − cos ψ) / 2)³. Lossless: its gain is its directivity. Cut off 60 dB
+/// below the maximum.
 ///
 /// ```
 /// use foxhunt_sensors::{Antenna, Patch};

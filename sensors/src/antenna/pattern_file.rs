@@ -90,13 +90,13 @@ pub enum PatternFileReason {
     /// A field or a section is missing.
     #[error("{name} is missing")]
     Missing {
-        /// Its name.
+        /// Name of the field or the section.
         name: &'static str,
     },
     /// A field or a section stands there twice.
     #[error("{name} appears twice")]
     Twice {
-        /// Its name.
+        /// Name of the field or the section.
         name: String,
     },
     /// A section has another number of rows than it declares.

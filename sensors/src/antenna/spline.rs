@@ -29,7 +29,7 @@ impl Piece {
         (value + along * slope) + along * along * (bend + along * twist)
     }
 
-    /// Its derivative there.
+    /// Returns the derivative of the cubic at an angle after its beginning.
     #[inline]
     fn slope(&self, along: f64) -> f64 {
         let [_, slope, bend, twist] = self.factors;

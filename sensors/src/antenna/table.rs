@@ -48,7 +48,7 @@ pub enum PatternTableError {
     Gain {
         /// Index of the row, from 0.
         row: usize,
-        /// Its gain in dB.
+        /// Gain of the row in dB.
         gain: f64,
         /// The largest that is taken.
         limit: f64,
@@ -58,7 +58,7 @@ pub enum PatternTableError {
     Elevation {
         /// Index of the row, from 0.
         row: usize,
-        /// Its elevation in radians.
+        /// Elevation of the row in radians.
         elevation: f64,
     },
     /// The angles do not increase, or by less than the least step.
@@ -66,7 +66,7 @@ pub enum PatternTableError {
     Order {
         /// Index of the row, from 0.
         row: usize,
-        /// Its angle.
+        /// Angle of the row in radians.
         angle: f64,
     },
     /// The angles span a turn or more, so that the last row repeats the first.
@@ -362,7 +362,7 @@ impl ElevationPattern {
         self.spline.at(elevation.clamp(-FRAC_PI_2, FRAC_PI_2))
     }
 
-    /// Its derivative, in dB per radian.
+    /// Returns the derivative of the gain, in dB per radian.
     #[must_use]
     pub fn slope(&self, elevation: f64) -> f64 {
         self.spline.slope(elevation.clamp(-FRAC_PI_2, FRAC_PI_2))

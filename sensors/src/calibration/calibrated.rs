@@ -23,8 +23,9 @@ const APART: f64 = core::f64::consts::FRAC_PI_8;
 /// recordings with truth showed it to be, σ² → (scale · σ)² + floor².
 ///
 /// Competing directions are corrected alike. The correlation of level and bearing stays. A σ that
-/// grows beyond that of a direction of which nothing is known (π/√3) is no bearing. Bearings may be
-/// outliers with some probability: then any direction competes with those that were found.
+/// grows beyond that of a direction of which nothing is known (π/√3) is no bearing. Bearings may
+/// be outliers with some probability: then any direction competes with the directions that were
+/// found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Calibrated<X> {
     extractor: X,

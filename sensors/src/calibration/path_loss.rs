@@ -61,7 +61,7 @@ pub enum CalibrationError {
     /// The bearings' errors cancel: they single out no offset.
     #[error("the bearings' errors single out no offset (resultant length {resultant:.3})")]
     Scattered {
-        /// Their mean resultant length, from 0 (none) to 1 (sharp).
+        /// Mean resultant length of the bearings' errors, from 0 (none) to 1 (sharp).
         resultant: f64,
     },
     /// The headings are too much alike for an offset that depends on them.
@@ -139,8 +139,8 @@ impl PathLossFit {
     /// eᵀ C⁻¹ e ≤ 2 F₂,ₙ₋₂, e their difference from the fit, C the covariance (Draper & Smith 1998,
     /// §5.4).
     ///
-    /// Its plane has P₀ in dB along the first axis and γ along the second; that is what the
-    /// lengths and the orientation refer to. `None` where γ is at its bound and only P₀ is
+    /// The ellipse's plane has P₀ in dB along the first axis and γ along the second; its lengths
+    /// and orientation refer to that plane. `None` where γ is at its bound and only P₀ is
     /// uncertain, where the points lie on the law, or where `probability` is not in (0, 1).
     #[must_use]
     pub fn region(&self, probability: f64) -> Option<Ellipse> {

@@ -60,7 +60,7 @@ impl<H> WithElevationPattern<H> {
         WithElevationPattern { model: change(model), pattern, target_up }
     }
 
-    /// Sets the height of the target, in metres: the one that the model inside has.
+    /// Sets the height of the target, in metres, as the model inside has it.
     ///
     /// # Errors
     ///

@@ -47,23 +47,24 @@ pub trait LevelLaw<const P: usize> {
     /// The mean received power in dBm at `range` metres.
     fn level_dbm(&self, parameters: &[f64; P], range: f64) -> f64;
 
-    /// Its derivative over a coordinate with which the range grows by `along` metres per metre, in
-    /// dB per metre: `along` ∂P/∂d.
+    /// Returns the derivative of the level over a coordinate with which the range grows by `along`
+    /// metres per metre, in dB per metre: `along` ∂P/∂d.
     fn range_slope(&self, parameters: &[f64; P], range: f64, along: f64) -> f64;
 
-    /// Its derivative over the square of the range where that is `square` m², not 0, in dB per m².
+    /// Returns the derivative of the level over the square of the range where that is `square` m²,
+    /// not 0, in dB per m².
     fn square_slope(&self, parameters: &[f64; P], square: f64) -> f64 {
         let range = libm::sqrt(square);
         self.range_slope(parameters, range, 0.5 / range)
     }
 
-    /// Its derivative over ln d² in dB where that is the same at every range and for all
-    /// parameters: it is then linear in the logarithm and in the parameters.
+    /// Returns the derivative of the level over ln d² in dB where that is the same at every range
+    /// and for all parameters: the law is then linear in the logarithm and in the parameters.
     fn log_slope(&self) -> Option<f64> {
         None
     }
 
-    /// Its derivatives over the parameters.
+    /// Returns the derivatives of the level over the parameters.
     fn sensitivity(&self, parameters: &[f64; P], range: f64) -> [f64; P];
 
     /// The levels in dBm at many ranges, in the place of the squares of these in m²; a column for

@@ -70,8 +70,8 @@ impl<H, G> OverTerrain<H, G> {
         OverTerrain { model: change(model), loss, target_up }
     }
 
-    /// Sets the height of the target above the ground below it, in metres: the one that the model
-    /// inside has.
+    /// Sets the height of the target above the ground below it, in metres, as the model inside has
+    /// it.
     ///
     /// # Errors
     ///

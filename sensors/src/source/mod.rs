@@ -20,7 +20,7 @@ use nalgebra::Vector3;
 
 use crate::Antenna;
 
-/// Largest delay of a pulse that still counts as the one that was due, as a share of the interval.
+/// Largest delay of a pulse that still counts as the due pulse, as a share of the interval.
 const LATE: f64 = 0.02;
 
 /// Headings whose mean resultant is shorter than this, which is a spread of 8°, did not hold.

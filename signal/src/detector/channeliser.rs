@@ -130,7 +130,7 @@ impl Channeliser {
         (self.used, self.turn) = (0, 0);
     }
 
-    /// Takes samples and appends to each channel those that it gets from them.
+    /// Takes samples and appends each channel's output to `channels`.
     pub(super) fn push(&mut self, samples: &[Complex32], channels: &mut [Vec<Complex32>]) {
         if self.count == 1 {
             channels[0].extend_from_slice(samples);

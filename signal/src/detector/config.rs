@@ -190,7 +190,7 @@ pub enum DetectorError {
     Setting {
         /// The setting.
         setting: &'static str,
-        /// Its value.
+        /// Value of the setting.
         value: f64,
         /// The requirement on the value.
         requirement: &'static str,

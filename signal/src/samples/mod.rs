@@ -86,7 +86,7 @@ impl SampleFormat {
     /// Every format.
     pub const ALL: [Self; 4] = [Self::Cu8, Self::Cs8, Self::Cs16, Self::Cf32];
 
-    /// Its name, which is also a file's extension.
+    /// Returns the name of the format, which is also a file's extension.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

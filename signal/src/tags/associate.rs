@@ -14,7 +14,7 @@ use crate::Pulse;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Tag {
-    /// Its name; several where known tags cannot be distinguished, empty where it is not known.
+    /// Names of the tag; several where known tags cannot be distinguished, empty where unknown.
     pub names: Vec<String>,
     /// The median frequency of its pulses, in hertz.
     pub frequency_hz: f64,
@@ -24,9 +24,9 @@ pub struct Tag {
     pub width_s: f64,
     /// The scatter of intervals about the median, in seconds: half the middle 68 %.
     pub jitter_s: f64,
-    /// Its pulses, as places in the list that was given, in the order of their beginnings.
+    /// Pulses of the tag, as places in the list that was given, in the order of their beginnings.
     pub pulses: Vec<usize>,
-    /// The number of bursts that they make; 0 for an uncoded tag.
+    /// The number of bursts that the pulses make; 0 for an uncoded tag.
     pub bursts: usize,
     /// The gaps between the pulses of a burst, in seconds: the medians.
     #[serde(skip_serializing_if = "Vec::is_empty")]

@@ -91,8 +91,8 @@ struct Triple {
     gaps_s: [f64; 2],
 }
 
-/// All bursts of a tag among pulses in the order of their beginnings. No two share a pulse: the
-/// better of those that would is taken.
+/// Returns all bursts of a tag among pulses in the order of their beginnings. No two share a pulse:
+/// of bursts that would, the better one is taken.
 pub(super) fn bursts(pulses: &[Pulse], tag: &KnownTag, config: &AssociationConfig) -> Vec<Burst> {
     let near = |pulse: &Pulse| {
         tag.frequency_hz.is_none_or(|f| {
@@ -123,7 +123,7 @@ pub(super) fn bursts(pulses: &[Pulse], tag: &KnownTag, config: &AssociationConfi
 /// The tag whose bursts stand out most among the free pulses, which are in the order of their
 /// beginnings; `None` if chance gives one as clear more often than `false_tags`.
 ///
-/// Triples of pulses with the same two gaps are gathered, those that come again at one interval
+/// Triples of pulses with the same two gaps are gathered, triples that come again at one interval
 /// are a tag's, and what most of them have before or behind belongs to the burst.
 pub(super) fn unknown_code(
     pulses: &[Pulse],

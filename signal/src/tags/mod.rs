@@ -161,7 +161,7 @@ struct TrainModel {
 struct Train {
     /// The logarithm of its probability over that of its pulses being clutter.
     score: f64,
-    /// Its pulses, in the order of time.
+    /// Pulses of the train, in the order of time.
     members: Vec<Member>,
     /// Mean square of the normalised residuals of pulses that follow without a slip.
     spread: f64,
@@ -170,7 +170,7 @@ struct Train {
 /// One pulse of a train.
 #[derive(Debug, Clone, Copy)]
 struct Member {
-    /// Its place in the list.
+    /// Place of the pulse in the list.
     pulse: usize,
     /// The link from the pulse before.
     link: Link,

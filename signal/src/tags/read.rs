@@ -96,7 +96,7 @@ pub enum TagError {
     Parameter {
         /// The parameter.
         name: &'static str,
-        /// Its value.
+        /// Value of the parameter.
         value: f64,
         /// The requirement on the value.
         requirement: &'static str,
@@ -104,11 +104,11 @@ pub enum TagError {
     /// A pulse holds a number that is not finite.
     #[error("pulse {index}: {field} is {value}; it must be finite")]
     Pulse {
-        /// Its place in the list.
+        /// Place of the pulse in the list.
         index: usize,
         /// The field.
         field: &'static str,
-        /// Its value.
+        /// Value of the field.
         value: f64,
     },
 }
@@ -253,7 +253,7 @@ pub struct PulseList {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct KnownTag {
-    /// Its name.
+    /// Name of the tag.
     pub name: String,
     /// The frequency of its carrier, in hertz, about the same reference as that of the pulses.
     pub frequency_hz: Option<f64>,

@@ -126,7 +126,7 @@ fn rows_of(text: &str) -> impl Iterator<Item = (u64, Result<Option<Detection<'_>
     })
 }
 
-/// The cells of a line without those that are empty at its end.
+/// Returns the cells of a line without the empty cells at its end.
 fn cells(line: &str) -> Vec<&str> {
     let separators = [';', '\t'];
     let separator = separators.into_iter().find(|sign| line.contains(*sign)).unwrap_or(',');

@@ -36,7 +36,7 @@ pub(super) struct Field {
 pub(super) struct Placed {
     /// Kind of the device, such as `xbee`.
     pub(super) device: &'static str,
-    /// Its endpoint, as `foxhunt fly` takes it.
+    /// Endpoint of the device, as `foxhunt fly` takes it.
     pub(super) endpoint: String,
     pub(super) emulator: Box<dyn Emulator>,
 }

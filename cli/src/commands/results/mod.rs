@@ -202,7 +202,7 @@ fn created(path: &Path) -> Result<BufWriter<File>, CliError> {
     File::create(path).map(BufWriter::new).map_err(|error| CliError::writing(path, error))
 }
 
-/// The log of the one contender that the filter lets through.
+/// Returns the log of the only contender that the filter lets through.
 fn log_of(store: &Store, filter: &Filter, seed: u64) -> Result<Vec<u8>, StoreError> {
     let contender = store.only_contender(filter)?;
     store.log(&contender, seed)

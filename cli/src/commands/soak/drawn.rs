@@ -39,7 +39,7 @@ struct Flags {
     locating: Locating,
 }
 
-/// Estimators of a draw beside the one that suits it.
+/// Estimators of a draw besides the estimator that suits it.
 #[derive(Clone, Debug)]
 pub(super) enum Beside<'a> {
     /// No other estimator: the draw is made shorter.

@@ -120,7 +120,7 @@ struct Report {
 /// A run in which a check failed.
 #[derive(Debug, Serialize)]
 struct Failed {
-    /// Its seed.
+    /// Seed of the run.
     seed: u64,
     /// Failed check.
     what: String,

@@ -185,9 +185,9 @@ pub(super) fn run(
 }
 
 impl World {
-    /// Returns the estimators beside the one that suits a recording.
+    /// Returns the estimators besides the estimator that suits a recording.
     fn beside<'a>(&self, registry: &'a Registry) -> Result<Beside<'a>, CliError> {
-        // Those of single samples need an antenna that no drawn recording states.
+        // Estimators of single samples need an antenna that no drawn recording states.
         let every = registry.estimators().iter().filter(|entry| !entry.takes_samples());
         if self.against.iter().any(|name| name == ALL) {
             return Ok(Beside::Named(every.collect()));

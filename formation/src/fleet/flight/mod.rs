@@ -29,11 +29,11 @@ pub struct Order {
 #[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum OrderReason {
-    /// Its way to its goal is straight and free.
+    /// The drone's way to its goal is straight and free.
     Straight,
-    /// Its way to its goal goes around something; this is the first corner.
+    /// The drone's way to its goal goes around something; this is the first corner.
     Around,
-    /// It has reached a corner of its way; this is the next.
+    /// The drone has reached a corner of its way; this is the next.
     Corner,
     /// It stops: it is held, it is off its line, or its goal has changed and the new way is not
     /// free yet.
@@ -86,9 +86,9 @@ struct Flight {
     ordered: [Vector3<f64>; 2],
     /// Leg that it may be flying along instead, until it is located again.
     former: Option<[Vector2<f64>; 2]>,
-    /// Its last order was not accepted.
+    /// The last order was not accepted.
     unsent: bool,
-    /// It has been located since.
+    /// The drone has been located since.
     located: bool,
     task: Option<Task>,
     /// The order that has not been given yet.
@@ -265,7 +265,7 @@ impl Flight {
         Located::OnLine(along)
     }
 
-    /// Its line now begins at another place.
+    /// Begins the line at another place.
     fn begin_at(&mut self, place: Vector3<f64>) {
         self.way[0] = place;
     }

@@ -523,8 +523,8 @@ impl Traffic {
         false
     }
 
-    /// The nearest place, straight ahead, that keeps away from all drones, all goals, and best
-    /// also from the lines of those that wait.
+    /// Returns the nearest place, straight ahead, that keeps away from all drones, all goals, and
+    /// best also from the lines of waiting drones.
     fn place_aside(&self, drone: usize) -> Option<Vector2<f64>> {
         let from = self.flights[drone].end().xy();
         let keep = self.config.keep_m();

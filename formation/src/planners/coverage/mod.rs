@@ -33,9 +33,9 @@ pub enum CoverageError {
     /// A corner holds NaN or infinity.
     #[error("the corner ({east}, {north}) m is not finite")]
     NotFinite {
-        /// Its East.
+        /// East of the corner, in metres.
         east: f64,
-        /// Its North.
+        /// North of the corner, in metres.
         north: f64,
     },
     /// Two sides meet elsewhere than in a corner.
@@ -216,7 +216,7 @@ impl Area {
         Self { corners: self.corners.iter().map(|corner| turn(corner, angle)).collect() }
     }
 
-    /// Its southern and northern end.
+    /// Returns the southern and the northern end of the area.
     fn rows(&self) -> (f64, f64) {
         let ends = (f64::INFINITY, f64::NEG_INFINITY);
         self.corners.iter().fold(ends, |(low, high), c| (low.min(c.y), high.max(c.y)))
@@ -275,8 +275,8 @@ fn spread((low, high): Interval, spacing: f64) -> Result<Vec<f64>, ParameterErro
     Ok(values)
 }
 
-/// The strips of all cells in the order in which they are swept, each from its first end to its
-/// second: back and forth in a cell, then on to the corner that is nearest of those that are left.
+/// Returns the strips of all cells in the order in which they are swept, each from its first end to
+/// its second: back and forth in a cell, then on to the nearest corner of the cells that remain.
 fn in_order(mut left: Vec<Vec<Strip>>) -> Vec<Strip> {
     let mut ordered: Vec<Strip> = Vec::new();
     while !left.is_empty() {

@@ -185,8 +185,8 @@ impl LevelRecord {
         }
     }
 
-    /// Returns the beacon that is resumed with this mean of its belief: the one that the last plan
-    /// had nearest to there, or else the only other one that was received.
+    /// Returns the beacon that is resumed with this mean of its belief: the beacon that the last
+    /// plan had nearest to there, or else the only other beacon that was received.
     fn resumed(&self, mean: &Vector2<f64>) -> Option<BeaconId> {
         let off = |target: &&(BeaconId, Vector2<f64>)| (target.1 - mean).norm_squared();
         let others = self.targets.iter().filter(|target| Some(target.0) != self.first);
@@ -204,7 +204,7 @@ impl LevelRecord {
         self.first.or_else(|| other().or_else(|| now().next()).map(|known| known.beacon))
     }
 
-    /// Takes note of the targets of a plan, of which the first is the one that is searched for.
+    /// Takes note of the targets of a plan; the search is for the first of them.
     fn search(&mut self, targets: &[(Option<BeaconId>, Vector2<f64>)]) {
         let known = |(beacon, mean): &(Option<BeaconId>, _)| beacon.map(|beacon| (beacon, *mean));
         self.targets = targets.iter().filter_map(known).collect();

@@ -23,8 +23,8 @@ use crate::planners::centroid;
 /// a regular formation follows the estimate after it ([`Objective`]). The best ones are refined
 /// drone by drone.
 ///
-/// With several targets the times of all are summed, so those that are wide count most; one whose
-/// ellipse is small enough counts nothing.
+/// With several targets the times of all are summed, so targets with wide ellipses count most; a
+/// target whose ellipse is small enough counts nothing.
 ///
 /// It ends with [`Outcome::EllipseReached`], [`Outcome::LittleToLearn`] or
 /// [`Outcome::MoveLimit`].

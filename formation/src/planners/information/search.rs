@@ -157,7 +157,7 @@ impl Drawing<'_> {
         (0..steps).map(move |step| f64::from(step) * TAU / count / 3.0)
     }
 
-    /// The densest cell, then those that are far from all before.
+    /// Returns the densest cell, then cells that are far from all before.
     fn spread(&self, count: usize) -> impl Iterator<Item = &Cell> {
         let cells = &self.belief.cells;
         let density = |cell: &Cell| cell.weight / (cell.covariance.determinant() + 1e-6);

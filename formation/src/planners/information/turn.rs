@@ -12,11 +12,11 @@ use nalgebra::{Matrix2, Vector2, Vector3};
 pub struct ExpectedReading {
     /// The level in dB, up to a constant that is the same everywhere.
     pub level_db: f64,
-    /// Its standard deviation in dB.
+    /// Standard deviation of the level in dB.
     pub level_sigma_db: f64,
     /// The direction to the target, in radians counter-clockwise from East.
     pub bearing: f64,
-    /// Its standard deviation in radians.
+    /// Standard deviation of the direction in radians.
     pub bearing_sigma: f64,
 }
 
@@ -41,11 +41,11 @@ pub const TARGETS: usize = 32;
 pub struct ExpectedReadings {
     /// The levels in dB.
     pub level_db: [f64; TARGETS],
-    /// Their standard deviations in dB.
+    /// Standard deviations of the levels in dB.
     pub level_sigma_db: [f64; TARGETS],
     /// The directions in radians counter-clockwise from East.
     pub bearing: [f64; TARGETS],
-    /// Their standard deviations in radians.
+    /// Standard deviations of the directions in radians.
     pub bearing_sigma: [f64; TARGETS],
 }
 

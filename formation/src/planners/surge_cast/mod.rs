@@ -246,9 +246,8 @@ impl FormationPlanner for SurgeCast {
         self.plan(target.belief, stations)
     }
 
-    /// Takes receptions of any beacon: only the one that it follows counts, which is the first
-    /// target of a plan, or where no plan names it, the one that was received first since the
-    /// beginning.
+    /// Takes receptions of any beacon. Only the followed beacon counts: the first target of a plan
+    /// or, where no plan names it, the first beacon that was received since the beginning.
     fn observe(&mut self, reception: &Reception) {
         self.receptions.add(reception);
     }
@@ -274,8 +273,8 @@ impl FormationPlanner for SurgeCast {
 /// Levels and bearings received of the target since the last decision.
 ///
 /// Receptions of every beacon come in, and one beacon is followed: that of the first target of the
-/// last plan. As long as no plan has named it, it is the one that was received first; the one that
-/// was followed in the search before is left aside.
+/// last plan. As long as no plan has named it, the beacon that was received first is followed; the
+/// beacon of the search before is left aside.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Receptions {
     followed: Option<BeaconId>,

@@ -34,7 +34,7 @@ pub enum Breach {
 }
 
 impl Breach {
-    /// Its name.
+    /// Returns the name of the breach.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

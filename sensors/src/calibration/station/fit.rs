@@ -26,7 +26,7 @@ const MOST_GROUPS: usize = 20;
 /// Stations of one make, fitted together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StationsFit {
-    /// Their common pattern, for stations that were not fitted.
+    /// Common pattern of the stations, for stations that were not fitted.
     pub model: StationModel,
     /// Each station, in the order of the records.
     pub stations: Vec<StationFit>,

@@ -92,7 +92,7 @@ impl Pool {
         pool
     }
 
-    /// Fits again to other bursts, which are nearly all of those that this was fitted to.
+    /// Fits again to `bursts`, which are nearly all of the bursts of the present fit.
     pub(super) fn refitted(&self, bursts: &Bursts<'_>) -> Self {
         let stations = self.stations.iter().map(Own::without_bursts).collect();
         let shared = Shared { scale: self.scale_with_site, ..self.shared.clone() };

@@ -78,7 +78,7 @@ struct Looks {
     origin: f64,
     /// The sum of squares of the readings about their look's mean, in dB².
     scatter: f64,
-    /// Its degrees of freedom.
+    /// Degrees of freedom of the scatter.
     freedom: f64,
     /// Readings come in whole dB.
     whole_db: bool,

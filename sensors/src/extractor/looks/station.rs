@@ -49,11 +49,11 @@ pub struct StationAntenna {
     pub recorded_boresight: f64,
     /// The fitted boresight, in radians in the world frame.
     pub boresight: f64,
-    /// Standard deviation of that, in radians; zero where it is known.
+    /// Standard deviation of the fitted boresight, in radians; zero where it is known.
     pub boresight_sigma: f64,
-    /// Its gain over the others, in dB.
+    /// Gain of the antenna over the others, in dB.
     pub gain_db: f64,
-    /// Standard deviation of that, in dB; zero where it is known.
+    /// Standard deviation of the gain, in dB; zero where it is known.
     pub gain_sigma_db: f64,
     /// The site's effect on it, as a Fourier series over the world direction in dB: the
     /// coefficients of cos θ, sin θ, cos 2θ, sin 2θ, …; empty where unknown.
@@ -99,9 +99,9 @@ pub struct StationPattern {
 /// Gain of an antenna in a direction, as far as it is known.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Gain {
-    /// Its mean in dB.
+    /// Mean of the gain in dB.
     mean_db: f64,
-    /// Its variance in dB².
+    /// Variance of the gain in dB².
     variance: f64,
 }
 

@@ -254,8 +254,8 @@ pub struct Train {
     pub drift_hz_per_s: f64,
     /// The width that each pulse was searched with, in seconds.
     pub width_s: f64,
-    /// The energy of a pulse over the noise's power density, E/N0, in dB: the mean over those that
-    /// are there.
+    /// The energy of a pulse over the noise's power density, E/N0, in dB: the mean over the pulses
+    /// that are there.
     pub snr_db: f64,
     /// The rate per hour at which noise alone gives a train at least as strong, anywhere in what is
     /// searched.
@@ -273,7 +273,7 @@ struct Hit {
     width: usize,
     /// Samples of a pulse.
     length: usize,
-    /// Its frequencies are about the band's centre, over the channels' rate.
+    /// Course of the train; frequencies are about the band's centre, over the channels' rate.
     course: Course,
     energies: Vec<Energy>,
     statistic: f64,

@@ -32,9 +32,9 @@ const STEEP: f64 = 0.14;
 /// With fewer looks two paths meet anything.
 const FEWEST: f64 = 16.0;
 
-/// Error of the bearing by unresolved reflections, in rad for each unit of the amplitude of the one
-/// found: the others have an eighth of it, which leaves 20 log₁₀ e / 8√2 = 0.77 dB; a dB left
-/// within the main lobe comes with an error of 0.078 rad.
+/// Error of the bearing by unresolved reflections, in rad for each unit of the amplitude of the
+/// reflection found: the others have an eighth of it, which leaves 20 log₁₀ e / 8√2 =
+/// 0.77 dB; a dB left within the main lobe comes with an error of 0.078 rad.
 const UNRESOLVED: f64 = 0.06;
 
 /// Residuals of the looks' means above a reference, at each node: their weighted sum and sum of

@@ -27,7 +27,8 @@ use tables::GainTable;
 /// other look.
 const LAGS: u16 = 36;
 
-/// Their limits lie where the steps of no usual turn do, so that rounding moves no lag across one.
+/// Shift of the classes' limits, as a share of a class: the limits then lie where the steps of no
+/// usual turn do, so that rounding moves no lag across one.
 const BETWEEN: f64 = 0.37;
 
 /// Fewer looks than this do not show correlation.
