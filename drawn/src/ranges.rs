@@ -7,12 +7,13 @@ use super::{
 };
 
 /// Classes, in the order of tables.
-pub(crate) const CLASSES: [Class; 7] = [
+pub(crate) const CLASSES: [Class; 8] = [
     Class::rows("ranges", "4 to 10 ranges", good),
     Class::rows("ranges-offset", "an offset and a scale in common", offset),
     Class::rows("ranges-corner", "a third go round a corner", cornered),
     Class::rows("ranges-line", "stations in a line", in_line),
     Class::rows("differences", "4 to 8 differences", good_differences),
+    Class::rows("differences-common", "the reference's error is in all differences", common),
     Class::rows("differences-two", "two differences", two_differences),
     Class::rows("differences-corner", "a quarter go round a corner", cornered_differences),
 ];
@@ -116,6 +117,16 @@ fn good_differences(random: &mut Random) -> Scene {
     let rows: Vec<[f64; 2]> = places.iter().map(slopes_of).collect();
     let bound = Bound::of(rows.iter().map(|slopes| (&slopes[..], sigma_m)));
     Scene { bound, ..differences(&places, from, sigma_m, || random.normal(sigma_m)) }
+}
+
+/// Differences to a reference whose arrival is measured no better than the others: each has its own
+/// error, and all have the reference's.
+fn common(random: &mut Random) -> Scene {
+    let (places, from) = stations(random, 5, 9);
+    let sigma_m = random.log_between(0.5, 10.0);
+    let own_m = sigma_m / std::f64::consts::SQRT_2;
+    let shared_m = random.normal(own_m);
+    differences(&places, from, sigma_m, || shared_m + random.normal(own_m))
 }
 
 /// Two differences, whose hyperbolas meet twice as a rule.

@@ -1,4 +1,21 @@
-use super::FieldProblem;
+use std::borrow::Cow;
+
+use super::{FieldProblem, number, utm};
+
+/// Returns the two numbers of a cell that holds a place: as they are written, or latitude and
+/// longitude where the place is one of UTM or a grid reference.
+///
+/// # Errors
+///
+/// [`FieldProblem::NotAPair`], or [`FieldProblem::NotAZone`] for a zone without a hemisphere.
+pub(super) fn pair(cell: &str) -> Result<[Cow<'_, str>; 2], FieldProblem> {
+    match utm::place(cell) {
+        Some(place) => place.map(|degrees| degrees.map(|degree| Cow::Owned(degree.to_string()))),
+        None => {
+            number::pair(cell).map(|pair| pair.map(Cow::Borrowed)).ok_or(FieldProblem::NotAPair)
+        }
+    }
+}
 
 /// Degrees of a latitude or longitude that is written with minutes, seconds or a hemisphere:
 /// 48°12′3″N, N48 12.05, 16.3725 E.

@@ -492,8 +492,8 @@ pub enum FieldProblem {
         "has the hemisphere of the other coordinate; N and S are latitudes, E and W longitudes"
     )]
     OtherHemisphere,
-    /// It must be a latitude and a longitude.
-    #[error("is not two numbers, as in 48.2, 16.37")]
+    /// It must be a latitude and a longitude, a place of UTM or a grid reference.
+    #[error("is not a place such as 48.2, 16.37 or 33U 601983 5339533 or 33U XP 01983 39533")]
     NotAPair,
     /// O stands for East in some languages and for West in others.
     #[error("may be East (Ost) or West (oeste, ouest); write E or W")]

@@ -1,9 +1,9 @@
 use std::{borrow::Cow, collections::BTreeMap};
 
 use super::{
-    Column, Mapping, North, ReadOptions, RecordingError, Source, TimeFormat, Turns,
+    Column, FieldProblem, Mapping, North, ReadOptions, RecordingError, Source, TimeFormat, Turns,
+    coordinate,
     dates::{clock_seconds, is_date, is_day, is_serial},
-    number,
     table::{Table, shown},
 };
 
@@ -199,8 +199,8 @@ const NAMES: [(Column, &[&str]); 12] = [
 /// Common names of a day, which a time in another column is of.
 const DAYS: [&str; 4] = ["date", "datum", "fecha", "jour"];
 
-/// Common names of a latitude and a longitude in one cell.
-const PAIRS: [&str; 14] = [
+/// Common names of a latitude and a longitude, of a place of UTM or of a grid reference in one cell.
+const PAIRS: [&str; 22] = [
     "latlon",
     "latlng",
     "latlong",
@@ -215,6 +215,14 @@ const PAIRS: [&str; 14] = [
     "coordonneesgps",
     "coordonnéesgps",
     "coordenadas",
+    "utm",
+    "utmcoordinates",
+    "utmkoordinaten",
+    "mgrs",
+    "utmref",
+    "usng",
+    "gridreference",
+    "gridref",
 ];
 
 /// Common names of a longitude and a latitude in one cell.
@@ -506,7 +514,7 @@ pub(super) fn mapping(
     // A column of that name may hold names of places.
     found.pair = found.pair.filter(|(name, _)| {
         let cell = first(name);
-        cell.as_deref().and_then(number::pair).is_some()
+        cell.is_some_and(|cell| !matches!(coordinate::pair(&cell), Err(FieldProblem::NotAPair)))
     });
     let has_places = found.is_placed() || (has_track && found.is_timed());
     if !has_places {

@@ -5,8 +5,9 @@ use csv::{ByteRecord, StringRecord};
 use super::{
     FieldProblem, RecordingError, Source,
     converted::Rows,
+    coordinate,
     near_miss::near_miss,
-    number::{is_decimal, number, pair},
+    number::{is_decimal, number},
 };
 
 /// Longer cells are cut in messages: an unclosed quote swallows the rest of the file.
@@ -426,9 +427,9 @@ impl Row {
             return Ok(None);
         }
         if let Some(part) = source.part {
-            let half = pair(&cell).and_then(|pair| pair.get(part).map(|half| (*half).to_owned()));
-            let wrong = || self.wrong(&source.label(), &cell, FieldProblem::NotAPair);
-            return half.map(|half| Some(Cow::Owned(half))).ok_or_else(wrong);
+            let wrong = |problem| self.wrong(&source.label(), &cell, problem);
+            let pair = coordinate::pair(&cell).map_err(wrong)?;
+            return Ok(pair.get(part).map(|half| Cow::Owned(half.clone().into_owned())));
         }
         if source.lookup.is_empty() {
             return Ok(Some(cell));

@@ -1,5 +1,7 @@
 use std::str::FromStr;
 
+use super::FieldProblem;
+
 /// Major semi-axis and flattening of WGS84.
 const AXIS_M: f64 = 6_378_137.0;
 const FLATTENING: f64 = 1.0 / 298.257_223_563;
@@ -98,9 +100,101 @@ impl UtmZone {
     }
 }
 
+/// Reads latitude and longitude in degrees of a place that one cell holds with its zone: of UTM, such
+/// as `33U 601983 5339533`, or a grid reference of MGRS, such as `33U XP 01983 39533`. `None` for
+/// any other cell.
+pub(super) fn place(text: &str) -> Option<Result<[f64; 2], FieldProblem>> {
+    let is_between = |c: char| c.is_whitespace() || ",;/".contains(c);
+    let words: Vec<&str> = text.split(is_between).filter(|word| !word.is_empty()).collect();
+    let joined = words.concat().to_ascii_uppercase();
+    if let Some(place) = grid_reference(&joined) {
+        return Some(Ok(place));
+    }
+    let (zone, [east, north]) = match words.as_slice() {
+        [zone, east, north] => ((*zone).to_owned(), [east, north]),
+        [number, letter, east, north] => (format!("{number} {letter}"), [east, north]),
+        _ => return None,
+    };
+    let is_zone = zone.starts_with(|c: char| c.is_ascii_digit())
+        && zone.ends_with(|c: char| c.is_ascii_alphabetic());
+    let east_m = metres(east, 'E').filter(|east_m| (0.0..=1e6).contains(east_m) && is_zone)?;
+    let north_m = metres(north, 'N').filter(|north_m| (0.0..=1e7).contains(north_m))?;
+    let zone = zone.parse::<UtmZone>().map_err(FieldProblem::NotAZone);
+    Some(zone.map(|zone| zone.degrees(east_m, north_m)))
+}
+
+/// Number of an easting or northing that may have its unit and its letter: 0601983, 601983mE, E601983.
+fn metres(text: &str, letter: char) -> Option<f64> {
+    let upper = text.to_ascii_uppercase();
+    let bare = upper.trim_start_matches(letter).trim_end_matches(letter).trim_end_matches('M');
+    let is_number = bare.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.');
+    bare.parse().ok().filter(|_| is_number)
+}
+
+/// Latitude and longitude in degrees of a grid reference of MGRS without spaces, to 100 m or finer:
+/// the middle of its square (NGA.STND.0037, 2014, section 3).
+fn grid_reference(text: &str) -> Option<[f64; 2]> {
+    /// Side of the squares that two letters name.
+    const SQUARE_M: f64 = 100_000.0;
+    /// Northing after which the letters of the rows begin again.
+    const CIRCLE_M: f64 = 2_000_000.0;
+    /// Letters of the rows: the alphabet as far as V, without I and O.
+    const ROWS: &str = "ABCDEFGHJKLMNPQRSTUV";
+    /// Letters of the columns, which begin again in every third zone.
+    const COLUMNS: [&str; 3] = ["ABCDEFGH", "JKLMNPQR", "STUVWXYZ"];
+    /// Bands of eight degrees of latitude from 80° S, with their least northing in 100 km.
+    const BANDS: [(char, f64); 20] = [
+        ('C', 11.0),
+        ('D', 20.0),
+        ('E', 28.0),
+        ('F', 37.0),
+        ('G', 46.0),
+        ('H', 55.0),
+        ('J', 64.0),
+        ('K', 73.0),
+        ('L', 82.0),
+        ('M', 91.0),
+        ('N', 0.0),
+        ('P', 8.0),
+        ('Q', 17.0),
+        ('R', 26.0),
+        ('S', 35.0),
+        ('T', 44.0),
+        ('U', 53.0),
+        ('V', 62.0),
+        ('W', 70.0),
+        ('X', 79.0),
+    ];
+    let zone_end = text.find(|c: char| !c.is_ascii_digit()).filter(|end| (1..=2).contains(end))?;
+    let (number, rest) = text.split_at_checked(zone_end)?;
+    let number = number.parse::<u8>().ok().filter(|number| (1..=60).contains(number))?;
+    let mut letters = rest.chars();
+    let [band, column, row] = [letters.next()?, letters.next()?, letters.next()?];
+    let digits = letters.as_str();
+    let is_paired = digits.len().is_multiple_of(2) && (6..=10).contains(&digits.len());
+    if !is_paired || !digits.bytes().all(|byte| byte.is_ascii_digit()) {
+        return None;
+    }
+    let (east, north) = digits.split_at_checked(digits.len() / 2)?;
+    let side_m = SQUARE_M / 10_f64.powi(i32::try_from(east.len()).ok()?);
+    // The middle of the square that the digits name.
+    let within = |digits: &str| Some((digits.parse::<f64>().ok()? + 0.5) * side_m);
+    let least_m = BANDS.iter().find(|(letter, _)| *letter == band)?.1 * SQUARE_M;
+    let columns = COLUMNS.get(usize::from((number - 1) % 3))?;
+    let row = ROWS.find(row)?;
+    // Rows of zones with an even number begin at F.
+    let row = if number.is_multiple_of(2) { (row + 15) % 20 } else { row };
+    let east_m = (columns.find(column)? + 1) as f64 * SQUARE_M + within(east)?;
+    let row_m = row as f64 * SQUARE_M;
+    let circles = ((least_m - row_m) / CIRCLE_M).ceil().max(0.0);
+    let north_m = row_m + circles * CIRCLE_M + within(north)?;
+    Some(UtmZone { number, is_south: band < 'N' }.degrees(east_m, north_m))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     /// Zone, easting, northing, latitude and longitude by the Python package `utm`, which uses
     /// other series.
@@ -133,6 +227,59 @@ mod tests {
         {
             let error = wrong.parse::<UtmZone>().expect_err(wrong);
             assert!(error.contains(part), "{wrong}: {error}");
+        }
+    }
+
+    /// Latitude and longitude of a cell.
+    fn degrees(text: &str) -> [f64; 2] {
+        place(text).and_then(Result::ok).unwrap_or([f64::NAN; 2])
+    }
+
+    #[test]
+    fn a_place_of_utm_may_be_one_cell() {
+        for text in [
+            "33U 601983.2525 5339533.0871",
+            "33 U 601983.2525 5339533.0871",
+            "33u, 601983.2525, 5339533.0871",
+            "33U 601983.2525mE 5339533.0871mN",
+            "33U E601983.2525 N5339533.0871",
+            "33 north 601983.2525 5339533.0871",
+        ] {
+            let [lat, lon] = degrees(text);
+            assert_abs_diff_eq!(lat, 48.200_833_3, epsilon = 1e-7);
+            assert_abs_diff_eq!(lon, 16.3725, epsilon = 1e-7);
+        }
+        for text in ["48.2 16.37", "48.2, 16.37", "Vienna", "", "33U 601983", "33U 16 48 12 3"] {
+            assert_eq!(place(text), None, "{text}");
+        }
+        let unclear = place("33S 601983 5339533");
+        assert!(matches!(unclear, Some(Err(FieldProblem::NotAZone(_)))), "{unclear:?}");
+    }
+
+    /// Grid references with the places that the Python package `mgrs`, which is the library GEOTRANS,
+    /// has for them.
+    const REFERENCES: [(&str, f64, f64); 10] = [
+        ("33U XP 01983 39533", 48.200_836_98, 16.372_503_43),
+        ("56HLH3490052288", -33.856_802_27, 151.215_299_20),
+        ("32V NM 9789 4156", 59.899_972_78, 10.749_948_28),
+        ("30NWF0000055265", 0.500_004_19, -2.999_995_51),
+        ("19FEV4500027239", -54.799_998_89, -68.299_993_07),
+        ("27W VM 561 118", 64.130_352_72, -21.900_726_24),
+        ("54S UE 87789 49165", 35.680_004_53, 139.760_002_90),
+        ("17MQV7827477872", -0.200_002_60, -78.500_001_17),
+        ("33XVH3612371615", 78.999_995_68, 11.999_985_30),
+        ("35W MV 58391 78192", 71.899_999_25, 25.799_990_86),
+    ];
+
+    #[test]
+    fn a_grid_reference_is_a_place() {
+        for (text, lat_deg, lon_deg) in REFERENCES {
+            let [lat, lon] = degrees(text);
+            assert_abs_diff_eq!(lat, lat_deg, epsilon = 1e-6);
+            assert_abs_diff_eq!(lon, lon_deg, epsilon = 1e-6);
+        }
+        for text in ["33UXP", "33UXP0198", "33UIP0198339533", "61UXP0198339533", "33UXP019833953"] {
+            assert_eq!(place(text), None, "{text}");
         }
     }
 }

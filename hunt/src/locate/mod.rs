@@ -7,6 +7,8 @@ mod batch;
 mod bearings;
 mod clocks;
 mod config;
+#[cfg(feature = "batch")]
+mod differences;
 mod error;
 mod examination;
 #[cfg(feature = "maps")]
@@ -33,6 +35,8 @@ pub(crate) use bearings::{ClosedForm, Lenth, Posterior, RepeatedMedian};
 pub use bearings::{LearnedSigma, learn_bearing_sigma};
 pub use clocks::{ClockSearch, Clocks, ClocksUnknown, FoundOffset, HeardLevel};
 pub use config::{CalibratedPower, Height, Listener, LocateConfig, Power};
+#[cfg(feature = "batch")]
+pub(crate) use differences::RangeDifferences;
 pub use error::LocateError;
 pub use examination::{Measurand, Residual};
 pub(crate) use examination::{Uses, examine, residuals};
@@ -46,7 +50,7 @@ pub use located::{CommonErrors, Explanation, Located, Locator, RangeBias, Rival,
 pub use moving::{Tracked, TrackingConfig, left_out, track, track_watched};
 pub(crate) use path::Paths;
 #[cfg(feature = "batch")]
-pub(crate) use ranges::{Multilateration, RangeDifferences};
+pub(crate) use ranges::Multilateration;
 pub use region::Region;
 pub(crate) use shadowing_grid::CorrelatedShadowing;
 pub(crate) use strongest::{Strongest, WeightedCentroid};

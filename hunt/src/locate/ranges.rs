@@ -1,10 +1,10 @@
-use foxhunt_core::{Estimate, Level, Measured, Quantity, Reception, Receptions, Remark};
+use foxhunt_core::{Estimate, Level, Quantity, Reception, Receptions, Remark, State};
 use foxhunt_filters::{
-    BatchError, BatchFix, BatchSolver, Marginal, SlantRange, SlantRangeDifference, multilaterate,
-    multilaterate_with_bias, range_bias_sigmas, spherical_intersection,
+    BatchError, BatchFix, Marginal, SlantRange, multilaterate, multilaterate_with_bias,
+    range_bias_sigmas,
 };
-use foxhunt_sensors::{LogDistance, Propagation, RangeDifference};
-use nalgebra::{Matrix1, Vector1, Vector3};
+use foxhunt_sensors::{LogDistance, Propagation};
+use nalgebra::Vector3;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::{
@@ -55,14 +55,17 @@ impl Locator for Multilateration {
         let observations = ranges.len() + beyond.len();
         let ranges = by_place(&ranges);
         let up = config.target_up_m;
-        let alone = consistent(&ranges, up, |ranges| multilaterate(ranges, &beyond, up))?;
+        let alone = consistent_ranges(&ranges, up, |ranges| multilaterate(ranges, &beyond, up))?;
         let biased = if are_measured { with_bias(&ranges, up, &alone) } else { None };
-        let mut located = match biased {
-            Some(biased) => of_biased(&biased),
+        let located = match biased {
+            Some(biased) if biased.is_taken => of_biased(&biased.solution),
+            Some(Biased { solution, probability, .. }) => {
+                let near = solution.mode_near(&alone.fix.estimate.mean);
+                averaged(alone.located(), &near, probability)
+            }
             None => alone.located(),
         };
-        located.observations = observations;
-        Ok(located)
+        Ok(Located { observations, ..located })
     }
 }
 
@@ -94,20 +97,26 @@ const BIAS_P: f64 = 0.003;
 /// Logarithm of the evidence that a bias has to gain before ranges are taken to share one.
 const GAIN_OF_BIAS: f64 = 3.0;
 
-/// Solution whose ranges scatter as their σ say, once these are widened by what is common to no two
+/// Share of recordings of ranges whose ranges have a bias in common, as a prior.
+const SHARE_OF_BIASED: f64 = 0.3;
+
+/// Less probable explanations are left out of the average.
+pub(super) const LEAST_PROBABILITY: f64 = 0.01;
+
+/// Solution whose measurements scatter as their σ say, once these are widened by what is common to no two
 /// of them.
-struct Consistent<const N: usize> {
-    fix: BatchFix<N>,
+pub(super) struct Consistent<const N: usize> {
+    pub(super) fix: BatchFix<N>,
     /// Probability of the misfit before the ranges are widened.
     p: f64,
     /// Factor on the covariance that the knowledge of the spread from few ranges is worth.
-    factor: f64,
+    pub(super) factor: f64,
     /// Logarithm of the evidence by Laplace's method, under flat priors.
-    log_evidence: f64,
+    pub(super) log_evidence: f64,
 }
 
 impl Consistent<2> {
-    fn located(&self) -> Located {
+    pub(super) fn located(&self) -> Located {
         let mut fix = self.fix.clone();
         fix.estimate.covariance *= self.factor;
         fix.rival_estimates.iter_mut().for_each(|rival| rival.covariance *= self.factor);
@@ -119,40 +128,44 @@ impl Consistent<2> {
     }
 }
 
-/// Solves ranges again with σ² + τ², τ² such that the misfit is what is expected of them (Paule &
-/// Mandel 1982), where it is improbable under their σ alone.
-fn consistent<const N: usize>(
-    ranges: &[SlantRange],
-    up: f64,
-    solve: impl Fn(&[SlantRange]) -> Result<BatchFix<N>, BatchError>,
-) -> Result<Consistent<N>, BatchError> {
-    let mut fix = solve(ranges)?;
-    let degrees = u32::try_from(ranges.len().saturating_sub(N)).unwrap_or(u32::MAX);
+impl<const N: usize> Consistent<N> {
+    /// Returns the place of the mode that is the nearest to a place: of two places alike, on either
+    /// side of a line of receivers, the one on its own side.
+    pub(super) fn mode_near(&self, place: &State<2>) -> Estimate<2> {
+        let apart = |mode: &&Estimate<N>| (mode.mean.fixed_rows::<2>(0) - place).norm_squared();
+        let rivals = self.fix.rival_estimates.iter();
+        let nearest = rivals.min_by(|a, b| apart(a).total_cmp(&apart(b)));
+        let own = &self.fix.estimate;
+        let mode = nearest.filter(|rival| apart(rival) < apart(&own)).unwrap_or(own);
+        Estimate {
+            mean: mode.mean.fixed_rows::<2>(0).into_owned(),
+            covariance: mode.covariance.fixed_view::<2, 2>(0, 0) * self.factor,
+        }
+    }
+}
+
+/// Solves again with σ² + τ², τ² such that the misfit is what is expected of the measurements
+/// (Paule & Mandel 1982), where the misfit is improbable under their σ alone. `solve` takes τ², and
+/// `residuals` returns the residual and the σ² of each measurement.
+pub(super) fn consistent<const N: usize, E>(
+    solve: impl Fn(f64) -> Result<BatchFix<N>, E>,
+    residuals: impl Fn(&State<N>) -> Vec<(f64, f64)>,
+) -> Result<Consistent<N>, E> {
+    let mut fix = solve(0.0)?;
+    let mut squares = squared(&residuals(&fix.estimate.mean));
+    let degrees = u32::try_from(squares.len().saturating_sub(N)).unwrap_or(u32::MAX);
     let degrees = f64::from(degrees.max(1));
-    let residuals = |fix: &BatchFix<N>| -> Vec<(f64, f64)> {
-        let mean = &fix.estimate.mean;
-        let place = mean.fixed_rows::<2>(0).into_owned();
-        let offset = mean.get(2).copied().unwrap_or(0.0);
-        let scale = mean.get(3).copied().unwrap_or(0.0);
-        let residual = |r: &SlantRange| {
-            let expected = (1.0 + scale) * (place.push(up) - r.receiver).norm() + offset;
-            ((r.range - expected).powi(2), r.sigma * r.sigma)
-        };
-        ranges.iter().map(residual).collect()
-    };
-    let misfit: f64 = residuals(&fix).iter().map(|(square, own)| square / own).sum();
+    let misfit: f64 = squares.iter().map(|(square, own)| square / own).sum();
     let p = ChiSquared::new(degrees).map_or(1.0, |law| law.sf(misfit));
     let mut spread = 0.0;
     let mut factor = 1.0;
     for _ in 0..20 {
-        let squares = residuals(&fix);
         let next = if p < MISFIT_P { spread_of(&squares, degrees) } else { 0.0 };
         let settled = (next - spread).abs() <= 1e-3 * next;
         spread = next;
-        let widen = |r: &SlantRange| SlantRange { sigma: (r.sigma.powi(2) + spread).sqrt(), ..*r };
-        let wider: Vec<SlantRange> = ranges.iter().map(widen).collect();
         if spread > 0.0 {
-            fix = solve(&wider)?;
+            fix = solve(spread)?;
+            squares = squared(&residuals(&fix.estimate.mean));
             // The variance of Student's t.
             factor = degrees / (degrees - 2.0).max(0.5);
         }
@@ -168,8 +181,35 @@ fn consistent<const N: usize>(
     let log_root = root.map_or(0.0, |root| root.map(libm::log).sum());
     let unknowns = f64::from(u32::try_from(N).unwrap_or(u32::MAX));
     let volume = log_root + 0.5 * unknowns * libm::log(std::f64::consts::TAU);
-    let log_evidence = residuals(&fix).iter().map(normal).sum::<f64>() + volume;
+    let log_evidence = squares.iter().map(normal).sum::<f64>() + volume;
     Ok(Consistent { fix, p, factor, log_evidence })
+}
+
+fn squared(residuals: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    residuals.iter().map(|(residual, own)| (residual * residual, *own)).collect()
+}
+
+/// Solves ranges to a target at the height `up` by `solve`, as [`consistent`] has it.
+fn consistent_ranges<const N: usize>(
+    ranges: &[SlantRange],
+    up: f64,
+    solve: impl Fn(&[SlantRange]) -> Result<BatchFix<N>, BatchError>,
+) -> Result<Consistent<N>, BatchError> {
+    let widened = |spread: f64| {
+        let widen = |r: &SlantRange| SlantRange { sigma: (r.sigma.powi(2) + spread).sqrt(), ..*r };
+        solve(&ranges.iter().map(widen).collect::<Vec<_>>())
+    };
+    let residuals = |mean: &State<N>| {
+        let place = mean.fixed_rows::<2>(0).into_owned();
+        let offset = mean.get(2).copied().unwrap_or(0.0);
+        let scale = mean.get(3).copied().unwrap_or(0.0);
+        let residual = |r: &SlantRange| {
+            let expected = (1.0 + scale) * (place.push(up) - r.receiver).norm() + offset;
+            (r.range - expected, r.sigma * r.sigma)
+        };
+        ranges.iter().map(residual).collect()
+    };
+    consistent(widened, residuals)
 }
 
 /// Returns the variance that makes the misfit what is expected, from squared residuals and their
@@ -186,20 +226,56 @@ fn spread_of(squares: &[(f64, f64)], degrees: f64) -> f64 {
     bounds.1
 }
 
-/// Returns the solution with an offset and a scale that all ranges share, where that explains them
-/// far better.
-fn with_bias(ranges: &[SlantRange], up: f64, alone: &Consistent<2>) -> Option<Consistent<4>> {
-    if alone.p > BIAS_P {
+/// Solution with an offset and a scale that all ranges share.
+struct Biased {
+    solution: Consistent<4>,
+    /// True if it explains the ranges far better, so that it stands alone.
+    is_taken: bool,
+    /// Its probability beside the solution without them.
+    probability: f64,
+}
+
+/// Returns the solution with an offset and a scale that all ranges share; `None` where it is not
+/// determined or improbable.
+fn with_bias(ranges: &[SlantRange], up: f64, alone: &Consistent<2>) -> Option<Biased> {
+    let solution =
+        consistent_ranges(ranges, up, |ranges| multilaterate_with_bias(ranges, up)).ok()?;
+    let Estimate { mean, covariance } = &solution.fix.estimate;
+    let [offset_sigma, scale_sigma] = range_bias_sigmas(ranges);
+    // A place that is open to the prior has no evidence by Laplace's method.
+    let open_m = offset_sigma / scale_sigma;
+    if covariance.fixed_view::<2, 2>(0, 0).trace() > open_m * open_m {
         return None;
     }
-    let biased = consistent(ranges, up, |ranges| multilaterate_with_bias(ranges, up)).ok()?;
-    let mean = &biased.fix.estimate.mean;
     let prior = |value: f64, sigma: f64| {
         -0.5 * libm::log(std::f64::consts::TAU * sigma * sigma) - 0.5 * (value / sigma).powi(2)
     };
-    let [offset_sigma, scale_sigma] = range_bias_sigmas(ranges);
     let of_bias = prior(mean.z, offset_sigma) + prior(mean.w, scale_sigma);
-    (biased.log_evidence + of_bias > alone.log_evidence + GAIN_OF_BIAS).then_some(biased)
+    let gain = solution.log_evidence + of_bias - alone.log_evidence;
+    let probability = posterior(SHARE_OF_BIASED, gain);
+    let is_taken = alone.p <= BIAS_P && gain > GAIN_OF_BIAS;
+    let counts = is_taken || probability > LEAST_PROBABILITY;
+    counts.then_some(Biased { solution, is_taken, probability })
+}
+
+/// Takes another explanation into account, with its probability: few measurements may fit the first,
+/// and come from a place far off all the same. The place is that of the more probable one, the
+/// covariance that of both about it.
+pub(super) fn averaged(first: Located, second: &Estimate<2>, probability: f64) -> Located {
+    let apart = second.mean - first.estimate.mean;
+    let is_first = probability <= 0.5;
+    let other = if is_first { probability } else { 1.0 - probability };
+    let mean = if is_first { first.estimate.mean } else { second.mean };
+    let covariance = first.estimate.covariance * (1.0 - probability)
+        + second.covariance * probability
+        + apart * apart.transpose() * other;
+    Located { estimate: Estimate { mean, covariance }, ..first }
+}
+
+/// Probability of an explanation whose evidence is exp(`gain`) times that of another one, for its
+/// prior probability `prior`.
+pub(super) fn posterior(prior: f64, gain: f64) -> f64 {
+    1.0 / (1.0 + (1.0 - prior) / prior * libm::exp(-gain))
 }
 
 fn of_biased(biased: &Consistent<4>) -> Located {
@@ -235,55 +311,4 @@ fn range_of(
     let sigma_db = libm::hypot(level.sigma_db, of_law(range).unwrap_or(0.0));
     let sigma = range * sigma_db * std::f64::consts::LN_10 / (10.0 * law.exponent());
     SlantRange { receiver, range, sigma }
-}
-
-/// The place from range differences to a reference receiver: spherical intersection, from where
-/// least squares go on (`filters::spherical_intersection`).
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct RangeDifferences;
-
-impl Locator for RangeDifferences {
-    fn locate(
-        &self,
-        receptions: &Receptions,
-        config: &LocateConfig,
-    ) -> Result<Located, LocateError> {
-        let quantity = Quantity::RANGE_DIFFERENCE;
-        let reference = config.reference_m.ok_or(LocateError::NoReference)?;
-        let mut differences = Vec::new();
-        let mut observations = Vec::new();
-        for (index, reception) in receptions.iter().enumerate() {
-            let Some(&Measured { value, sigma, .. }) = reception.measured.get(quantity) else {
-                continue;
-            };
-            let receiver = reception.receiver.position;
-            differences.push(SlantRangeDifference { receiver, difference: value, sigma });
-            let noise = Matrix1::new(sigma * sigma);
-            let observation = foxhunt_core::Observation::new(
-                reception.time,
-                reception.receiver,
-                Vector1::new(value),
-                noise,
-            );
-            observations.push(observation.map_err(|source| LocateError::Reception {
-                index,
-                time: reception.time,
-                source: source.into(),
-            })?);
-        }
-        if differences.is_empty() {
-            return Err(LocateError::NoQuantity { quantity });
-        }
-        let up = config.target_up_m;
-        let starts = spherical_intersection(reference, &differences, up)?;
-        let model = RangeDifference::new(reference)?.with_target_up(up)?;
-        let fix = BatchSolver::new(model).solve(&observations, &starts)?;
-        let observations = differences.len();
-        Ok(Located {
-            observations,
-            rivals: rivals(&fix.rivals),
-            regions_95: regions_with_rivals(&fix),
-            ..Located::at(fix.estimate)
-        })
-    }
 }

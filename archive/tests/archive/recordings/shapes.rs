@@ -308,3 +308,25 @@ fn an_animal_is_a_beacon() {
     let recording = text("loas.csv", table).expect("bearings");
     assert_eq!(recording.beacons(), [Some("F01"), Some("F02")]);
 }
+
+/// One cell holds latitude and longitude, a place of UTM with its zone, or a grid reference.
+#[test]
+fn a_place_in_one_cell_is_a_place() {
+    for (name, places) in [
+        ("lat/lon", ["\"48.2000, 16.3700\"", "\"48.2000, 16.3800\""]),
+        ("UTM", ["33U 601799.15 5339437.15", "33U 602542.19 5339450.45"]),
+        ("MGRS", ["33U XP 01799 39437", "33UXP0254239450"]),
+    ] {
+        let [from, to] = places;
+        let recording = text("f.csv", &format!("{name},bearing\n{from},45\n{to},315\n"));
+        let recording = recording.unwrap_or_else(|error| panic!("{name}: {error}"));
+        let places: Vec<_> =
+            recording.records().iter().map(|r| r.receiver().expect("a place")).collect();
+        let apart = (places[1].position - places[0].position).norm();
+        assert_abs_diff_eq!(apart, 743.4, epsilon = 1.0);
+        assert_eq!(recording.records().len(), 2, "{name}");
+    }
+    let unclear = text("f.csv", "UTM,bearing\n33S 601799 5339436,45\n33S 602541 5339449,315\n");
+    let unclear = format!("{:?}", unclear.map_err(|error| error.to_string()));
+    assert!(unclear.contains("band S"), "{unclear}");
+}
