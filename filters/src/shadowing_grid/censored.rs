@@ -1,10 +1,11 @@
 use alloc::vec::Vec;
-use core::f64::consts::TAU;
+use foxhunt_core::{Pose, elementary};
 
-use foxhunt_core::{Pose, noise::log_normal_cdf};
-
-use super::{Censoring, NEIGHBOURS, Row, ShadowedReading};
-use crate::vecchia::{Correlation, Neighbours, Receivers};
+use super::{Censoring, NEIGHBOURS, Row, ShadowedReading, likelihood::NEGLIGIBLE};
+use crate::{
+    vecchia::{Correlation, Neighbours, Receivers},
+    vectorised::{Kernel, run},
+};
 
 /// Number of segments of one side that are weighed; of more, some stand for all beside them.
 const MOST: usize = 100;
@@ -19,13 +20,12 @@ const UNLIKE: f64 = 0.02;
 #[derive(Clone, Debug)]
 pub(super) struct Censored {
     receivers: Vec<Pose>,
-    /// Each limit, and the sign of limit − value: 1 below, −1 above.
-    limits: Vec<(f64, f64)>,
     /// The segments with a value nearest to each.
     neighbours: Neighbours<NEIGHBOURS>,
     /// For each correlation, each segment given its neighbours.
     given: Vec<Vec<Given>>,
-    log_normal_cdf: LogNormalCdf,
+    /// For each correlation, the columns of all segments.
+    columns: Vec<Columns>,
 }
 
 /// One censored segment under one correlation, given the segments with a value near by.
@@ -39,12 +39,29 @@ struct Given {
     ones: f64,
     /// The variance given the neighbours, in units of σ².
     variance: f64,
-    /// 1 / the standard deviation with the intercept's part, in units of σ.
-    scale: f64,
-    /// The exponent of the probability: 1 over the number of segments that fade alike, for all
-    /// segments that this one stands for.
-    exponent: f64,
 }
+
+/// Censored segments under one correlation, column by column, in whole blocks of [`BLOCK`]: the
+/// last segments of a block may have the exponent 0.
+#[derive(Clone, Debug, Default)]
+struct Columns {
+    /// The limit less the part of the mean that the neighbours' values make, in `scale`s.
+    limits: Vec<f64>,
+    /// Part of the mean that a unit of the intercept makes, in `scale`s.
+    ones: Vec<f64>,
+    /// 1 / the standard deviation with the intercept's part, in units of σ; negative above.
+    scales: Vec<f64>,
+    /// Exponents of the probabilities: 1 over the number of segments that fade alike, for all
+    /// segments that one stands for.
+    exponents: Vec<f64>,
+}
+
+/// Segments that are weighed side by side.
+const BLOCK: usize = 8;
+
+/// Regressors of censored segments for one cell, in the scales of [`Columns`]: slopes and gains.
+#[derive(Debug, Default)]
+pub(super) struct Scaled([Vec<f64>; 2]);
 
 /// The explanation of the levels by which censored segments are expected.
 #[derive(Clone, Copy, Debug)]
@@ -54,51 +71,6 @@ pub(super) struct Law {
     pub(super) coefficients: [f64; 2],
     /// σ² of the values.
     pub(super) variance: f64,
-}
-
-/// ln Φ between nodes by cubics that have its values and slopes there, to 10⁻⁸: it is needed for
-/// each segment under each explanation of each cell.
-#[derive(Clone, Debug)]
-struct LogNormalCdf {
-    /// Value and slope times the distance of the nodes.
-    nodes: Vec<(f64, f64)>,
-}
-
-impl LogNormalCdf {
-    const FIRST: f64 = -10.0;
-    const NODES_PER_ONE: f64 = 16.0;
-    /// The last node is at 8, where Φ is 1 to all digits.
-    const NODES: u16 = 289;
-
-    fn new() -> Self {
-        let node = |i: u16| {
-            let x = Self::FIRST + f64::from(i) / Self::NODES_PER_ONE;
-            let value = log_normal_cdf(x);
-            let slope = libm::exp(-0.5 * x * x - 0.5 * libm::log(TAU) - value);
-            (value, slope / Self::NODES_PER_ONE)
-        };
-        Self { nodes: (0..Self::NODES).map(node).collect() }
-    }
-
-    fn at(&self, x: f64) -> f64 {
-        let way = (x - Self::FIRST) * Self::NODES_PER_ONE;
-        if way.is_nan() || way < 0.0 {
-            return log_normal_cdf(x);
-        }
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "not negative, and beyond all nodes where it is cut off"
-        )]
-        let node = way as usize;
-        let Some([(from, leaves), (to, arrives)]) = self.nodes.get(node..node.saturating_add(2))
-        else {
-            return 0.0;
-        };
-        let t = way - libm::floor(way);
-        let rise = to - from;
-        from + t * (rise + (1.0 - t) * ((1.0 - t) * (leaves - rise) + t * (rise - arrives)))
-    }
 }
 
 impl Censored {
@@ -132,28 +104,35 @@ impl Censored {
                     Given::new(reading, *count, near, received, values, correlation)
                 })
                 .collect();
-            let given = kept.iter().filter_map(|(middle, group)| {
+            let mut columns = Columns::default();
+            let mut given = Vec::with_capacity(kept.len());
+            for (middle, group) in &kept {
+                let (Some((reading, _)), Some(own)) = (ordered.get(*middle), each.get(*middle))
+                else {
+                    continue;
+                };
                 let shared =
                     |j| remaining(&ordered, &near, &each, received, &correlation, *middle, j);
                 let alike: f64 = (0..ordered.len()).map(shared).sum();
                 #[expect(clippy::cast_precision_loss, reason = "fewer segments than 2⁵³")]
                 let exponent = group.len() as f64 / alike;
-                let own = each.get(*middle)?;
                 let variance = own.variance + of_intercept * own.ones * own.ones;
-                Some(Given { exponent, scale: 1.0 / libm::sqrt(variance), ..own.clone() })
-            });
-            given.collect()
+                let sign = if reading.censoring == Censoring::Above { -1.0 } else { 1.0 };
+                columns.push(reading.value, own, sign / libm::sqrt(variance), exponent);
+                given.push(own.clone());
+            }
+            columns.complete();
+            (given, columns)
         };
-        let given = correlations.map(of_correlation).collect();
-        let kept = || kept.iter().filter_map(|(middle, _)| ordered.get(*middle));
-        let sign = |s: &ShadowedReading| if s.censoring == Censoring::Above { -1.0 } else { 1.0 };
-        let receivers: Vec<Pose> = kept().map(|(reading, _)| reading.receiver).collect();
+        let (given, columns) = correlations.map(of_correlation).unzip();
+        let receivers: Vec<Pose> = (kept.iter())
+            .filter_map(|(middle, _)| Some(ordered.get(*middle)?.0.receiver))
+            .collect();
         Self {
-            limits: kept().map(|(reading, _)| (reading.value, sign(reading))).collect(),
             neighbours: Neighbours::among(receivers.iter(), received.poses),
             receivers,
             given,
-            log_normal_cdf: LogNormalCdf::new(),
+            columns,
         }
     }
 
@@ -187,34 +166,100 @@ impl Censored {
         }
     }
 
-    /// The weighted log-probability that all lie on their sides of their limits under a law and
-    /// a correlation, or −∞ if it is less than `least`; `beyond` are their regressors beyond what
-    /// their neighbours tell, of which one column is read.
-    pub(super) fn log_probability(
+    /// Adds to the log-mass of each law the weighted log-probability that all segments lie on their
+    /// sides of their limits under the law and a correlation, or −∞ if the sum is less than
+    /// `needed`, or negligible beside the largest. `beyond` are the segments' regressors beyond what
+    /// their neighbours tell, of which one column is read. Returns the largest log-mass, `peak` if
+    /// none is larger.
+    pub(super) fn add_to<'a>(
         &self,
         correlation: usize,
-        law: &Law,
         beyond: &[[Row; 2]],
         column: usize,
-        least: f64,
+        laws: impl Iterator<Item = (Law, &'a mut f64)>,
+        (needed, peak): (f64, f64),
+        scaled: &mut Scaled,
     ) -> f64 {
-        let Law { intercept, coefficients: [b, c], variance } = *law;
-        let per_sigma = 1.0 / libm::sqrt(variance);
-        let given = self.given.get(correlation).into_iter().flatten();
-        let mut sum = 0.0;
-        if least >= sum {
-            return f64::NEG_INFINITY;
+        let Some(columns) = self.columns.get(correlation) else { return peak };
+        for (index, scaled) in scaled.0.iter_mut().enumerate() {
+            scaled.clear();
+            let own = |rows: &[Row; 2]| rows.get(index)?.get(column).copied();
+            let of = beyond.iter().zip(&columns.scales);
+            scaled.extend(of.map(|(rows, scale)| scale * own(rows).unwrap_or(0.0)));
+            scaled.resize(columns.limits.len(), 0.0);
         }
-        for (((limit, sign), [x, g]), given) in self.limits.iter().zip(beyond).zip(given) {
-            let [x, g] = [x, g].map(|row| row.get(column).copied().unwrap_or(0.0));
-            let expected = given.value + intercept * given.ones + b * x + c * g;
-            let beside = sign * (limit - expected) * given.scale * per_sigma;
-            sum += given.exponent * self.log_normal_cdf.at(beside);
-            if sum < least {
-                return f64::NEG_INFINITY;
+        let [slopes, gains] = &scaled.0;
+        run(Weighing { columns, slopes, gains, laws, needed, peak })
+    }
+}
+
+/// Weighing of the laws of a cell by the censored segments.
+struct Weighing<'c, L> {
+    columns: &'c Columns,
+    /// Regressors of the segments, in their scales.
+    slopes: &'c [f64],
+    gains: &'c [f64],
+    laws: L,
+    /// Least log-mass that counts.
+    needed: f64,
+    /// Largest log-mass so far.
+    peak: f64,
+}
+
+impl<'a, L: Iterator<Item = (Law, &'a mut f64)>> Kernel for Weighing<'_, L> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run(self) -> f64 {
+        let Self { columns, slopes, gains, laws, needed, mut peak } = self;
+        let (limits, _) = columns.limits.as_chunks::<BLOCK>();
+        let (ones, _) = columns.ones.as_chunks::<BLOCK>();
+        let (exponents, _) = columns.exponents.as_chunks::<BLOCK>();
+        let ((slopes, _), (gains, _)) = (slopes.as_chunks::<BLOCK>(), gains.as_chunks::<BLOCK>());
+        for (Law { intercept, coefficients: [b, c], variance }, log_mass) in laws {
+            // A censored segment makes nothing more probable.
+            let least = needed.max(peak - NEGLIGIBLE);
+            let per_sigma = 1.0 / elementary::sqrt(variance);
+            let blocks = limits.iter().zip(ones).zip(slopes).zip(gains).zip(exponents);
+            for ((((limits, ones), slopes), gains), exponents) in blocks {
+                if *log_mass <= least {
+                    break;
+                }
+                let mut sum = 0.0;
+                let mut parts = [0.0; BLOCK];
+                for k in 0..BLOCK {
+                    let beside = limits[k] - intercept * ones[k] - b * slopes[k] - c * gains[k];
+                    parts[k] = exponents[k] * elementary::ln_normal_cdf(beside * per_sigma);
+                }
+                for part in parts {
+                    sum += part;
+                }
+                *log_mass += sum;
             }
+            if *log_mass <= least || log_mass.is_nan() {
+                *log_mass = f64::NEG_INFINITY;
+            }
+            peak = peak.max(*log_mass);
         }
-        sum
+        peak
+    }
+}
+
+impl Columns {
+    /// Appends a segment; `scale` is 1 / its standard deviation, negative above the limit.
+    fn push(&mut self, limit: f64, given: &Given, scale: f64, exponent: f64) {
+        self.limits.push(scale * (limit - given.value));
+        self.ones.push(scale * given.ones);
+        self.scales.push(scale);
+        self.exponents.push(exponent);
+    }
+
+    /// Completes the last block by segments without weight.
+    fn complete(&mut self) {
+        let length = self.limits.len().next_multiple_of(BLOCK);
+        for column in [&mut self.limits, &mut self.ones, &mut self.exponents] {
+            column.resize(length, 0.0);
+        }
     }
 }
 
@@ -239,8 +284,6 @@ impl Given {
             value: value.sum(),
             ones: 1.0 - weights.iter().take(near.len()).sum::<f64>(),
             variance,
-            scale: 1.0 / libm::sqrt(variance),
-            exponent: 1.0,
         }
     }
 }
@@ -277,6 +320,7 @@ mod tests {
     use alloc::vec;
     use approx::assert_abs_diff_eq;
 
+    use foxhunt_core::noise::log_normal_cdf;
     use nalgebra::DMatrix;
 
     use super::*;
@@ -327,18 +371,6 @@ mod tests {
     }
 
     #[test]
-    fn the_table_is_the_function() {
-        let table = LogNormalCdf::new();
-        for i in -1300..1000_i16 {
-            let x = f64::from(i) / 97.0;
-            let [read, exact] = [table.at(x), log_normal_cdf(x)];
-            assert!((read - exact).abs() < 1e-8 * (1.0 - exact), "{x}: {read} {exact}");
-        }
-        assert!(table.at(1e300).abs() < 1e-15 && table.at(f64::NAN).is_nan());
-        assert!(table.at(f64::NEG_INFINITY) < -1e300);
-    }
-
-    #[test]
     fn segments_that_fade_alike_count_as_one() {
         let correlation = Correlation { length_m: 30.0, nugget: 1e-9 };
         let poses = [Pose::at(1e6, 0.0, 0.0)];
@@ -349,7 +381,11 @@ mod tests {
                 Censored::new(&segments, received, &[0.0], [(correlation, 0.0)].into_iter());
             let law = Law { intercept: -42.0, coefficients: [0.0; 2], variance: 4.0 };
             let none = vec![[[0.0; 16]; 2]; places.len()];
-            let all = censored.log_probability(0, &law, &none, 0, f64::NEG_INFINITY);
+            let mut all = 0.0;
+            let laws = [(law, &mut all)].into_iter();
+            let ends = (f64::NEG_INFINITY, f64::NEG_INFINITY);
+            let peak = censored.add_to(0, &none, 0, laws, ends, &mut Scaled::default());
+            assert_abs_diff_eq!(peak, all, epsilon = 0.0);
             all / log_normal_cdf(-1.0)
         };
         assert_abs_diff_eq!(of(&[(0.0, 0.0)]), 1.0, epsilon = 1e-6);

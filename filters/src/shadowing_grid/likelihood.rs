@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 
 use super::{
     Intercept, LANES, Row, ShadowingGridConfig, ShadowingGridError,
-    censored::{Censored, Law},
+    censored::{Censored, Law, Scaled},
     coefficient::Coefficient,
     explanations::{Explanations, Sums},
     grid::{Grid, PosteriorMap},
@@ -17,7 +17,7 @@ use crate::vecchia::{Correlation, Neighbours, Receivers};
 
 /// Gap in the log-likelihood below the best beyond which an explanation is left out, where censored
 /// segments make it less probable still.
-const NEGLIGIBLE: f64 = 25.0;
+pub(super) const NEGLIGIBLE: f64 = 25.0;
 
 /// Gap in the log-likelihood below the best at a sample of cells beyond which a correlation is
 /// left out of all cells.
@@ -417,7 +417,7 @@ impl Likelihood {
         needed: f64,
         scratch: &mut Scratch,
     ) -> Conditional {
-        let Scratch { explanations, gains, slopes } = scratch;
+        let Scratch { explanations, gains, slopes, scaled } = scratch;
         explanations.clear();
         let references = [self.slope.first(), gain.first()];
         for Under { regression, products, .. } in explained.clone() {
@@ -434,7 +434,7 @@ impl Likelihood {
         let mut peak = explanations.set_log_masses(0.5 * self.freedom);
         if !self.censored.is_empty() {
             let beside = (origin, references, needed);
-            peak = self.add_censored(explained.clone(), beside, explanations);
+            peak = self.add_censored(explained.clone(), beside, explanations, scaled);
         }
         let mut given = Conditional {
             log_mass: f64::NEG_INFINITY,
@@ -497,11 +497,12 @@ impl Likelihood {
         explained: impl Iterator<Item = Under<'a>>,
         (origin, references, needed): ([f64; 2], [f64; 2], f64),
         explanations: &mut Explanations,
+        scaled: &mut Scaled,
     ) -> f64 {
         let mut peak = f64::NEG_INFINITY;
         for (part, Under { number, regression, products, beyond, column }) in explained.enumerate()
         {
-            for (b, c, square, log_mass) in explanations.part_mut(part) {
+            let laws = explanations.part_mut(part).map(|(b, c, square, log_mass)| {
                 let [b, c] = [references[0] + b, references[1] + c];
                 let law = Law {
                     // The segments' values are known but for the offset.
@@ -509,14 +510,9 @@ impl Likelihood {
                     coefficients: [b, c],
                     variance: square / (self.freedom - 2.0).max(1.0),
                 };
-                // A censored segment makes nothing more probable.
-                let least = needed.max(peak - NEGLIGIBLE) - *log_mass;
-                *log_mass += self.censored.log_probability(number, &law, beyond, column, least);
-                if log_mass.is_nan() {
-                    *log_mass = f64::NEG_INFINITY;
-                }
-                peak = peak.max(*log_mass);
-            }
+                (law, log_mass)
+            });
+            peak = self.censored.add_to(number, beyond, column, laws, (needed, peak), scaled);
         }
         peak
     }
@@ -560,4 +556,5 @@ struct Scratch {
     explanations: Explanations,
     gains: Vec<(f64, f64)>,
     slopes: Vec<(f64, f64)>,
+    scaled: Scaled,
 }
