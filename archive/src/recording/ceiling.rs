@@ -72,6 +72,39 @@ pub(super) fn find_ceilings(file: &str, records: &mut [Record]) -> Vec<Remark> {
     rows.into_iter().map(remark).collect()
 }
 
+/// Levels that receivers and their programs write where there is none.
+const CODES_DB: [f64; 3] = [0.0, 99.0, 127.0];
+
+/// Distance of such a level from all others, in dB, at least: no path brings a receiver from one to
+/// the other without a level between them.
+const CODE_APART_DB: f64 = 30.0;
+
+/// Finds levels that stand for no reading: the greatest of a receiver, where it is one of the usual
+/// codes and far above all others. Returns the index of each record, and how far it is above.
+pub(super) fn codes(records: &[Record]) -> Vec<(usize, f64)> {
+    let mut of_receiver: BTreeMap<&str, Vec<(f64, usize)>> = BTreeMap::new();
+    for (index, record) in records.iter().enumerate() {
+        if let Some(level) = record.rss_dbm {
+            of_receiver.entry(&record.drone).or_default().push((level, index));
+        }
+    }
+    let mut found = Vec::new();
+    for levels in of_receiver.values_mut() {
+        levels.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let groups: Vec<&[(f64, usize)]> =
+            levels.chunk_by(|a, b| (a.0 - b.0).abs() < SAME_DB).collect();
+        for pair in groups.windows(2) {
+            let [group @ [(level, _), ..], [(lower, _), ..]] = pair else { break };
+            let is_code = CODES_DB.iter().any(|code| (level - code).abs() < SAME_DB);
+            if !is_code || level - lower < CODE_APART_DB {
+                break;
+            }
+            found.extend(group.iter().map(|(_, index)| (*index, level - lower)));
+        }
+    }
+    found
+}
+
 /// The beacons with one level alone: a number that stands for all of them is no limit.
 fn steady_beacons(records: &[Record]) -> BTreeSet<Option<Arc<str>>> {
     let mut extremes: BTreeMap<&Option<Arc<str>>, (f64, f64)> = BTreeMap::new();

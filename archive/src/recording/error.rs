@@ -481,6 +481,22 @@ pub enum FieldProblem {
         /// The greatest.
         max: f64,
     },
+    /// It would be a power that no receiver survives, and is usual without its sign.
+    #[error(
+        "is not between {min} and {max}; levels without their sign are read with --negate-levels"
+    )]
+    Unsigned {
+        /// The least.
+        min: f64,
+        /// The greatest.
+        max: f64,
+    },
+    /// It stands for no reading.
+    #[error("stands for no reading: every other level is {below_db:.0} dB lower or more")]
+    NoReading {
+        /// Distance of the next lower level, in dB.
+        below_db: f64,
+    },
     /// It would be a longitude.
     #[error("is not a latitude; latitude and longitude look swapped")]
     Swapped,

@@ -183,6 +183,8 @@ const NAMES: [(Column, &[&str]); 12] = [
             "receiver",
             "station",
             "node",
+            "gateway",
+            "anchor",
             "observer",
             "empfänger",
             "empfaenger",
@@ -428,6 +430,11 @@ fn is_one(names: &[&str], column: &str) -> bool {
     names.contains(&parts(column).0.as_str())
 }
 
+/// Returns true for a common name of the receiver.
+pub(super) fn is_receiver(column: &str) -> bool {
+    NAMES.iter().any(|(of, names)| *of == Column::Drone && is_one(names, column))
+}
+
 /// Returns true if the table is a path: the level is the same for all rows, or of a column that is
 /// named.
 pub(super) fn has_stated_level(options: &ReadOptions) -> bool {
@@ -457,6 +464,15 @@ pub(super) fn levels(header: &[String]) -> String {
 pub(super) fn level_column(name: &str) -> Column {
     let (name, unit) = parts(name);
     if unit == "dbm" || name.ends_with("dbm") { Column::RssDbm } else { Column::RssDb }
+}
+
+/// Names of levels in dBm that do not say so.
+const SIGNALS: [&str; 4] = ["signal", "signallevel", "signalstrength", "strength"];
+
+/// Returns true if a column without a unit has a name that levels in dBm often have.
+pub(super) fn is_signal(name: &str) -> bool {
+    let (name, unit) = parts(name);
+    unit.is_empty() && SIGNALS.contains(&name.as_str())
 }
 
 /// Returns true if a line names places, or times where a track has the places, and what was

@@ -2,7 +2,7 @@ use std::{borrow::Cow, collections::BTreeMap};
 
 use super::{
     Band, Column, Keep, Mapping, ReadOptions, RecordingError, Source, TimeZone, UtmZone,
-    beside::Joined, column::Kind, dates::Times, table::Table,
+    beside::Joined, column::Kind, dates::Times, plain, table::Table,
 };
 
 /// A mapping fitted to one file's header.
@@ -175,6 +175,14 @@ impl Plan {
                 continue;
             }
             if source.optional && table.indices_of(&source.columns)?.is_none() {
+                // Our own format knows the receiver by the names that others have for it, too.
+                let other = (table.header().iter())
+                    .filter(|_| *column == Column::Drone && mapping.name == "foxhunt")
+                    .position(|name| plain::is_receiver(name));
+                if let Some(index) = other {
+                    let source = source.clone();
+                    origins.insert(*column, Origin::Cells { indices: vec![index], source });
+                }
                 continue;
             }
             let indices = table.require(&source.columns, &mapping.name)?;

@@ -17,7 +17,7 @@ use super::{
     Backwards, Column, Dropped, FieldProblem, ReadOptions, Record, Recording, RecordingError,
     Rover, TimeFormat,
     beside::Joined,
-    ceiling::find_ceilings,
+    ceiling::{codes, find_ceilings},
     content,
     converted::{self, Converted, Made, Rows},
     dates::{Order, order},
@@ -64,7 +64,7 @@ impl Recording {
     }
 
     /// Reads files into one frame: the one in the options, or one whose origin is the first
-    /// usable position of all.
+    /// usable position of all. A file with the rows of one before it is left out, with a remark.
     ///
     /// # Errors
     ///
@@ -92,9 +92,34 @@ impl Recording {
                 };
                 return Err(RecordingError::MixedFrames { file, other });
             }
+            if let Some(first) = recordings.iter_mut().find(|first| first.is_copy(&recording)) {
+                let text =
+                    format!("{} has the rows of {}; they count once", recording.file, first.file);
+                first.remarks.push(Remark::new(Cause::Copy.code(), text));
+                continue;
+            }
             recordings.push(recording);
         }
         Ok(recordings)
+    }
+
+    /// Returns true if another file has the same rows, at the same times.
+    fn is_copy(&self, other: &Self) -> bool {
+        /// Fewer rows may be alike by chance.
+        const LEAST: usize = 3;
+        let alike = |(own, other): (&Record, &Record)| {
+            own.time.is_some()
+                && own.time == other.time
+                && own.rss_dbm == other.rss_dbm
+                && own.place == other.place
+                && own.beacon == other.beacon
+                && own.bearing == other.bearing
+                && own.measured == other.measured
+        };
+        self.records.len() >= LEAST
+            && self.records.len() == other.records.len()
+            && self.in_utc == other.in_utc
+            && self.records.iter().zip(&other.records).all(alike)
     }
 
     /// Reads from any source; `name` is its name in errors. Files beside it are not looked for.
@@ -448,6 +473,9 @@ impl File<'_> {
         let labels = plan.place_labels();
         let pathless =
             leave_out_jumps(&mut records, &mut exclusions, options, frame, name, &labels)?;
+        let level =
+            plan.label(if plan.has(Column::RssDb) { Column::RssDb } else { Column::RssDbm });
+        leave_out_codes(&mut records, &mut exclusions, options, name, &level)?;
         exclusions.check(records.len() as u64)?;
         dropped.retain(|dropped| {
             dropped.rows > 0 || (dropped.rule != NOT_MEASURED && dropped.rule != located)
@@ -501,9 +529,9 @@ impl File<'_> {
         }
         remarks.extend(backwards.map(|backwards| runs_back(name, backwards)));
         remarks.extend((pathless > 0).then(|| no_path(name, pathless)));
-        // About an unknown reference any level may be positive, but for one that is called RSSI.
-        let is_rssi = plan.label(Column::RssDb).to_lowercase().contains("rssi");
-        if !plan.has(Column::RssDb) || is_rssi {
+        // About a reference any level may be positive, which its name tells as a rule.
+        let level = plan.label(Column::RssDb).to_lowercase();
+        if !plan.has(Column::RssDb) || level.contains("rssi") || plain::is_signal(&level) {
             remarks.extend(positive_levels(name, &records));
         }
         remarks.extend(receivers_at_one_place(name, &records));
@@ -664,6 +692,33 @@ fn leave_out_of_time(
         exclusions.add(Cause::ClockBack, record.line, error);
     }
     retain_others(records, |index| out.contains_key(&index));
+}
+
+/// Leaves out the rows whose level stands for no reading.
+fn leave_out_codes(
+    records: &mut Vec<Record>,
+    exclusions: &mut Exclusions,
+    options: &ReadOptions,
+    name: &str,
+    column: &str,
+) -> Result<(), RecordingError> {
+    let codes: BTreeMap<usize, f64> = codes(records).into_iter().collect();
+    for (index, below_db) in &codes {
+        let Some(record) = records.get(*index) else { continue };
+        let error = RecordingError::Field {
+            file: name.to_owned(),
+            line: record.line,
+            column: column.to_owned(),
+            value: record.rss_dbm.unwrap_or_default().to_string(),
+            problem: FieldProblem::NoReading { below_db: *below_db },
+        };
+        if options.strict {
+            return Err(error);
+        }
+        exclusions.add(Cause::Unreadable, record.line, error);
+    }
+    retain_others(records, |index| codes.contains_key(&index));
+    Ok(())
 }
 
 /// Leaves out the rows to whose place the receiver cannot have moved, and returns the number of

@@ -310,6 +310,9 @@ impl Reader<'_> {
         }
         match column.kind() {
             _ if column.admits(value) => Ok(Some(value)),
+            Kind::Number(min, max) if column.is_level() && value > max => {
+                Err(self.wrong(column, FieldProblem::Unsigned { min, max }))
+            }
             Kind::Number(min, max) => {
                 Err(self.wrong(column, FieldProblem::OutOfRange { min, max }))
             }

@@ -525,3 +525,138 @@ impl foxhunt_hunt::locate::Locator for Corner {
         Ok(Located::at(foxhunt_core::Estimate::isotropic(Vector2::new(480.0, 470.0), 10.0)))
     }
 }
+
+/// Three to seven levels of a short walk fix no place, however they rise.
+#[test]
+fn a_few_levels_of_a_short_walk_leave_the_range_open() {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(9);
+    for draw in 0..24_i32 {
+        let target = Vector2::new(120.0, 60.0) + place(&mut rng, 80.0);
+        let received = |step_m: f64, rng: &mut Xoshiro256PlusPlus| -> Vec<Reception> {
+            let level = |number: i32| {
+                let from = Vector2::new(step_m * f64::from(number), 0.0);
+                let range = (target - from).norm();
+                // A walk through a shadow's edge rises by 2 dB a step.
+                let shadow = 2.0 * f64::from(number) + normal(rng);
+                let rss_dbm = -30.0 - 30.0 * range.log10() + shadow;
+                Reception {
+                    time: f64::from(number),
+                    receiver: Pose::at(from.x, from.y, 0.0),
+                    level: Some(Level { rss_dbm, sigma_db: 8.0 }),
+                    ..Reception::default()
+                }
+            };
+            (0..3 + draw % 5).map(level).collect()
+        };
+        let located = locate(&received(5.0, &mut rng), "shadowing-grid", &LocateConfig::default());
+        assert!(codes(&located).contains(&"range-open"), "{draw}: {:?}", located.remarks);
+    }
+}
+
+/// Errors of the receiver's places about one place make bearings cross at its feet.
+#[test]
+fn bearings_that_cross_where_the_receiver_stands_leave_the_range_open() {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(10);
+    let config = LocateConfig::default();
+    for draw in 0..60_i32 {
+        let sigma = 5.0_f64.to_radians();
+        let received: Vec<Reception> = (0..3 + draw % 4)
+            .map(|_| {
+                let from = Vector2::new(normal(&mut rng), normal(&mut rng));
+                bearing(from, 2.0 + sigma * normal(&mut rng), sigma)
+            })
+            .collect();
+        let located = locate(&received, "bearing-grid", &config);
+        let codes = codes(&located);
+        assert!(
+            codes.iter().any(|code| matches!(*code, "range-open" | "one-place")),
+            "{draw}: {codes:?} {}",
+            located.estimate.mean
+        );
+    }
+}
+
+/// Receptions of one quantity.
+fn of_quantity(quantity: Quantity) -> Receptions {
+    let measured = Measured::new(quantity, 40.0, 3.0).expect("finite");
+    let one = Reception {
+        measured: MeasuredList::new(&[measured]).expect("one fits"),
+        ..Reception::default()
+    };
+    Receptions::from(&[one; 3][..])
+}
+
+#[test]
+fn the_estimator_follows_from_what_was_received() {
+    let registry = Registry::builtin();
+    for (quantity, name) in [
+        (Quantity::RANGE, "multilateration"),
+        (Quantity::RANGE_DIFFERENCE, "range-differences"),
+        (Quantity::RSS_DIFFERENCE, "level-difference"),
+    ] {
+        let suited = registry.suited_to(&of_quantity(quantity)).expect("built in");
+        assert_eq!(suited.name(), name);
+    }
+}
+
+/// Differences of seven receivers to a reference, with an error of the reference's arrival.
+fn differences(
+    rng: &mut Xoshiro256PlusPlus,
+    target: Vector2<f64>,
+    own_m: f64,
+    shared_m: f64,
+) -> Vec<Reception> {
+    let reference = Vector2::new(500.0, 500.0);
+    let of_reference = shared_m * normal(rng);
+    let sigma = own_m.hypot(shared_m);
+    let of = |number: i32| {
+        let angle = 0.9 * f64::from(number);
+        let from = reference + Vector2::new(angle.cos(), angle.sin()) * (420.0 + 9.0 * angle);
+        let true_m = (target - from).norm() - (target - reference).norm();
+        let value = true_m + of_reference + own_m * normal(rng);
+        let difference = Measured::new(Quantity::RANGE_DIFFERENCE, value, sigma).expect("finite");
+        Reception {
+            receiver: Pose::at(from.x, from.y, 0.0),
+            measured: MeasuredList::new(&[difference]).expect("one fits"),
+            ..Reception::default()
+        }
+    };
+    (0..7).map(of).collect()
+}
+
+/// 400 draws each: ellipses of 95 % hold within 3.29 σ of a binomial number, whether each
+/// difference has an error of its own or all have the reference's.
+#[test]
+fn range_differences_may_share_the_error_of_the_reference() {
+    let reference_m = Some(Vector3::new(500.0, 500.0, 0.0));
+    let config = LocateConfig { reference_m, ..LocateConfig::default() };
+    for (own_m, shared_m) in [(5.0, 0.0), (5.0, 5.0)] {
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(11);
+        let holds = |_| {
+            let target = place(&mut rng, 1000.0);
+            let received = differences(&mut rng, target, own_m, shared_m);
+            let located = locate(&received, "range-differences", &config);
+            located.region_95_holds(&target) == Some(true)
+        };
+        let held = (0..400).map(holds).filter(|holds| *holds).count();
+        assert!((366..=396).contains(&held), "{shared_m}: {held}");
+    }
+}
+
+#[test]
+fn a_range_difference_that_no_place_has_is_left_out() {
+    let reference_m = Some(Vector3::new(500.0, 500.0, 0.0));
+    let config = LocateConfig { reference_m, ..LocateConfig::default() };
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(12);
+    for wrong in [0, 3, 6] {
+        let target = place(&mut rng, 1000.0);
+        let mut received = differences(&mut rng, target, 3.0, 0.0);
+        let impossible = Measured::new(Quantity::RANGE_DIFFERENCE, 3700.0, 4.0).expect("finite");
+        received[wrong].measured = MeasuredList::new(&[impossible]).expect("one fits");
+        let located = locate(&received, "range-differences", &config);
+        let said = text(&located, "outlier");
+        assert!(said.contains(&format!("reception {}", wrong + 1)), "{said}");
+        assert!(located.left_out.contains(&wrong), "{:?}", located.left_out);
+        assert!((located.estimate.mean - target).norm() < 20.0, "{}", located.estimate.mean);
+    }
+}

@@ -394,6 +394,19 @@ fn clocks_remark(clocks: &Clocks, path: &str) -> Result<Remark, String> {
                 ),
             ))
         }
+        // The true offset is one of these, and none of them is 0.
+        Clocks::Unknown(ClocksUnknown::Open { interval_s: [from_s, to_s] })
+            if *from_s > 0.0 || *to_s < 0.0 =>
+        {
+            Ok(Remark::new(
+                "clocks-differ",
+                format!(
+                    "the levels fit {path} best where their clock is {from_s:.1} to {to_s:.1} s \
+                     behind, and do not show by how much; the times are taken as they are. State \
+                     the offset with --clock-offset-s, 0 for none"
+                ),
+            ))
+        }
         Clocks::Agree { interval_s: [from_s, to_s] } => Err(format!(
             "  clocks of levels and {path}: they agree, the levels' one is {from_s:.1} to \
              {to_s:.1} s behind"

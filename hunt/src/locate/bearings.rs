@@ -8,7 +8,8 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::{
     CommonErrors, LocateConfig, LocateError, Located, Locator, StationError, examination,
-    located::receiver_sigma_m, region::regions,
+    located::{receiver_sigma_m, several_places},
+    region::regions,
 };
 
 /// Meeting point of the bearings, whose common σ is estimated from their scatter; their own σ are
@@ -49,6 +50,8 @@ impl Locator for Posterior {
         receptions: &Receptions,
         config: &LocateConfig,
     ) -> Result<Located, LocateError> {
+        let of_bearings = receptions.iter().filter(Reception::has_bearing);
+        several_places("bearings", of_bearings.map(|r| r.receiver))?;
         let (fix, count) = posterior(receptions, config)?;
         let mode = fix.mode;
         let map = match receiver_sigma_m(receptions) {

@@ -1,6 +1,6 @@
 use foxhunt_core::{
     Covariance, Estimate, Measured, MeasurementModel, Observation, Pose, Quantity, Receptions,
-    State,
+    Remark, State,
 };
 use foxhunt_filters::{BatchFix, BatchSolver, SlantRangeDifference, spherical_intersection};
 use foxhunt_sensors::RangeDifference;
@@ -39,7 +39,16 @@ impl Locator for RangeDifferences {
                 located = averaged(located, &near, probability);
             }
         }
-        Ok(Located { observations: differences.measured.len(), ..located })
+        let left_out: Vec<usize> = differences.impossible.iter().map(|(index, _)| *index).collect();
+        let mut remarks = located.remarks;
+        remarks.extend(differences.impossible.into_iter().map(|(_, remark)| remark));
+        Ok(Located {
+            observations: differences.measured.len(),
+            rejected: left_out.len(),
+            left_out,
+            remarks,
+            ..located
+        })
     }
 }
 
@@ -57,7 +66,13 @@ struct Differences {
     measured: Vec<SlantRangeDifference>,
     /// Index, time and receiver of each one's reception.
     from: Vec<(usize, f64, Pose)>,
+    /// Receptions whose difference no place has, with a remark on each.
+    impossible: Vec<(usize, Remark)>,
 }
+
+/// Differences beyond the receiver's distance from the reference by more than this many σ are of no
+/// place.
+const IMPOSSIBLE: f64 = 5.0;
 
 impl Differences {
     fn of(receptions: &Receptions, reference: Vector3<f64>, up: f64) -> Result<Self, LocateError> {
@@ -65,18 +80,30 @@ impl Differences {
         let model = RangeDifference::new(reference)?.with_target_up(up)?;
         let mut measured = Vec::new();
         let mut from = Vec::new();
+        let mut impossible = Vec::new();
         for (index, reception) in receptions.iter().enumerate() {
             let Some(&Measured { value, sigma, .. }) = reception.measured.get(quantity) else {
                 continue;
             };
             let receiver = reception.receiver.position;
+            let apart_m = (receiver - reference).norm();
+            if value.abs() > apart_m + IMPOSSIBLE * sigma {
+                let text = format!(
+                    "the range difference of reception {} ({value:.0} m) is larger than the \
+                     distance of its receiver from the reference, {apart_m:.0} m: no place has it, \
+                     and it is left out; check its unit, its sign and --reference-m",
+                    index + 1
+                );
+                impossible.push((index, Remark::new("outlier", text)));
+                continue;
+            }
             measured.push(SlantRangeDifference { receiver, difference: value, sigma });
             from.push((index, reception.time, reception.receiver));
         }
-        if measured.is_empty() {
+        if measured.is_empty() && impossible.is_empty() {
             return Err(LocateError::NoQuantity { quantity });
         }
-        Ok(Self { reference, up, model, measured, from })
+        Ok(Self { reference, up, model, measured, from, impossible })
     }
 
     /// Builds the observations, each with the variance that `variance` makes of its σ².

@@ -45,7 +45,8 @@ pub(super) const MENU: [(&str, &str); 19] = [
         "recordings: the default of `locate` for levels, and for turns at three places or more",
     ),
     ("bearing-grid", "recordings: the default of `locate` for bearings alone"),
-    ("multilateration", "recordings: measured ranges, such as those of Wi-Fi or ultra-wideband"),
+    ("multilateration", "recordings: the default for ranges alone, of Wi-Fi or ultra-wideband"),
+    ("range-differences", "recordings: the default for range differences alone (--reference-m)"),
     ("ukf-pritzl2018", "the reference system's filter, to compare with"),
 ];
 

@@ -205,7 +205,9 @@ impl Registry {
     /// The estimator that suits some receptions of a still transmitter: the grid with correlated
     /// shadowing where there are levels alone, and with `batch` where there are bearings beside
     /// levels of enough places; with `batch` the grid of bearings where there are bearings alone,
-    /// each with one direction; else the particle filter, which takes them as they are.
+    /// each with one direction, multilateration where there are ranges alone, and range differences
+    /// where there are these alone; level differences alone have `level-difference`; else the
+    /// particle filter, which takes them as they are.
     ///
     /// # Errors
     ///
@@ -217,6 +219,21 @@ impl Registry {
         let levels = || {
             receptions.iter().all(|r| r.measured.is_empty()) && have_levels_of_places(receptions)
         };
+        let only = |quantity| {
+            let holds = |r: Reception| r.measured.get(quantity).is_some();
+            !bearings && receptions.iter().all(|r| r.any_level().is_none() && holds(r))
+        };
+        if !receptions.is_empty() {
+            if only(Quantity::RSS_DIFFERENCE) {
+                return self.estimator("level-difference");
+            }
+            if cfg!(feature = "batch") && only(Quantity::RANGE) {
+                return self.estimator("multilateration");
+            }
+            if cfg!(feature = "batch") && only(Quantity::RANGE_DIFFERENCE) {
+                return self.estimator("range-differences");
+            }
+        }
         self.estimator(match bearings {
             true if cfg!(feature = "batch") && receptions.iter().all(plain) => "bearing-grid",
             true if cfg!(feature = "batch") && levels() => "shadowing-grid",

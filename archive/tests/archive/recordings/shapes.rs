@@ -330,3 +330,70 @@ fn a_place_in_one_cell_is_a_place() {
     let unclear = format!("{:?}", unclear.map_err(|error| error.to_string()));
     assert!(unclear.contains("band S"), "{unclear}");
 }
+
+/// Levels that fall from -50 to -80 dB, with another cell in every fifth row.
+fn with_cell(cell: &str) -> String {
+    let mut table = String::from("time,lat,lon,rssi\n");
+    for row in 0..40_i32 {
+        let level = if row % 5 == 0 { cell.to_owned() } else { (-50 - row % 31).to_string() };
+        table += &format!("{row},{},16.37,{level}\n", 48.2 + 1e-4 * f64::from(row));
+    }
+    table
+}
+
+/// What receivers write where they have no reading is no level.
+#[test]
+fn a_code_for_no_reading_is_left_out() {
+    for code in ["127", "0", "99"] {
+        let recording = text("f.csv", &with_cell(code)).expect("a table");
+        assert_eq!(recording.records().len(), 32, "{code}");
+        let remarks = recording.remarks();
+        assert!(remarks.iter().any(|remark| remark.text.contains("stands for no reading")));
+        assert!(remarks.iter().all(|remark| remark.code != "receiver-at-ceiling"), "{remarks:?}");
+    }
+    // A level that others lead up to is one.
+    for level in ["-50", "-40", "-25"] {
+        let recording = text("f.csv", &with_cell(level)).expect("a table");
+        assert_eq!(recording.records().len(), 40, "{level}");
+    }
+}
+
+#[test]
+fn our_own_columns_may_stand_beside_a_receiver_of_another_name() {
+    for name in ["drone", "receiver", "station", "node", "gateway"] {
+        let table = format!(
+            "time_s,{name},lat_deg,lon_deg,rss_dbm\n0,a,48.2,16.37,-60\n1,b,48.3,16.5,-61\n"
+        );
+        let recording = text("f.csv", &table).expect("a table");
+        let of: Vec<&str> = recording.records().iter().map(|record| &*record.drone).collect();
+        assert_eq!(of, ["a", "b"], "{name}");
+        assert_eq!(recording.remarks().len(), 0, "{name}: {:?}", recording.remarks());
+    }
+}
+
+#[test]
+fn levels_without_their_sign_have_a_hint() {
+    let table = "time,lat,lon,RSSI [dBm]\n0,48.2,16.37,107\n1,48.2001,16.37,109\n";
+    let error = text("f.csv", table).expect_err("no receiver survives 107 dBm");
+    assert!(error.to_string().contains("--negate-levels"), "{error}");
+    let table = "time,lat,lon,signal\n0,48.2,16.37,57\n1,48.2001,16.37,95\n";
+    let recording = text("f.csv", table).expect("a table");
+    assert!(recording.remarks().iter().any(|remark| remark.code == "positive-levels"));
+}
+
+/// Rows that two files have count once.
+#[test]
+fn a_file_that_is_given_twice_counts_once() {
+    let folder = std::env::temp_dir().join(format!("foxhunt-copies-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let [first, second] = ["a.csv", "b.csv"].map(|name| folder.join(name));
+    for path in [&first, &second] {
+        std::fs::write(path, with_cell("-60")).expect("a file");
+    }
+    let read = Recording::read_all([&first, &second], &ReadOptions::default());
+    let recordings = read.expect("two files");
+    assert_eq!(recordings.len(), 1);
+    let remarks = recordings[0].remarks();
+    assert!(remarks.iter().any(|remark| remark.code == "duplicate-rows"), "{remarks:?}");
+    std::fs::remove_dir_all(&folder).expect("it is there");
+}

@@ -19,6 +19,12 @@ use super::{
 /// Fewer levels than this are not examined.
 const LEAST: usize = 8;
 
+/// Fewer levels than this have no law of their own.
+const LEAST_FOR_LAW: usize = 4;
+
+/// σ of levels about a law in dB, where there are too few to show it.
+const USUAL_DB: f64 = 6.0;
+
 /// Probability of a gross outlier among levels that have none.
 const OUTLIER_P: f64 = 1e-5;
 
@@ -41,8 +47,11 @@ pub(super) fn examine(
 ) -> Vec<Remark> {
     let place = located.estimate.mean;
     let rows = every_row(receptions, &place, config);
+    let is_placed_by_levels = receptions.iter().all(|r| !r.has_bearing() && r.measured.is_empty());
     if rows.len() < LEAST {
-        return Vec::new();
+        let are_few = is_placed_by_levels && !rows.is_empty();
+        let open = are_few.then(|| range_open(located, receptions, config, rows.len()));
+        return open.flatten().into_iter().collect();
     }
     let Some(law) = Law::of(&rows, config) else { return Vec::new() };
     let elsewhere = does_not_fit(located, receptions, config, rows.len());
@@ -61,7 +70,6 @@ pub(super) fn examine(
     }
     // Residuals from a place that is wrong are no outliers.
     let of_row = elsewhere.or_else(|| outlier(receptions, &law, located, config, name));
-    let is_placed_by_levels = receptions.iter().all(|r| !r.has_bearing() && r.measured.is_empty());
     let open = range_open(located, receptions, config, rows.len()).filter(|_| is_placed_by_levels);
     let levels: Cow<'_, Receptions> = if rows.len() == receptions.len() {
         Cow::Borrowed(receptions)
@@ -178,8 +186,27 @@ fn range_open(
     }
     let compared: Vec<_> = LevelAt::of(receptions, count.div_ceil(MOST_TO_COMPARE)).collect();
     let near = rows_at(&compared, &located.estimate.mean, config);
+    let open = || {
+        Remark::new(
+            "range-open",
+            "the levels fit a transmitter far away nearly as well as one at this place: they do \
+             not fix one; receive nearer to the transmitter, or from places farther apart",
+        )
+    };
+    // A place, a power and an exponent are more unknowns than these.
+    if count < LEAST_FOR_LAW && matches!(config.power, Power::Free) {
+        return Some(open());
+    }
     let sigma_db = Law::of(&near, config)?.sigma_db;
     let here = residuals(&near, config)?;
+    let ratio = |there: &[f64]| {
+        // The spread of a few levels about a law that is fitted to them is no σ.
+        if count < LEAST {
+            let sum = |residuals: &[f64]| residuals.iter().map(|r| r * r).sum::<f64>();
+            return (sum(there) - sum(&here)) / USUAL_DB.powi(2);
+        }
+        gain(&here, there, sigma_db).1
+    };
     let (centre, half) = Area::about(receptions, 0.0).square();
     let fits = |number: u32| {
         let (sin, cos) = libm::sincos(std::f64::consts::TAU * f64::from(number) / 16.0);
@@ -194,17 +221,11 @@ fn range_open(
         };
         let power = Power::FreeReference { exponent: exponent.clamp(0.0, MOST_EXPONENT) };
         let there = residuals(&rows, &law(power))?;
-        Some(gain(&here, &there, sigma_db).1)
+        Some(ratio(&there))
     };
     let gains = (0..16).filter_map(fits);
     let least = gains.fold(f64::INFINITY, f64::min);
-    (least < LIKELY).then(|| {
-        Remark::new(
-            "range-open",
-            "the levels fit a transmitter far away nearly as well as one at this place: they do \
-             not fix one; receive nearer to the transmitter, or from places farther apart",
-        )
-    })
+    (least < LIKELY).then(open)
 }
 
 /// σ in dB of a calibrated law far away below which it makes a distance of every level.

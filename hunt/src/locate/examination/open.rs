@@ -145,7 +145,11 @@ fn bearings_open(data: &[Datum], config: &LocateConfig) -> Option<Remark> {
     let up = config.target_up_m;
     let best = meeting(data, up)?;
     let (square, _) = scale(data, config).of(best.misfit, data.len());
-    let most = best.misfit + LIKELY * square;
+    // Near the receivers the errors of their places make any bearing fit, and a place there less
+    // probable.
+    let widened =
+        |datum: &Datum| 2.0 * libm::log(datum.sigma_towards(&best.place, up) / datum.sigma);
+    let most = best.misfit + data.iter().map(widened).sum::<f64>() + LIKELY * square;
     let mean: Vector2<f64> = (data.iter())
         .map(|d| Vector2::new(libm::cos(d.value), libm::sin(d.value)) / d.sigma.powi(2))
         .sum();
