@@ -72,7 +72,7 @@ pub(super) fn find_ceilings(file: &str, records: &mut [Record]) -> Vec<Remark> {
     rows.into_iter().map(remark).collect()
 }
 
-/// Levels that receivers and their programs write where there is none.
+/// Codes that receivers and their programs write for a missing level.
 const CODES_DB: [f64; 3] = [0.0, 99.0, 127.0];
 
 /// Distance of such a level from all others, in dB, at least: no path brings a receiver from one to

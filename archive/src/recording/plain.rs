@@ -466,7 +466,7 @@ pub(super) fn level_column(name: &str) -> Column {
     if unit == "dbm" || name.ends_with("dbm") { Column::RssDbm } else { Column::RssDb }
 }
 
-/// Names of levels in dBm that do not say so.
+/// Names without a unit that levels in dBm often have.
 const SIGNALS: [&str; 4] = ["signal", "signallevel", "signalstrength", "strength"];
 
 /// Returns true if a column without a unit has a name that levels in dBm often have.

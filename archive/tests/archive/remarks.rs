@@ -595,7 +595,7 @@ fn the_estimator_follows_from_what_was_received() {
         (Quantity::RSS_DIFFERENCE, "level-difference"),
     ] {
         let suited = registry.suited_to(&of_quantity(quantity)).expect("built in");
-        assert_eq!(suited.name(), name);
+        assert_eq!(suited.name, name);
     }
 }
 
