@@ -15,6 +15,7 @@ pub use turn::{KnownAntenna, Turn};
 use std::collections::BTreeSet;
 
 use foxhunt_core::{Bearing, BearingModes, Ellipse, Estimate, HeightAboveGround, Level, Remark};
+use foxhunt_filters::PosteriorMap;
 #[cfg(feature = "batch")]
 use foxhunt_hunt::locate::Tracked;
 use foxhunt_hunt::{
@@ -43,6 +44,8 @@ pub struct Overview {
     pub epoch_unix_s: Option<f64>,
     /// The local frame on Earth, if known.
     pub frame: Option<LocalFrame>,
+    /// True if levels are in dB about an unknown reference, and not in dBm.
+    pub relative_levels: bool,
     /// The drones, or other receivers.
     pub receivers: Vec<Receiver>,
     /// Receptions of the receivers.
@@ -141,6 +144,8 @@ pub struct SearchOverview {
     pub smoothed: Vec<Believed>,
     /// The smallest region that holds it with 95 % in the end, where the estimator has one.
     pub regions_95: Vec<Region>,
+    /// The posterior over the cells of a grid in the end, where the estimator has one.
+    pub map: Option<PosteriorMap>,
     /// Other places that are nearly as probable in the end.
     pub rivals: Vec<Rival>,
     /// Doubts about the place in the end.
@@ -191,7 +196,7 @@ impl Believed {
             estimate: located.estimate,
             ellipse_95: located.ellipse_95(),
             error_m: truth.map(|truth| (located.estimate.mean - truth).norm()),
-            cloud: Vec::new(),
+            cloud: located.places.clone(),
         }
     }
 }
@@ -210,6 +215,7 @@ impl SearchOverview {
             truth: truth.map(|place| Knot::on_ground(time, place)).into_iter().collect(),
             beliefs: vec![Believed::located(time, located, truth)],
             regions_95: located.regions_95.clone(),
+            map: located.map.clone(),
             rivals: located.rivals.clone(),
             remarks: located.remarks.clone(),
             ..Self::default()

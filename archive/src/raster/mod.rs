@@ -1,0 +1,331 @@
+//! Fields over the ground on square cells: the probability of each cell, with the smallest region
+//! that holds it.
+
+use foxhunt_core::Estimate;
+use foxhunt_filters::PosteriorMap;
+use nalgebra::Vector2;
+
+use crate::overview::{Believed, SearchOverview};
+
+/// Number of cells along the longer side of a raster that is made from places or from moments.
+const SIDE: f64 = 96.0;
+
+/// Half-width of the raster of a Gaussian, in σ of its longer axis.
+const REACH: f64 = 3.5;
+
+/// Values on square cells, East and North in metres.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Raster {
+    /// The corner of all cells that is farthest south and west.
+    pub corner: Vector2<f64>,
+    /// Side of a cell in metres.
+    pub cell_m: f64,
+    /// Number of cells from west to east.
+    pub columns: usize,
+    /// The value of each cell, row by row from the south, each row from the west.
+    pub values: Vec<f64>,
+}
+
+impl Raster {
+    /// Returns the number of cells from south to north.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.values.len().checked_div(self.columns).unwrap_or(0)
+    }
+
+    /// Returns the corner of all cells that is farthest north and east.
+    #[must_use]
+    pub fn far_corner(&self) -> Vector2<f64> {
+        self.corner + Vector2::new(count(self.columns), count(self.rows())) * self.cell_m
+    }
+
+    /// Returns the centre of a cell by its index.
+    #[must_use]
+    pub fn centre(&self, index: usize) -> Vector2<f64> {
+        let column = index.checked_rem(self.columns).unwrap_or(0);
+        let row = index.checked_div(self.columns).unwrap_or(0);
+        self.corner + Vector2::new(count(column) + 0.5, count(row) + 0.5) * self.cell_m
+    }
+
+    /// Returns the value at a place, on straight lines between the centres of cells; `None` outside
+    /// of all cells.
+    #[must_use]
+    pub fn between(&self, place: &Vector2<f64>) -> Option<f64> {
+        let at = (place - self.corner) / self.cell_m;
+        let size = [self.columns, self.rows()];
+        let mut sides = [(0, 0, 0.0); 2];
+        for ((side, along), cells) in sides.iter_mut().zip([at.x, at.y]).zip(size) {
+            if !(along >= 0.0 && along <= count(cells)) {
+                return None;
+            }
+            let from = (along - 0.5).clamp(0.0, count(cells) - 1.0);
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+            let low = from.floor() as usize;
+            *side = (low, (low + 1).min(cells.saturating_sub(1)), from - from.floor());
+        }
+        let [(west, east, right), (south, north, up)] = sides;
+        let value = |row: usize, column: usize| self.values.get(row * self.columns + column);
+        let along =
+            |row: usize| Some(value(row, west)? * (1.0 - right) + value(row, east)? * right);
+        Some(along(south)? * (1.0 - up) + along(north)? * up)
+    }
+
+    /// Returns the raster with every value changed.
+    #[must_use]
+    pub fn map(&self, change: impl FnMut(&f64) -> f64) -> Self {
+        Self { values: self.values.iter().map(change).collect(), ..*self }
+    }
+
+    /// Returns the probability of the smallest region of highest density that holds each cell, of a
+    /// raster of probabilities: cells of at most 0.5 hold a half together.
+    #[must_use]
+    pub fn cumulative(&self) -> Self {
+        let mut order: Vec<usize> = (0..self.values.len()).collect();
+        let value = |cell: &usize| self.values.get(*cell).copied().unwrap_or(0.0);
+        order.sort_by(|a, b| value(b).total_cmp(&value(a)));
+        let total: f64 = self.values.iter().sum();
+        let mut levels = vec![1.0; self.values.len()];
+        let mut sum = 0.0;
+        for cell in order {
+            sum += value(&cell);
+            if let Some(level) = levels.get_mut(cell).filter(|_| total > 0.0) {
+                *level = (sum / total).min(1.0);
+            }
+        }
+        Self { values: levels, ..*self }
+    }
+
+    /// Returns blocks of cells as one cell each, with their sum, so that no side has more than
+    /// `most` cells.
+    #[must_use]
+    pub fn coarser(&self, most: usize) -> Self {
+        let block = self.columns.max(self.rows()).div_ceil(most.max(1)).max(1);
+        let columns = self.columns.div_ceil(block);
+        let mut values = vec![0.0; columns * self.rows().div_ceil(block)];
+        for (index, value) in self.values.iter().enumerate() {
+            let (row, column) = (index / self.columns / block, index % self.columns / block);
+            if let Some(sum) = values.get_mut(row * columns + column) {
+                *sum += value;
+            }
+        }
+        Self { corner: self.corner, cell_m: self.cell_m * count(block), columns, values }
+    }
+
+    /// Returns the least rectangle of cells outside of which none has more than a share of the
+    /// largest value.
+    #[must_use]
+    pub fn cropped(&self, share: f64) -> Self {
+        let least = share * self.values.iter().copied().fold(0.0, f64::max);
+        let held = self.values.iter().enumerate().filter(|(_, value)| **value > least);
+        let places = held.map(|(index, _)| (index / self.columns, index % self.columns));
+        let ends = places.fold(None, |ends: Option<[usize; 4]>, (row, column)| {
+            let [south, north, west, east] = ends.unwrap_or([row, row, column, column]);
+            Some([south.min(row), north.max(row), west.min(column), east.max(column)])
+        });
+        let Some([south, north, west, east]) = ends else { return self.clone() };
+        let rows = self.values.chunks(self.columns).skip(south).take(north + 1 - south);
+        Self {
+            corner: self.corner + Vector2::new(count(west), count(south)) * self.cell_m,
+            cell_m: self.cell_m,
+            columns: east + 1 - west,
+            values: rows.flat_map(|row| row.iter().take(east + 1).skip(west)).copied().collect(),
+        }
+    }
+}
+
+/// A count as a number.
+#[expect(clippy::cast_precision_loss, reason = "cells are far below 2^53")]
+fn count(count: usize) -> f64 {
+    count as f64
+}
+
+impl From<&PosteriorMap> for Raster {
+    fn from(map: &PosteriorMap) -> Self {
+        Self {
+            corner: map.south_west() - Vector2::repeat(0.5 * map.cell_m()),
+            cell_m: map.cell_m(),
+            columns: map.columns(),
+            values: map.mass().to_vec(),
+        }
+    }
+}
+
+/// Returns the probability of each cell in the end of a search: of its grid, of its places, or of
+/// the Gaussian of its moments. `None` if it has found nothing.
+#[must_use]
+pub fn belief(search: &SearchOverview) -> Option<Raster> {
+    if let Some(map) = &search.map {
+        return Some(Raster::from(map));
+    }
+    let Believed { estimate, cloud, .. } = search.last()?;
+    if cloud.is_empty() { gaussian(estimate) } else { kernels(cloud) }
+}
+
+/// Empty cells over a rectangle.
+fn empty(low: Vector2<f64>, high: Vector2<f64>) -> Option<Raster> {
+    let size = high - low;
+    let cell_m = size.max() / SIDE;
+    if !(cell_m.is_finite() && cell_m > 0.0) {
+        return None;
+    }
+    let cells = size.map(|side| (side / cell_m).ceil().clamp(1.0, SIDE + 1.0));
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to SIDE + 1")]
+    let (columns, rows) = (cells.x as usize, cells.y as usize);
+    Some(Raster { corner: low, cell_m, columns, values: vec![0.0; columns * rows] })
+}
+
+fn gaussian(estimate: &Estimate<2>) -> Option<Raster> {
+    let factor = estimate.covariance.cholesky()?;
+    let reach = estimate.covariance.diagonal().map(|variance| REACH * variance.sqrt());
+    let mut raster = empty(estimate.mean - reach, estimate.mean + reach)?;
+    let density = |place: Vector2<f64>| {
+        let away = place - estimate.mean;
+        libm::exp(-0.5 * away.dot(&factor.solve(&away)))
+    };
+    raster.values = (0..raster.values.len()).map(|cell| density(raster.centre(cell))).collect();
+    let total: f64 = raster.values.iter().sum();
+    Some(raster.map(|value| value / total))
+}
+
+/// Places spread by Gaussian kernels of half the width of Silverman (1986, eq. 4.14), as a belief
+/// in two parts is wide.
+fn kernels(places: &[Vector2<f64>]) -> Option<Raster> {
+    let number = count(places.len());
+    let mean = places.iter().sum::<Vector2<f64>>() / number;
+    let variance = places.iter().map(|at| (at - mean).component_mul(&(at - mean)));
+    let sigma = (variance.sum::<Vector2<f64>>() / number).map(f64::sqrt);
+    let least = 0.02 * sigma.max().max(1e-3);
+    let width = sigma.map(|sigma| (0.5 * sigma * libm::pow(number, -1.0 / 6.0)).max(least));
+    let low = places.iter().fold(mean, |low, at| low.inf(at)) - 3.0 * width;
+    let high = places.iter().fold(mean, |high, at| high.sup(at)) + 3.0 * width;
+    let mut raster = empty(low, high)?;
+    let rows = raster.rows();
+    for place in places {
+        let at = (place - raster.corner) / raster.cell_m;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within")]
+        let (column, row) = (at.x as usize, at.y as usize);
+        let cell = row.min(rows - 1) * raster.columns + column.min(raster.columns - 1);
+        if let Some(value) = raster.values.get_mut(cell) {
+            *value += 1.0 / number;
+        }
+    }
+    let columns = raster.columns;
+    for (width, step, length) in [(width.x, 1, columns), (width.y, columns, rows)] {
+        spread(&mut raster.values, width / raster.cell_m, step, length);
+    }
+    let total: f64 = raster.values.iter().sum();
+    Some(raster.map(|value| value / total))
+}
+
+/// Spreads values along one axis by a Gaussian of so many cells.
+fn spread(values: &mut Vec<f64>, sigma: f64, step: usize, length: usize) {
+    let sigma = sigma.max(0.3);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive")]
+    let reach = ((3.0 * sigma).ceil() as usize).min(length);
+    let kernel: Vec<f64> = (0..=reach)
+        .map(|away| libm::exp(-0.5 * (count(away) / sigma) * (count(away) / sigma)))
+        .collect();
+    let mut next = vec![0.0; values.len()];
+    for (index, value) in values.iter().enumerate().filter(|(_, value)| **value > 0.0) {
+        let at = index / step % length;
+        for (away, weight) in kernel.iter().enumerate() {
+            let farther = (at + away < length).then(|| index + away * step);
+            let nearer = (away > 0 && away <= at).then(|| index - away * step);
+            for cell in [farther, nearer].into_iter().flatten() {
+                if let Some(sum) = next.get_mut(cell) {
+                    *sum += value * weight;
+                }
+            }
+        }
+    }
+    *values = next;
+}
+
+#[cfg(test)]
+mod tests {
+    use approx::assert_abs_diff_eq;
+
+    use super::*;
+
+    /// The share of a raster within a distance of a place.
+    fn within(raster: &Raster, place: Vector2<f64>, metres: f64) -> f64 {
+        let cells = raster.values.iter().enumerate();
+        cells
+            .filter(|(cell, _)| (raster.centre(*cell) - place).norm() <= metres)
+            .map(|(_, value)| value)
+            .sum()
+    }
+
+    #[test]
+    fn a_gaussian_has_its_ellipses_as_regions() {
+        let mean = Vector2::new(10.0, -20.0);
+        let search = SearchOverview {
+            beliefs: vec![believed(Estimate::isotropic(mean, 5.0), Vec::new())],
+            ..SearchOverview::default()
+        };
+        let raster = belief(&search).expect("a belief");
+        assert_abs_diff_eq!(raster.values.iter().sum::<f64>(), 1.0, epsilon = 1e-12);
+        // √(−2 ln 0.5) σ holds a half.
+        assert_abs_diff_eq!(within(&raster, mean, 5.0 * 1.177_41), 0.5, epsilon = 0.01);
+        let levels = raster.cumulative();
+        let half = levels.values.iter().zip(&raster.values).filter(|(level, _)| **level <= 0.5);
+        assert_abs_diff_eq!(half.map(|(_, mass)| mass).sum::<f64>(), 0.5, epsilon = 0.01);
+        // 95 % lie within 2.4477 σ.
+        let border = levels.between(&(mean + Vector2::new(5.0 * 2.4477, 0.0))).expect("inside");
+        assert_abs_diff_eq!(border, 0.95, epsilon = 0.01);
+        assert_eq!(levels.between(&(mean + Vector2::new(50.0, 0.0))), None);
+    }
+
+    fn believed(estimate: Estimate<2>, cloud: Vec<Vector2<f64>>) -> Believed {
+        Believed {
+            time: 0.0,
+            steps: 1,
+            ellipse_95: estimate.ellipse(0.95),
+            estimate,
+            error_m: None,
+            cloud,
+        }
+    }
+
+    #[test]
+    fn places_in_two_parts_stay_apart() {
+        let along = |number: u32| f64::from(number % 20) - 10.0;
+        let place = |number: u32| {
+            let east = if number.is_multiple_of(2) { 0.0 } else { 500.0 };
+            Vector2::new(east + along(number / 2), along(number / 40))
+        };
+        let cloud: Vec<_> = (0..800).map(place).collect();
+        let search = SearchOverview {
+            beliefs: vec![believed(Estimate::isotropic(Vector2::zeros(), 250.0), cloud)],
+            ..SearchOverview::default()
+        };
+        let raster = belief(&search).expect("a belief");
+        assert_abs_diff_eq!(raster.values.iter().sum::<f64>(), 1.0, epsilon = 1e-12);
+        for east in [0.0, 500.0] {
+            assert_abs_diff_eq!(
+                within(&raster, Vector2::new(east, 0.0), 150.0),
+                0.5,
+                epsilon = 0.02
+            );
+        }
+        assert!(within(&raster, Vector2::new(250.0, 0.0), 80.0) < 0.01);
+    }
+
+    #[test]
+    fn blocks_and_margins_keep_the_probability() {
+        let values = (0..35).map(|cell| if cell % 7 == 0 { 0.0 } else { 1.0 / 30.0 }).collect();
+        let raster = Raster { corner: Vector2::new(-3.0, 5.0), cell_m: 2.0, columns: 7, values };
+        let coarse = raster.coarser(4);
+        assert_eq!((coarse.columns, coarse.rows(), coarse.cell_m), (4, 3, 4.0));
+        assert_abs_diff_eq!(coarse.values.iter().sum::<f64>(), 1.0, epsilon = 1e-12);
+        let cropped = raster.cropped(0.1);
+        assert_eq!((cropped.columns, cropped.rows()), (6, 5));
+        assert_eq!(cropped.corner, Vector2::new(-1.0, 5.0));
+        assert_eq!(cropped.far_corner(), raster.far_corner());
+    }
+
+    #[test]
+    fn nothing_found_has_no_raster() {
+        assert_eq!(belief(&SearchOverview::default()), None);
+    }
+}
