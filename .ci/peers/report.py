@@ -70,8 +70,9 @@ def check(browser, path, name, size):
     # The table has the last estimates.
     for search in data["searches"]:
         row = page.locator("#fixes tr", has_text=search["name"]).text_content()
-        east = search["beliefs"][-1]["place"][0]
-        assert f"{east:.2f}" in row, (east, row)
+        east, north = search["beliefs"][-1]["place"]
+        words = f"{abs(east):.1f} m {'W' if east < 0 else 'E'}, {abs(north):.1f} m {'S' if north < 0 else 'N'}"
+        assert words in row, (words, row)
 
     # The slider moves time, the map and the table.
     picture = page.locator("#map").screenshot()

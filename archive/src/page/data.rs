@@ -4,9 +4,10 @@ use nalgebra::{Vector2, Vector3};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::points::Points;
+use super::points::{Cells, Points};
 use crate::{
     overview::{Believed, Health, Knot, Notice, Overview, Received, SearchOverview, Turn},
+    raster::Raster,
     recorded::RowResidual,
     replay::Replay,
     struck::ReceptionKey,
@@ -17,6 +18,12 @@ const MOST: usize = 5000;
 
 /// Maximum number of turns per page that keep their samples: the first ones.
 const MOST_TURNS: usize = 600;
+
+/// Cells along a side of a heat map.
+const MOST_CELLS: usize = 96;
+
+/// Cells with less than this share of the largest probability are no part of a heat map.
+const LEAST_SHARE: f64 = 1e-4;
 
 /// Data for the page's script. Lengths are metres, angles radians counter-clockwise from East,
 /// times seconds since `epoch`.
@@ -29,6 +36,9 @@ pub(super) struct Data<'a> {
     epoch: Option<f64>,
     /// Latitude and longitude of the frame's zero in degrees, and its height in metres.
     origin: Option<[f64; 3]>,
+    /// True if levels are in dB about an unknown reference.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    relative_levels: bool,
     span: [f64; 2],
     receivers: Vec<Receiver<'a>>,
     received: Vec<Reception<'a>>,
@@ -180,6 +190,10 @@ struct Search<'a> {
     smoothed: Vec<Belief>,
     /// Parts of the 95 % region: borders, the holes after the outline.
     regions: Vec<Vec<Vec<[f64; 2]>>>,
+    /// The posterior in the end as the probability of the region that holds each cell, where the
+    /// estimator has one; the page makes that of a cloud or of an ellipse by itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    heat: Option<Cells>,
     /// East, North, density over that at the estimate.
     rivals: Vec<[f64; 3]>,
     /// Number of the user's fixes with a known truth, and by what factor the ellipse holds the
@@ -282,6 +296,7 @@ impl<'a> Data<'a> {
             origin: origin.map(|origin| {
                 [round(origin.lat_deg, 8), round(origin.lon_deg, 8), metres(origin.alt_m)]
             }),
+            relative_levels: overview.relative_levels,
             span: overview.span().map(seconds),
             received: received.collect(),
             receivers: receivers.collect(),
@@ -458,6 +473,10 @@ impl<'a> Search<'a> {
             regions: (search.regions_95.iter())
                 .map(|r| std::iter::once(&r.outline).chain(&r.holes).map(border).collect())
                 .collect(),
+            heat: search.map.as_ref().map(|map| {
+                let raster = Raster::from(map).cropped(LEAST_SHARE).coarser(MOST_CELLS);
+                Cells::new(&raster.cumulative(), [0.0, 1.0])
+            }),
             rivals: (search.rivals.iter())
                 .map(|rival| {
                     let [east, north] = flat(&rival.place);

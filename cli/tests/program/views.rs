@@ -98,3 +98,23 @@ fn a_page_that_cannot_be_written_stops_the_work_before_it_begins() {
     let calibrated = foxhunt(["calibrate", &turns, "--out", "/no/such/calibration.toml"]);
     calibrated.failed(1, &["/no/such/calibration.toml", "cannot be written"]);
 }
+
+#[test]
+fn a_page_brings_its_map_along() {
+    let folder = folder("views_map");
+    let map = folder.join("map");
+    fs::create_dir_all(map.join("3/4")).expect("a folder");
+    fs::write(map.join("3/4/2.png"), b"\x89PNG\r\n\x1a\nrest").expect("a tile");
+    let [page, map] =
+        ["page.html", "map"].map(|name| folder.join(name).to_string_lossy().into_owned());
+    let walk = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/walk.csv");
+    let ran = foxhunt(["locate", walk, "--report", &page, "--tiles", &map]);
+    assert_eq!(ran.code, 0, "{ran:?}");
+    let text = fs::read_to_string(&page).expect("a page");
+    assert!(text.contains(r#""images":{"3/4/2":"iVBORw0KGgpyZXN0"}"#), "the tile");
+    // A map of another place, none, and no page.
+    fs::rename(folder.join("map/3/4"), folder.join("map/3/5")).expect("our own");
+    foxhunt(["locate", walk, "--report", &page, "--tiles", &map]).failed(2, &["no tile"]);
+    foxhunt(["locate", walk, "--report", &page, "--tiles", "nowhere"]).failed(2, &["nowhere"]);
+    foxhunt(["locate", walk, "--tiles", &map]).failed(2, &["--report"]);
+}

@@ -1,0 +1,181 @@
+// ---------------------------------------------------------------- fields: the belief, the level, what was searched
+
+// Cumulative probabilities of the heat map, each with the opacity of its colour.
+const CREDIBLE = [[0.5, 0.62], [0.8, 0.4], [0.95, 0.22]];
+const SEARCHED = "#5b7c99";
+// Opacity of a cell that a transmitter would surely have been detected in.
+const SEARCHED_OPACITY = 0.7;
+
+const channels = (colour) => [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16));
+const searchedColour = (share) => `rgb(${channels(SEARCHED).join(" ")} / ${SEARCHED_OPACITY * share})`;
+const colourChannels = new Map();
+// The channels of a colour in any notation.
+function resolved(colour) {
+  if (!colourChannels.has(colour)) {
+    context.fillStyle = colour;
+    colourChannels.set(colour, channels(context.fillStyle));
+  }
+  return colourChannels.get(colour);
+}
+
+// Numbers of 12 bits, two characters each, from the South-West to the East.
+function unpackNumbers({ low, high, numbers }) {
+  const values = new Float32Array(numbers.length / 2);
+  for (let i = 0; i < values.length; i += 1) {
+    const steps = SIX_BITS.get(numbers.charCodeAt(2 * i)) * 64 + SIX_BITS.get(numbers.charCodeAt(2 * i + 1));
+    values[i] = low + ((high - low) * steps) / 4095;
+  }
+  return values;
+}
+
+// A grid of cells: its South-West corner, the side of a cell in metres, columns and values.
+function gridOf({ corner, cell, columns }, values) {
+  return { corner, cell, columns, rows: values.length / columns, values, picture: null };
+}
+
+// The smallest region of highest density that holds each cell, as its probability.
+function cumulative(mass) {
+  const order = [...mass.keys()].sort((a, b) => mass[b] - mass[a]), levels = new Float32Array(mass.length);
+  const total = mass.reduce((sum, value) => sum + value, 0);
+  let sum = 0;
+  for (const cell of order) { sum += mass[cell]; levels[cell] = sum / total; }
+  return levels;
+}
+
+// A belief's places, spread by kernels of half of Silverman's width (1986, eq. 4.14): a belief in two parts is wide.
+function heatOfPlaces(places) {
+  const count = places.length / 2, SIDE = 72;
+  const axis = (offset) => Float64Array.from({ length: count }, (_, i) => places[2 * i + offset]);
+  const spread = (values) => {
+    const mean = values.reduce((sum, value) => sum + value, 0) / count;
+    return Math.sqrt(values.reduce((sum, value) => sum + (value - mean) ** 2, 0) / count);
+  };
+  const axes = [axis(0), axis(1)], least = Math.max(...axes.map(spread), 1e-3) * 0.02;
+  const widths = axes.map((values) => Math.max(0.5 * spread(values) * count ** (-1 / 6), least));
+  const from = axes.map((values, i) => values.reduce((a, b) => Math.min(a, b), Infinity) - 3 * widths[i]);
+  const to = axes.map((values, i) => values.reduce((a, b) => Math.max(a, b), -Infinity) + 3 * widths[i]);
+  const cell = Math.max(to[0] - from[0], to[1] - from[1]) / SIDE;
+  const [columns, rows] = [0, 1].map((i) => Math.max(Math.ceil((to[i] - from[i]) / cell), 1));
+  let mass = new Float32Array(columns * rows);
+  for (let i = 0; i < count; i += 1) {
+    const column = Math.min(Math.floor((axes[0][i] - from[0]) / cell), columns - 1), line = Math.min(Math.floor((axes[1][i] - from[1]) / cell), rows - 1);
+    mass[line * columns + column] += 1;
+  }
+  // Along one axis and then the other.
+  for (const [i, step, length] of [[0, 1, columns], [1, columns, rows]]) {
+    const sigma = widths[i] / cell, reach = Math.min(Math.ceil(3 * sigma), length), next = new Float32Array(mass.length);
+    const kernel = Array.from({ length: 2 * reach + 1 }, (_, k) => Math.exp(-0.5 * ((k - reach) / Math.max(sigma, 0.3)) ** 2));
+    mass.forEach((value, index) => {
+      if (value === 0) return;
+      const at = Math.floor(index / step) % length;
+      for (let k = Math.max(-reach, -at); k <= Math.min(reach, length - 1 - at); k += 1) next[index + k * step] += value * kernel[k + reach];
+    });
+    mass = next;
+  }
+  return gridOf({ corner: from, cell, columns }, cumulative(mass));
+}
+
+// A Gaussian by the ellipse that holds 95 %.
+function heatOfEllipse([east, north], [a, b, along]) {
+  const SIDE = 64, reach = 1.05 * a, cell = (2 * reach) / SIDE, levels = new Float32Array(SIDE * SIDE);
+  for (let i = 0; i < levels.length; i += 1) {
+    const dx = ((i % SIDE) + 0.5) * cell - reach, dy = (Math.floor(i / SIDE) + 0.5) * cell - reach;
+    const u = (Math.cos(along) * dx + Math.sin(along) * dy) / a, v = (Math.cos(along) * dy - Math.sin(along) * dx) / Math.max(b, 1e-6);
+    levels[i] = 1 - 0.05 ** (u * u + v * v);
+  }
+  return gridOf({ corner: [east - reach, north - reach], cell, columns: SIDE }, levels);
+}
+
+const heats = new Map();
+function forgetHeat() { heats.clear(); fields.clear(); }
+function heatOf(search, belief) {
+  if (!heats.has(belief)) {
+    if (heats.size > 64) heats.clear();
+    const isLast = belief === search.beliefs[search.beliefs.length - 1], places = cloudOf(search, belief);
+    heats.set(belief, isLast && search.heat ? gridOf(search.heat, unpackNumbers(search.heat))
+      : places ? heatOfPlaces(places) : belief.ellipse ? heatOfEllipse(belief.place, belief.ellipse) : null);
+  }
+  return heats.get(belief);
+}
+
+const fields = new Map();
+// A field of the data, by its name and what is packed in it.
+function fieldOf(name, packed) {
+  if (!fields.has(packed)) fields.set(packed, { ...gridOf(packed, unpackNumbers(packed)), sigma: packed.sigma && unpackNumbers({ ...packed.sigma }) });
+  return fields.get(packed);
+}
+
+// A grid as a picture: red, green, blue and opacity of each cell.
+function painted(grid, colour) {
+  if (grid.picture) return grid.picture;
+  const picture = document.createElement("canvas");
+  picture.width = grid.columns; picture.height = grid.rows;
+  const pixels = new ImageData(grid.columns, grid.rows);
+  for (let i = 0; i < grid.values.length; i += 1) {
+    // Pictures begin in the North.
+    const at = 4 * ((grid.rows - 1 - Math.floor(i / grid.columns)) * grid.columns + (i % grid.columns)), [r, g, b, opacity] = colour(i);
+    pixels.data[at] = r; pixels.data[at + 1] = g; pixels.data[at + 2] = b; pixels.data[at + 3] = 255 * opacity;
+  }
+  picture.getContext("2d").putImageData(pixels, 0, 0);
+  grid.picture = picture;
+  return picture;
+}
+
+function drawGrid(grid, colour) {
+  const picture = painted(grid, colour), [west, south] = grid.corner;
+  context.drawImage(picture, x(west), y(south + grid.rows * grid.cell), grid.columns * grid.cell * view.scale, grid.rows * grid.cell * view.scale);
+}
+
+function drawFields() {
+  if (state.layers.levels) {
+    for (const { level_map: packed } of data.searches) {
+      if (!packed) continue;
+      const grid = fieldOf("level", packed), known = packed.sigma.high || 1;
+      drawGrid(grid, (i) => {
+        const share = Math.min(Math.max((grid.values[i] - lowest) / Math.max(highest - lowest, 1e-9), 0), 1);
+        return [...resolved(shareColour(Math.round(64 * share) / 64)), 0.8 * (1 - 0.9 * Math.min(grid.sigma[i] / known, 1))];
+      });
+    }
+  }
+  if (state.layers.searched && data.searched) {
+    const grid = fieldOf("searched", data.searched), colour = channels(SEARCHED);
+    drawGrid(grid, (i) => [...colour, SEARCHED_OPACITY * grid.values[i]]);
+  }
+  if (state.layers.heat) {
+    data.searches.forEach((search, index) => {
+      const belief = beliefAt(search, state.time), grid = belief && heatOf(search, belief);
+      if (!grid) return;
+      const colour = resolved(searchColour(index));
+      drawGrid(grid, (i) => [...colour, CREDIBLE.find(([share]) => grid.values[i] <= share)?.[1] ?? 0]);
+    });
+  }
+}
+
+// The value of a grid at a place; undefined outside.
+function valueIn(grid, [east, north], values = grid.values) {
+  const column = Math.floor((east - grid.corner[0]) / grid.cell), line = Math.floor((north - grid.corner[1]) / grid.cell);
+  return column >= 0 && column < grid.columns && line >= 0 && line < grid.rows ? values[line * grid.columns + column] : undefined;
+}
+
+// What the fields say of a place, as text.
+function valueAt(place) {
+  const parts = [];
+  if (state.layers.levels) {
+    for (const { level_map: packed } of data.searches) {
+      const grid = packed && fieldOf("level", packed), level = grid && valueIn(grid, place);
+      if (level !== undefined && level !== null) parts.push(`${fixed(level, 1)} ± ${fixed(valueIn(grid, place, grid.sigma), 1)} ${levelUnit}`);
+    }
+  }
+  if (state.layers.searched && data.searched) {
+    const share = valueIn(fieldOf("searched", data.searched), place);
+    if (share !== undefined) parts.push(`POD ${fixed(100 * share, 0)} %`);
+  }
+  if (state.layers.heat) {
+    for (const search of data.searches) {
+      const belief = beliefAt(search, state.time), grid = belief && heatOf(search, belief), share = grid && valueIn(grid, place);
+      const held = share && CREDIBLE.find(([most]) => share <= most);
+      if (held) parts.push(`${data.searches.length > 1 ? `${search.name} ` : ""}within ${100 * held[0]} %`);
+    }
+  }
+  return parts.length ? `  ${parts.join(", ")}` : "";
+}
