@@ -26,8 +26,8 @@ use crate::{error::CliError, output::Output, writable};
 #[derive(Debug, clap::Args)]
 pub(super) struct Exports {
     /// Write places, bearings, ellipses, regions and paths to a file, in the format of its ending:
-    /// .geojson, .kml, .czml, .gpx, .csv, .cot (Cursor on Target) or .mcap; may be given several
-    /// times
+    /// .geojson, .kml, .czml, .gpx, .csv, .cot (Cursor on Target) or .mcap; or the probability of
+    /// each cell as .tif (GeoTIFF), .kmz (overlay), .mbtiles or .png; may be given several times
     #[arg(long = "export", value_name = "FILE")]
     exported: Vec<PathBuf>,
     /// The place of the local origin on Earth (WGS84), for --export, --tiles, --cot and programs
