@@ -1,6 +1,6 @@
 """Drops recordings on the page of `foxhunt page` and holds its answers against the program's.
 
-usage: page.py CHROMIUM FOXHUNT FOLDER FILE...
+usage: page.py CHROMIUM FOXHUNT AXE FOLDER FILE...
 
 FOLDER holds foxhunt.html, and gets screenshots.
 """
@@ -14,7 +14,7 @@ import time
 
 from playwright.sync_api import sync_playwright
 
-from report import wait_for
+from report import examined, wait_for
 
 # What the page has to keep: seconds to the first fix of docs/walk.csv and of 100,000 rows, and bytes.
 FIRST_S, MANY_S, MOST_BYTES = 2.0, 10.0, 6_000_000
@@ -286,8 +286,22 @@ def check_strike(page):
     frame.locator("#strike-status", has_text="1 reception struck out: ").wait_for(timeout=60_000)
 
 
+def check_axe(browser, folder, axe):
+    """axe finds nothing, before and after an answer, at both sizes, light and dark."""
+    with open(axe, encoding="utf-8") as file:
+        axe = file.read()
+    for size in SIZES:
+        for scheme in ("light", "dark"):
+            page = open_page(browser, folder, size, scheme)
+            found = examined(page, axe)
+            drop(page, ["docs/walk.csv"])
+            found += examined(page, axe)
+            assert not found, f"{size}, {scheme}: {found}"
+            page.context.close()
+
+
 def main():
-    chromium, foxhunt, folder, *paths = sys.argv[1:]
+    chromium, foxhunt, axe, folder, *paths = sys.argv[1:]
     foxhunt = os.path.abspath(foxhunt)
     size = os.path.getsize(os.path.join(folder, "foxhunt.html"))
     assert size <= MOST_BYTES, f"{size} bytes"
@@ -322,6 +336,7 @@ def main():
         assert not outside, outside
         check_keys(browser, folder)
         check_look(browser, folder)
+        check_axe(browser, folder, axe)
         browser.close()
 
 

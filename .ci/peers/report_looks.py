@@ -6,7 +6,6 @@ FOLDER gets the pages and their screenshots. Coordinates are compared with those
 OpenCV.
 """
 
-import json
 import os
 import re
 import subprocess
@@ -18,21 +17,12 @@ import pyproj
 from playwright.sync_api import sync_playwright
 
 import report_tiles
-from report import settle, wait_for
+from report import examined, settle, wait_for
 from report_live import Program, new_page, open_page
 
 SIZES = {"desk": (1400, 900), "phone": (390, 844)}
 # The whole Earth, and the zones of Norway and Svalbard.
 PLACES = [(50.0755, 14.4378), (-33.9, 151.2), (60.4, 5.3), (78.2, 15.6), (0.001, -0.001), (83.9, 179.9), (-79.9, -179.99)]
-
-
-def examined(page, axe):
-    """The rules of axe that a page breaks. The page's policy forbids scripts of others, but not those of its own tools."""
-    session = page.context.new_cdp_session(page)
-    session.send("Runtime.evaluate", {"expression": axe})
-    run = "axe.run(document, { resultTypes: ['violations'] }).then((all) => JSON.stringify(all.violations.map((one) => [one.id, one.nodes[0].html])))"
-    answer = session.send("Runtime.evaluate", {"expression": run, "awaitPromise": True, "returnByValue": True})
-    return json.loads(answer["result"]["value"])
 
 
 def look(browser, axe, path, folder):
