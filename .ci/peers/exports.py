@@ -123,10 +123,15 @@ def rasters(out, beacons):
     """Probabilities of cells, by GDAL."""
     with rasterio.open(out / "hunt.tif") as file:
         pages = file.subdatasets or [str(out / "hunt.tif")]
-    names = set()
+    names, levels = set(), []
     for page in pages:
         with rasterio.open(page) as file:
             name, (mass, held) = file.tags()["TIFFTAG_IMAGEDESCRIPTION"], file.read()
+            if name.startswith("level of "):
+                levels.append(name)
+                assert file.descriptions == ("level in dBm", "its sigma in dB")
+                assert -200 < mass.min() < mass.max() < 50 and 0 < held.min()
+                continue
             assert file.descriptions == ("probability of the cell", "probability of the region that holds the cell")
             rows, columns = numpy.indices(mass.shape)
             east, north = rasterio.transform.xy(file.transform, rows.ravel(), columns.ravel())
@@ -141,7 +146,8 @@ def rasters(out, beacons):
             assert math.dist(mean, (estimate["east_m"], estimate["north_m"])) < 0.1, (mean, estimate)
             names.add(name)
     assert names == beacons.keys()
-    print(f"GeoTIFF: {len(pages)} pages of {mass.shape} cells, where pymap3d has them")
+    assert len(levels) == len(beacons), levels
+    print(f"GeoTIFF: {len(pages)} pages, where pymap3d has them, {len(levels)} of the level")
     with rasterio.open(out / "hunt.mbtiles") as file:
         assert file.crs.to_epsg() == 3857 and file.count == 4
         places = [degrees(b["estimate"]["east_m"], b["estimate"]["north_m"]) for b in beacons.values()]

@@ -143,10 +143,14 @@ def main():
     run("fly", "--emulate", "pritzl-6.1", "--out", in_folder("fly"))
     os.rename(in_folder("fly/fly-1-report.html"), in_folder("fly.html"))
     run("locate", "docs/walk.csv", "--report", in_folder("walk.html"))
+    with open(in_folder("silent.csv"), "w", encoding="utf-8") as file:
+        file.write("time_s,lat_deg,lon_deg,rss_dbm,floor_dbm\n")
+        file.writelines(f"{step},50.08,{14.44 + step / 5000},-110,-105\n" for step in range(40))
+    run("locate", in_folder("silent.csv"), "--report", in_folder("silent.html"))
     run("bearing", "archive/tests/data/uavrt-rotation.csv", "--report", in_folder("bearing.html"))
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        for name in ("hunt", "fly", "walk", "bearing"):
+        for name in ("hunt", "fly", "walk", "silent", "bearing"):
             look(browser, axe, in_folder(f"{name}.html"), folder)
         check_tools(browser, in_folder("walk.html"))
         check_without_script(browser, in_folder("walk.html"), folder)
@@ -161,7 +165,7 @@ def main():
                 assert not found, f"live: {found}"
             assert not wrong, f"console: {wrong}"
         browser.close()
-    print("pages: four kinds and the live view at two sizes, light and dark, without a finding of axe; UTM, MGRS and QR as others have them")
+    print("pages: five kinds and the live view at two sizes, light and dark, without a finding of axe; UTM, MGRS and QR as others have them")
 
 
 def check_embedded(browser, path):

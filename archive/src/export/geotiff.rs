@@ -13,7 +13,7 @@ use tiff::{
 use super::ExportError;
 use crate::{
     overview::Overview,
-    raster::{Raster, belief},
+    raster::{Raster, belief, level},
 };
 
 /// GDAL's own names of bands.
@@ -24,32 +24,54 @@ pub(super) fn write(overview: &Overview, frame: &LocalFrame) -> Result<Vec<u8>, 
     let mut encoder = TiffEncoder::new(&mut file)
         .map_err(ExportError::write)?
         .with_compression(Compression::Deflate(DeflateLevel::default()));
-    let mut is_empty = true;
+    let origin = frame.origin();
+    let mut pages = Vec::new();
+    if let Some(searched) = &overview.searched {
+        let pod = Raster::from(searched);
+        let poa = Raster { values: searched.poa(), ..pod.clone() };
+        let bands = [("POD: probability of detection", pod), ("POA after the search", poa)];
+        pages.push(Page { name: "searched", bands, origin });
+    }
     for search in &overview.searches {
         let Some(raster) = belief(search) else { continue };
-        is_empty = false;
-        let page = Page { name: &search.name, raster: &raster, origin: frame.origin() };
+        let held = raster.cumulative();
+        let bands = [
+            ("probability of the cell", raster),
+            ("probability of the region that holds the cell", held),
+        ];
+        pages.push(Page { name: &search.name, bands, origin });
+    }
+    let levels: Vec<String> =
+        overview.searches.iter().map(|search| format!("level of {}", search.name)).collect();
+    for (index, name) in levels.iter().enumerate() {
+        let Some([mean, sigma]) = level(overview, index) else { continue };
+        let mean_of = if overview.relative_levels { "level in dB" } else { "level in dBm" };
+        pages.push(Page { name, bands: [(mean_of, mean), ("its sigma in dB", sigma)], origin });
+    }
+    for page in &pages {
         page.write(&mut encoder).map_err(ExportError::write)?;
     }
-    if is_empty { Err(ExportError::NoBelief) } else { Ok(file.into_inner()) }
+    if pages.is_empty() { Err(ExportError::NoBelief) } else { Ok(file.into_inner()) }
 }
 
 /// A page of the file.
 struct Page<'a> {
     name: &'a str,
-    raster: &'a Raster,
+    /// Names and values of the bands, of the same cells.
+    bands: [(&'static str, Raster); 2],
     origin: Geodetic,
 }
 
 impl Page<'_> {
     fn write(&self, encoder: &mut TiffEncoder<&mut Cursor<Vec<u8>>>) -> Result<(), TiffError> {
-        let Raster { corner, cell_m, columns, .. } = *self.raster;
-        let rows = self.raster.rows();
+        let [(_, first), (_, second)] = &self.bands;
+        let Raster { corner, cell_m, columns, .. } = *first;
+        let rows = first.rows();
         let [width, height] = [columns, rows].map(|side| u32::try_from(side).unwrap_or(u32::MAX));
         let mut image = encoder.new_image::<Gray32Float>(width, height)?;
         image.extra_samples(&[ExtraSamples::Unspecified])?;
         let tags = image.encoder();
-        let north = self.raster.far_corner().y;
+        let north = first.far_corner().y;
         tags.write_tag(Tag::ModelPixelScaleTag, &[cell_m, cell_m, 0.0][..])?;
         tags.write_tag(Tag::ModelTiepointTag, &[0.0, 0.0, 0.0, corner.x, north, 0.0][..])?;
         let (keys, doubles, text) = self.keys();
@@ -58,17 +80,15 @@ impl Page<'_> {
         tags.write_tag(Tag::GeoAsciiParamsTag, text.as_str())?;
         let name: String = self.name.chars().map(|c| if c.is_ascii() { c } else { '?' }).collect();
         tags.write_tag(Tag::ImageDescription, name.replace('\0', " ").as_str())?;
-        let bands = ["probability of the cell", "probability of the region that holds the cell"];
-        let items: String = (bands.iter().enumerate())
-            .map(|(band, name)| {
+        let items: String = (self.bands.iter().enumerate())
+            .map(|(band, (name, _))| {
                 let about = "name=\"DESCRIPTION\" role=\"description\"";
                 format!("<Item sample=\"{band}\" {about}>{name}</Item>")
             })
             .collect();
         let metadata = format!("<GDALMetadata>{items}</GDALMetadata>");
         tags.write_tag(GDAL_METADATA, metadata.as_str())?;
-        let cumulative = self.raster.cumulative();
-        let cells = self.raster.values.iter().zip(&cumulative.values);
+        let cells = first.values.iter().zip(&second.values);
         #[expect(clippy::cast_possible_truncation, reason = "seven digits are enough")]
         let both: Vec<f32> = cells.flat_map(|(a, b)| [*a as f32, *b as f32]).collect();
         // Pictures begin in the North.

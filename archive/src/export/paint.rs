@@ -27,44 +27,60 @@ pub(super) struct Picture {
     pub(super) pixels: Vec<u8>,
 }
 
-/// What is painted of an overview: cumulative probabilities with their colours.
+/// Colour of what was searched in silence, and its opacity where a transmitter would surely have
+/// been received.
+const SEARCHED: ([u8; 3], f64) = ([0x5b, 0x7c, 0x99], 0.7);
+
+/// Values of a raster, and how they are painted.
+enum Shade {
+    /// Cumulative probabilities, in steps.
+    Regions,
+    /// Probabilities of detection.
+    Detection,
+}
+
+/// What is painted of an overview, each with its colour.
 pub(super) struct Paint {
-    layers: Vec<(Raster, [u8; 3])>,
+    layers: Vec<(Raster, [u8; 3], Shade)>,
 }
 
 impl Paint {
-    /// Returns the beliefs of all searches; `None` if there is none.
+    /// Returns the area that was searched and the beliefs of all searches; `None` without either.
     pub(super) fn of(overview: &Overview) -> Option<Self> {
         let colours = SEARCHES.iter().cycle();
-        let layers: Vec<_> = (overview.searches.iter().zip(colours))
-            .filter_map(|(search, colour)| {
-                let held = belief(search)?.cropped(LEAST_SHARE);
-                Some((held.cumulative(), *colour))
-            })
-            .collect();
+        let beliefs = overview.searches.iter().zip(colours).filter_map(|(search, colour)| {
+            let held = belief(search)?.cropped(LEAST_SHARE);
+            Some((held.cumulative(), *colour, Shade::Regions))
+        });
+        let searched = overview.searched.iter();
+        let searched = searched.map(|of| (Raster::from(of), SEARCHED.0, Shade::Detection));
+        let layers: Vec<_> = searched.chain(beliefs).collect();
         (!layers.is_empty()).then_some(Self { layers })
     }
 
     /// Returns the corners of all cells, south-west and north-east.
     pub(super) fn corners(&self) -> (Vector2<f64>, Vector2<f64>) {
-        let corners = self.layers.iter().map(|(raster, _)| (raster.corner, raster.far_corner()));
+        let corners = self.layers.iter().map(|(raster, ..)| (raster.corner, raster.far_corner()));
         let widest = corners.reduce(|(low, high), (a, b)| (low.inf(&a), high.sup(&b)));
         widest.unwrap_or_default()
     }
 
     /// Returns the side of the smallest cell in metres.
     pub(super) fn cell_m(&self) -> f64 {
-        self.layers.iter().map(|(raster, _)| raster.cell_m).fold(f64::INFINITY, f64::min)
+        self.layers.iter().map(|(raster, ..)| raster.cell_m).fold(f64::INFINITY, f64::min)
     }
 
     /// Returns red, green, blue and opacity at a place.
     fn at(&self, place: &Vector2<f64>) -> [u8; 4] {
         let mut over = [0.0; 3];
         let mut opacity = 0.0;
-        for (raster, colour) in &self.layers {
-            let Some(level) = raster.between(place) else { continue };
-            let Some((_, own)) = CREDIBLE.iter().find(|(most, _)| level <= *most) else {
-                continue;
+        for (raster, colour, shade) in &self.layers {
+            let Some(value) = raster.between(place) else { continue };
+            let own = match shade {
+                Shade::Regions => {
+                    CREDIBLE.iter().find(|(most, _)| value <= *most).map_or(0.0, |(_, own)| *own)
+                }
+                Shade::Detection => SEARCHED.1 * value,
             };
             for (sum, channel) in over.iter_mut().zip(colour) {
                 *sum = f64::from(*channel) * own + *sum * (1.0 - own);

@@ -20,7 +20,7 @@ use foxhunt_filters::PosteriorMap;
 use foxhunt_hunt::locate::Tracked;
 use foxhunt_hunt::{
     calibration::ConformalFactors,
-    locate::{Located, Measurand, Region, Rival},
+    locate::{Located, Measurand, Region, Rival, Searched},
 };
 use foxhunt_wire::geodesy::LocalFrame;
 use nalgebra::{Vector2, Vector3};
@@ -56,6 +56,8 @@ pub struct Overview {
     pub notices: Vec<Notice>,
     /// Doubts about the recordings.
     pub remarks: Vec<Remark>,
+    /// Area that was searched, where nothing was received.
+    pub searched: Option<Searched>,
 }
 
 /// A drone, or another receiver.

@@ -151,6 +151,16 @@ function drawFields() {
   }
 }
 
+// Where it is not, in the words of search and rescue.
+function showSearched() {
+  byId("searched").hidden = !data.searched;
+  if (!data.searched) return;
+  const percent = (share) => `${fixed(100 * share, 0)} %`, { silences, pos, by_range: ranges } = data.searched;
+  byId("searched-text").textContent = `${silences} silences: if the transmitter is in the area that is shown, they would have found it with ${percent(pos)} (POS)${ranges.length > 1 ? ", all ranges from 10 m to 10 km being as probable" : ""}. Point at the map for the probability of detection (POD) there.`;
+  const shown = ranges.filter((_, i) => ranges.length === 1 || i % 4 === 0);
+  filled(byId("searched-table"), ["heard as far as", "POS", "area with a POD of 95 %"], shown.map(([range, success, area]) => [metres(range), percent(success), percent(area)]));
+}
+
 // The value of a grid at a place; undefined outside.
 function valueIn(grid, [east, north], values = grid.values) {
   const column = Math.floor((east - grid.corner[0]) / grid.cell), line = Math.floor((north - grid.corner[1]) / grid.cell);

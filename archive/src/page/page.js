@@ -193,6 +193,10 @@ function findExtent() {
     west = Math.min(west, e); east = Math.max(east, e); south = Math.min(south, n); north = Math.max(north, n);
   };
   for (const receiver of data.receivers) for (const knot of receiver.path) add(knot[1], knot[2]);
+  if (data.searched) {
+    const { corner, cell, columns, numbers } = data.searched;
+    add(...corner); add(corner[0] + columns * cell, corner[1] + (numbers.length / 2 / columns) * cell);
+  }
   for (const one of received) add(one.place[0], one.place[1]);
   for (const search of data.searches) {
     for (const knot of search.truth) add(knot[1], knot[2]);
@@ -1048,6 +1052,7 @@ function showHeads() {
     `${received.length} receptions in ${fixed(duration, 0)} s`, data.every > 1 ? `every ${data.every}th of the receptions is shown` : null,
   ].filter(Boolean).join(" · ");
   byId("fixes").closest("section").hidden = !data.searches.length;
+  showSearched();
 }
 
 // Shows everything anew after the data have changed.

@@ -28,9 +28,20 @@ pub(super) fn still(overview: &Overview) -> String {
     );
     let notice = "<p>JavaScript is switched off here: this is the end of the hunt. With \
                   JavaScript the page plays it in time.</p>";
+    let searched = overview.searched.as_ref().map_or_else(String::new, |searched| {
+        format!(
+            "<p>Nothing was received. If the transmitter is in the area, {} silences would have \
+             found it with {:.0} % (POS).</p>",
+            searched.silences,
+            100.0 * searched.pos
+        )
+    });
     let title = escaped(&overview.title);
     let fixes = if rows.is_empty() { "" } else { &table };
-    format!("<div id=\"still\"><h2>{title}</h2>{notice}{fixes}{}</div>", picture(overview))
+    format!(
+        "<div id=\"still\"><h2>{title}</h2>{notice}{searched}{fixes}{}</div>",
+        picture(overview)
+    )
 }
 
 /// Text without the characters that HTML takes for its own.

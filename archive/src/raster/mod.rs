@@ -2,10 +2,15 @@
 //! that holds it.
 
 use foxhunt_core::Estimate;
+#[cfg(feature = "maps")]
+use foxhunt_core::Pose;
 use foxhunt_filters::PosteriorMap;
+#[cfg(feature = "maps")]
+use foxhunt_filters::{FieldMap, FieldMapConfig};
+use foxhunt_hunt::locate::Searched;
 use nalgebra::Vector2;
 
-use crate::overview::{Believed, SearchOverview};
+use crate::overview::{Believed, Overview, SearchOverview};
 
 /// Number of cells along the longer side of a raster that is made from places or from moments.
 const SIDE: f64 = 96.0;
@@ -150,6 +155,14 @@ impl From<&PosteriorMap> for Raster {
     }
 }
 
+/// The probability that a transmitter in each cell would have been received.
+impl From<&Searched> for Raster {
+    fn from(searched: &Searched) -> Self {
+        let Searched { corner, cell_m, columns, ref pod, .. } = *searched;
+        Self { corner, cell_m, columns, values: pod.clone() }
+    }
+}
+
 /// Returns the probability of each cell in the end of a search: of its grid, of its places, or of
 /// the Gaussian of its moments. `None` if it has found nothing.
 #[must_use]
@@ -161,15 +174,62 @@ pub fn belief(search: &SearchOverview) -> Option<Raster> {
     if cloud.is_empty() { gaussian(estimate) } else { kernels(cloud) }
 }
 
-/// Empty cells over a rectangle.
-fn empty(low: Vector2<f64>, high: Vector2<f64>) -> Option<Raster> {
+/// Number of levels below which there is no map of them.
+#[cfg(feature = "maps")]
+const LEAST_LEVELS: usize = 12;
+
+/// Number of cells along the longer side of a map of the level.
+#[cfg(feature = "maps")]
+const LEVEL_SIDE: f64 = 48.0;
+
+/// Part of the receivers' area by which a map of the level goes beyond it on each side.
+#[cfg(feature = "maps")]
+const LEVEL_BEYOND: f64 = 0.15;
+
+/// Maps the level that a search has received, without any law of propagation (Gaussian process):
+/// the mean in dBm, or in dB about the recordings' own reference, and σ in dB. `None` if there are
+/// too few levels or places, or if the build is without the feature `maps`.
+#[cfg(feature = "maps")]
+#[must_use]
+pub fn level(overview: &Overview, search: usize) -> Option<[Raster; 2]> {
+    let received = overview.received.iter();
+    let readings: Vec<(Pose, f64)> = received
+        .filter(|one| one.search == Some(search) && !one.struck)
+        .filter_map(|one| {
+            Some((Pose::at(one.place.x, one.place.y, one.place.z), one.level?.rss_dbm))
+        })
+        .collect();
+    if readings.len() < LEAST_LEVELS {
+        return None;
+    }
+    let places = readings.iter().map(|(pose, _)| (pose.position.xy(), pose.position.xy()));
+    let corners = places.reduce(|(low, high), (a, b)| (low.inf(&a), high.sup(&b)));
+    let (low, high) = corners?;
+    let beyond = Vector2::repeat(LEVEL_BEYOND * (high - low).max());
+    let cells = empty(low - beyond, high + beyond, LEVEL_SIDE)?;
+    let map = FieldMap::fit(&readings, &FieldMapConfig::default()).ok()?;
+    let levels = (0..cells.values.len()).map(|cell| map.level(&cells.centre(cell)));
+    let (mean, sigma): (Vec<f64>, Vec<f64>) = levels.unzip();
+    let is_finite = mean.iter().chain(&sigma).all(|value| value.is_finite());
+    is_finite.then(|| [Raster { values: mean, ..cells.clone() }, Raster { values: sigma, ..cells }])
+}
+
+/// As with the feature `maps`, without which there is no map of the level.
+#[cfg(not(feature = "maps"))]
+#[must_use]
+pub fn level(_: &Overview, _: usize) -> Option<[Raster; 2]> {
+    None
+}
+
+/// Empty cells over a rectangle, so many along its longer side.
+fn empty(low: Vector2<f64>, high: Vector2<f64>, side: f64) -> Option<Raster> {
     let size = high - low;
-    let cell_m = size.max() / SIDE;
+    let cell_m = size.max() / side;
     if !(cell_m.is_finite() && cell_m > 0.0) {
         return None;
     }
-    let cells = size.map(|side| (side / cell_m).ceil().clamp(1.0, SIDE + 1.0));
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to SIDE + 1")]
+    let cells = size.map(|metres| (metres / cell_m).ceil().clamp(1.0, side + 1.0));
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to side + 1")]
     let (columns, rows) = (cells.x as usize, cells.y as usize);
     Some(Raster { corner: low, cell_m, columns, values: vec![0.0; columns * rows] })
 }
@@ -177,7 +237,7 @@ fn empty(low: Vector2<f64>, high: Vector2<f64>) -> Option<Raster> {
 fn gaussian(estimate: &Estimate<2>) -> Option<Raster> {
     let factor = estimate.covariance.cholesky()?;
     let reach = estimate.covariance.diagonal().map(|variance| REACH * variance.sqrt());
-    let mut raster = empty(estimate.mean - reach, estimate.mean + reach)?;
+    let mut raster = empty(estimate.mean - reach, estimate.mean + reach, SIDE)?;
     let density = |place: Vector2<f64>| {
         let away = place - estimate.mean;
         libm::exp(-0.5 * away.dot(&factor.solve(&away)))
@@ -198,7 +258,7 @@ fn kernels(places: &[Vector2<f64>]) -> Option<Raster> {
     let width = sigma.map(|sigma| (0.5 * sigma * libm::pow(number, -1.0 / 6.0)).max(least));
     let low = places.iter().fold(mean, |low, at| low.inf(at)) - 3.0 * width;
     let high = places.iter().fold(mean, |high, at| high.sup(at)) + 3.0 * width;
-    let mut raster = empty(low, high)?;
+    let mut raster = empty(low, high, SIDE)?;
     let rows = raster.rows();
     for place in places {
         let at = (place - raster.corner) / raster.cell_m;
@@ -322,6 +382,45 @@ mod tests {
         assert_eq!((cropped.columns, cropped.rows()), (6, 5));
         assert_eq!(cropped.corner, Vector2::new(-1.0, 5.0));
         assert_eq!(cropped.far_corner(), raster.far_corner());
+    }
+
+    #[cfg(feature = "maps")]
+    #[test]
+    fn the_map_of_the_level_knows_the_path_and_not_what_is_far_from_it() {
+        use foxhunt_core::Level;
+        use nalgebra::Vector3;
+
+        use crate::overview::Received;
+
+        let mut overview = Overview::default();
+        let receiver = overview.receiver("walk");
+        for step in 0..60_u8 {
+            // Along three lanes, and stronger to the East.
+            let (lane, along) = (f64::from(step / 20), f64::from(step % 20));
+            overview.add(Received {
+                time: f64::from(step),
+                receiver,
+                search: Some(0),
+                place: Vector3::new(20.0 * along, 50.0 * lane, 2.0),
+                level: Some(Level { rss_dbm: -90.0 + along, sigma_db: 4.0 }),
+                bearing: None,
+                modes: foxhunt_core::BearingModes::default(),
+                remark: None,
+                used: true,
+                struck: false,
+                id: None,
+                nis: None,
+                turn: None,
+            });
+        }
+        let [mean, sigma] = level(&overview, 0).expect("many levels");
+        let at = |raster: &Raster, east, north| {
+            raster.between(&Vector2::new(east, north)).expect("within the map")
+        };
+        assert_abs_diff_eq!(at(&mean, 40.0, 50.0), -88.0, epsilon = 1.5);
+        assert_abs_diff_eq!(at(&mean, 360.0, 50.0), -72.0, epsilon = 1.5);
+        assert!(at(&sigma, 200.0, 50.0) < at(&sigma, -50.0, -50.0));
+        assert_eq!(level(&overview, 1), None);
     }
 
     #[test]

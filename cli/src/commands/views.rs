@@ -19,7 +19,10 @@ use foxhunt::{
     sensors::SharedAntenna,
 };
 
-use super::{recorded::LatLon, tiles::Tiles};
+use super::{
+    recorded::LatLon,
+    tiles::{NO_PLACE, Tiles},
+};
 use crate::{error::CliError, output::Output, writable};
 
 /// Files for other programs.
@@ -178,6 +181,9 @@ impl Views {
 
     /// Refuses formats that need an origin of local metres or a start in UTC that is unknown.
     pub(super) fn check_known(&self, origin: bool, start: bool) -> Result<(), CliError> {
+        if self.tiles.is_some() && !origin && self.origin().is_none() {
+            return Err(CliError::input(NO_PLACE));
+        }
         self.exports.check_known(origin, start)
     }
 
@@ -231,7 +237,7 @@ pub(super) fn write_page(
     log: Option<&Result<PageLog, NotStrikable>>,
     tiles: Option<&Tiles>,
 ) -> Result<(), CliError> {
-    let ground = tiles.map(|tiles| tiles.under(overview)).transpose()?;
+    let ground = tiles.and_then(|tiles| tiles.under(overview));
     let text = match &ground {
         Some(ground) => page_on(overview, log, ground),
         None => page(overview, log),

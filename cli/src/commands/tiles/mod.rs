@@ -26,7 +26,10 @@ use self::{
     source::{Opened, TileSource},
     tile::image_type,
 };
-use crate::error::{CliError, InFile};
+use crate::{
+    error::{CliError, InFile},
+    output::warn,
+};
 
 /// Reason why `--tiles` is refused without a place on Earth.
 pub(super) const NO_PLACE: &str =
@@ -55,15 +58,19 @@ impl Tiles {
         Ok(Self { source, about })
     }
 
-    /// Returns the part of the map about an overview, for its page to bring along.
-    pub(super) fn under(&self, overview: &Overview) -> Result<Ground, CliError> {
-        if overview.frame.is_none() {
-            return Err(CliError::input(NO_PLACE));
-        }
+    /// Returns the part of the map about an overview, for its page to bring along; warns if there
+    /// is none.
+    pub(super) fn under(&self, overview: &Overview) -> Option<Ground> {
         let LiveTiles { zooms, attribution } = self.about.clone();
         let image = |zoom, column, row| self.image(TileAt::new(zoom, column, row)?);
         let ground = Ground::about(overview, zooms, attribution, image);
-        ground.ok_or_else(|| CliError::input("--tiles: the map has no tile at this place"))
+        if ground.is_none() {
+            warn(match overview.frame {
+                Some(_) => "--tiles: the map has no tile at this place; the page is without it",
+                None => "--tiles: the places are in local metres; the page is without the map",
+            });
+        }
+        ground
     }
 
     /// Returns the bytes of a tile, or `None` if it is missing or not an image.
