@@ -42,35 +42,50 @@ function cumulative(mass) {
   return levels;
 }
 
-// A belief's places, spread by kernels of half of Silverman's width (1986, eq. 4.14): a belief in two parts is wide.
-function heatOfPlaces(places) {
-  const count = places.length / 2, SIDE = 72;
-  const axis = (offset) => Float64Array.from({ length: count }, (_, i) => places[2 * i + offset]);
-  const spread = (values) => {
-    const mean = values.reduce((sum, value) => sum + value, 0) / count;
-    return Math.sqrt(values.reduce((sum, value) => sum + (value - mean) ** 2, 0) / count);
-  };
-  const axes = [axis(0), axis(1)], least = Math.max(...axes.map(spread), 1e-3) * 0.02;
-  const widths = axes.map((values) => Math.max(0.5 * spread(values) * count ** (-1 / 6), least));
-  const from = axes.map((values, i) => values.reduce((a, b) => Math.min(a, b), Infinity) - 3 * widths[i]);
-  const to = axes.map((values, i) => values.reduce((a, b) => Math.max(a, b), -Infinity) + 3 * widths[i]);
-  const cell = Math.max(to[0] - from[0], to[1] - from[1]) / SIDE;
-  const [columns, rows] = [0, 1].map((i) => Math.max(Math.ceil((to[i] - from[i]) / cell), 1));
-  let mass = new Float32Array(columns * rows);
-  for (let i = 0; i < count; i += 1) {
-    const column = Math.min(Math.floor((axes[0][i] - from[0]) / cell), columns - 1), line = Math.min(Math.floor((axes[1][i] - from[1]) / cell), rows - 1);
-    mass[line * columns + column] += 1;
+// Covariance of some places: of East, of both, of North.
+function covariance(places, indices) {
+  let east = 0, north = 0;
+  for (const i of indices) { east += places[2 * i]; north += places[2 * i + 1]; }
+  east /= indices.length; north /= indices.length;
+  const sums = [0, 0, 0];
+  for (const i of indices) {
+    const dx = places[2 * i] - east, dy = places[2 * i + 1] - north;
+    sums[0] += dx * dx; sums[1] += dx * dy; sums[2] += dy * dy;
   }
-  // Along one axis and then the other.
-  for (const [i, step, length] of [[0, 1, columns], [1, columns, rows]]) {
-    const sigma = widths[i] / cell, reach = Math.min(Math.ceil(3 * sigma), length), next = new Float32Array(mass.length);
-    const kernel = Array.from({ length: 2 * reach + 1 }, (_, k) => Math.exp(-0.5 * ((k - reach) / Math.max(sigma, 0.3)) ** 2));
-    mass.forEach((value, index) => {
-      if (value === 0) return;
-      const at = Math.floor(index / step) % length;
-      for (let k = Math.max(-reach, -at); k <= Math.min(reach, length - 1 - at); k += 1) next[index + k * step] += value * kernel[k + reach];
-    });
-    mass = next;
+  return sums.map((sum) => sum / indices.length);
+}
+
+// The quadratic form of a covariance's inverse.
+function nearness([a, b, c]) {
+  const determinant = a * c - b * b;
+  return (dx, dy) => (c * dx * dx - 2 * b * dx * dy + a * dy * dy) / determinant;
+}
+
+// A belief's places, spread by kernels of the shape that the cloud has about them, as raster/mod.rs does.
+function heatOfPlaces(places) {
+  const count = places.length / 2, SIDE = 72, LOOKS = 32, KERNEL = 3;
+  const all = Array.from({ length: count }, (_, i) => i), whole = covariance(places, all), least = 1e-6 + 1e-6 * (whole[0] + whole[2]);
+  const away = nearness([whole[0] + least, whole[1], whole[2] + least]), shape = [least, 0, least];
+  const looks = all.filter((i) => i % Math.max(Math.ceil(count / LOOKS), 1) === 0);
+  for (const look of looks) {
+    const distances = Float64Array.from(all, (i) => away(places[2 * i] - places[2 * look], places[2 * i + 1] - places[2 * look + 1]));
+    const farthest = distances.slice().sort()[Math.ceil(count / 4) - 1];
+    covariance(places, all.filter((i) => distances[i] <= farthest)).forEach((value, i) => { shape[i] += value / looks.length; });
+  }
+  const kernel = shape.map((value) => value * KERNEL * count ** (-1 / 3)), distance = nearness(kernel), reach = [3 * Math.sqrt(kernel[0]), 3 * Math.sqrt(kernel[2])];
+  const from = [0, 1].map((i) => all.reduce((low, k) => Math.min(low, places[2 * k + i]), Infinity) - reach[i]);
+  const to = [0, 1].map((i) => all.reduce((most, k) => Math.max(most, places[2 * k + i]), -Infinity) + reach[i]);
+  const cell = Math.max(to[0] - from[0], to[1] - from[1]) / SIDE;
+  const [columns, rows] = [0, 1].map((i) => Math.max(Math.ceil((to[i] - from[i]) / cell), 1)), mass = new Float32Array(columns * rows);
+  const within = (metres, most) => Math.min(Math.max(Math.floor(metres / cell), 0), most - 1);
+  for (let i = 0; i < count; i += 1) {
+    const dx = places[2 * i] - from[0], dy = places[2 * i + 1] - from[1];
+    const [west, east] = [within(dx - reach[0], columns), within(dx + reach[0], columns)];
+    for (let line = within(dy - reach[1], rows); line <= within(dy + reach[1], rows); line += 1) {
+      for (let column = west; column <= east; column += 1) {
+        mass[line * columns + column] += Math.exp(-0.5 * distance((column + 0.5) * cell - dx, (line + 0.5) * cell - dy));
+      }
+    }
   }
   return gridOf({ corner: from, cell, columns }, cumulative(mass));
 }

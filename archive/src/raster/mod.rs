@@ -8,7 +8,7 @@ use foxhunt_filters::PosteriorMap;
 #[cfg(feature = "maps")]
 use foxhunt_filters::{FieldMap, FieldMapConfig};
 use foxhunt_hunt::locate::Searched;
-use nalgebra::Vector2;
+use nalgebra::{Matrix2, Vector2};
 
 use crate::overview::{Believed, Overview, SearchOverview};
 
@@ -247,58 +247,80 @@ fn gaussian(estimate: &Estimate<2>) -> Option<Raster> {
     Some(raster.map(|value| value / total))
 }
 
-/// Places spread by Gaussian kernels of half the width of Silverman (1986, eq. 4.14), as a belief
-/// in two parts is wide.
-fn kernels(places: &[Vector2<f64>]) -> Option<Raster> {
-    let number = count(places.len());
-    let mean = places.iter().sum::<Vector2<f64>>() / number;
-    let variance = places.iter().map(|at| (at - mean).component_mul(&(at - mean)));
-    let sigma = (variance.sum::<Vector2<f64>>() / number).map(f64::sqrt);
-    let least = 0.02 * sigma.max().max(1e-3);
-    let width = sigma.map(|sigma| (0.5 * sigma * libm::pow(number, -1.0 / 6.0)).max(least));
-    let low = places.iter().fold(mean, |low, at| low.inf(at)) - 3.0 * width;
-    let high = places.iter().fold(mean, |high, at| high.sup(at)) + 3.0 * width;
-    let mut raster = empty(low, high, SIDE)?;
-    let rows = raster.rows();
-    for place in places {
-        let at = (place - raster.corner) / raster.cell_m;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within")]
-        let (column, row) = (at.x as usize, at.y as usize);
-        let cell = row.min(rows - 1) * raster.columns + column.min(raster.columns - 1);
-        if let Some(value) = raster.values.get_mut(cell) {
-            *value += 1.0 / number;
-        }
-    }
-    let columns = raster.columns;
-    for (width, step, length) in [(width.x, 1, columns), (width.y, columns, rows)] {
-        spread(&mut raster.values, width / raster.cell_m, step, length);
-    }
-    let total: f64 = raster.values.iter().sum();
-    Some(raster.map(|value| value / total))
-}
+/// Number of places about which the shape of a cloud is looked at.
+const LOOKS: usize = 32;
 
-/// Spreads values along one axis by a Gaussian of so many cells.
-fn spread(values: &mut Vec<f64>, sigma: f64, step: usize, length: usize) {
-    let sigma = sigma.max(0.3);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive")]
-    let reach = ((3.0 * sigma).ceil() as usize).min(length);
-    let kernel: Vec<f64> = (0..=reach)
-        .map(|away| libm::exp(-0.5 * (count(away) / sigma) * (count(away) / sigma)))
-        .collect();
-    let mut next = vec![0.0; values.len()];
-    for (index, value) in values.iter().enumerate().filter(|(_, value)| **value > 0.0) {
-        let at = index / step % length;
-        for (away, weight) in kernel.iter().enumerate() {
-            let farther = (at + away < length).then(|| index + away * step);
-            let nearer = (away > 0 && away <= at).then(|| index - away * step);
-            for cell in [farther, nearer].into_iter().flatten() {
-                if let Some(sum) = next.get_mut(cell) {
-                    *sum += value * weight;
+/// Variance of a kernel over the local one for one place; it falls with the number of places to the
+/// power of −1/3 (Silverman 1986, eq. 4.14).
+const KERNEL: f64 = 3.0;
+
+/// Spreads places by Gaussian kernels of the shape that the cloud has about its places: of two parts
+/// each stays as narrow as it is, and so does a ridge.
+fn kernels(places: &[Vector2<f64>]) -> Option<Raster> {
+    let shape = local_covariance(places)?;
+    let covariance = shape * (KERNEL * libm::pow(count(places.len()), -1.0 / 3.0));
+    let factor = covariance.cholesky()?;
+    let reach = covariance.diagonal().map(|variance| 3.0 * variance.sqrt());
+    let first = places.first()?;
+    let low = places.iter().fold(*first, |low, at| low.inf(at)) - reach;
+    let high = places.iter().fold(*first, |high, at| high.sup(at)) + reach;
+    let mut raster = empty(low, high, SIDE)?;
+    let (columns, rows) = (raster.columns, raster.rows());
+    let cell = |metres: f64, most: usize| {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+        let cell = (metres / raster.cell_m).floor().clamp(0.0, count(most - 1)) as usize;
+        cell
+    };
+    let mut values = vec![0.0; columns * rows];
+    for place in places {
+        let from = place - reach - raster.corner;
+        let to = place + reach - raster.corner;
+        for row in cell(from.y, rows)..=cell(to.y, rows) {
+            for column in cell(from.x, columns)..=cell(to.x, columns) {
+                let index = row * columns + column;
+                let away = raster.centre(index) - place;
+                if let Some(value) = values.get_mut(index) {
+                    *value += libm::exp(-0.5 * away.dot(&factor.solve(&away)));
                 }
             }
         }
     }
-    *values = next;
+    let total: f64 = values.iter().sum();
+    raster.values = values;
+    Some(raster.map(|value| value / total))
+}
+
+/// Returns the mean covariance of the quarter of all places that is nearest to each of some, near by
+/// the covariance of all.
+fn local_covariance(places: &[Vector2<f64>]) -> Option<Matrix2<f64>> {
+    let whole = covariance(places.iter());
+    let least = Matrix2::identity() * (1e-6 + 1e-6 * whole.trace());
+    let factor = (whole + least).cholesky()?;
+    let near = places.len().div_ceil(4);
+    let every = places.len().div_ceil(LOOKS).max(1);
+    let looks: Vec<_> = places.iter().step_by(every).collect();
+    let mut sum = Matrix2::zeros();
+    for look in &looks {
+        let mut others: Vec<(f64, &Vector2<f64>)> = (places.iter())
+            .map(|other| {
+                let away = other - *look;
+                (away.dot(&factor.solve(&away)), other)
+            })
+            .collect();
+        let _ = others.select_nth_unstable_by(near.checked_sub(1)?, |a, b| a.0.total_cmp(&b.0));
+        sum += covariance(others.iter().take(near).map(|(_, other)| *other));
+    }
+    Some(sum / count(looks.len()) + least)
+}
+
+fn covariance<'a>(places: impl Iterator<Item = &'a Vector2<f64>>) -> Matrix2<f64> {
+    let mut sums = (0.0, Vector2::zeros(), Matrix2::zeros());
+    for place in places {
+        sums = (sums.0 + 1.0, sums.1 + place, sums.2 + place * place.transpose());
+    }
+    let (number, sum, squares) = sums;
+    let mean = sum / number;
+    squares / number - mean * mean.transpose()
 }
 
 #[cfg(test)]
