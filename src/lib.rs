@@ -85,7 +85,7 @@ pub use foxhunt_lab::store;
 pub use foxhunt_archive::picture;
 #[cfg(feature = "archive")]
 pub use foxhunt_archive::{
-    bag, export, movebank, overview, page, recorded, recording, relocation, replay, struck,
+    bag, export, movebank, overview, page, raster, recorded, recording, relocation, replay, struck,
 };
 #[cfg(feature = "archive")]
 pub use foxhunt_wire::geodesy;

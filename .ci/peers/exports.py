@@ -9,10 +9,15 @@ import math
 import re
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import fastkml
 import gpxpy
+import numpy
+import pymap3d
+import rasterio
+import rasterio.warp
 import yaml
 from lxml import etree
 from mcap.reader import make_reader
@@ -111,6 +116,61 @@ def main():
     bag.paths()
     print(f"MCAP: {sum(map(len, bag.messages.values()))} messages, {antennas} antennas that point where a bearing is")
     view(bag)
+    rasters(out, beacons)
+
+
+def rasters(out, beacons):
+    """Probabilities of cells, by GDAL."""
+    with rasterio.open(out / "hunt.tif") as file:
+        pages = file.subdatasets or [str(out / "hunt.tif")]
+    names, levels = set(), []
+    for page in pages:
+        with rasterio.open(page) as file:
+            name, (mass, held) = file.tags()["TIFFTAG_IMAGEDESCRIPTION"], file.read()
+            if name.startswith("level of "):
+                levels.append(name)
+                assert file.descriptions == ("level in dBm", "its sigma in dB")
+                assert -200 < mass.min() < mass.max() < 50 and 0 < held.min()
+                continue
+            assert file.descriptions == ("probability of the cell", "probability of the region that holds the cell")
+            rows, columns = numpy.indices(mass.shape)
+            east, north = rasterio.transform.xy(file.transform, rows.ravel(), columns.ravel())
+            lon, lat = rasterio.warp.transform(file.crs, "EPSG:4326", [east[0], east[-1]], [north[0], north[-1]])
+            for there in zip(lat, lon, (east[0], east[-1]), (north[0], north[-1])):
+                own = pymap3d.enu2geodetic(there[2], there[3], 0.0, LAT, LON, 0.0)
+                assert abs(own[0] - there[0]) < 1e-7 and abs(own[1] - there[1]) < 1e-7, (there, own)
+            assert abs(mass.sum() - 1) < 1e-4
+            assert abs(mass[held <= 0.5].sum() - 0.5) < 0.02 and abs(mass[held <= 0.95].sum() - 0.95) < 0.02
+            estimate = beacons[name]["estimate"]
+            mean = (mass.ravel() * numpy.array([east, north])).sum(axis=1)
+            assert math.dist(mean, (estimate["east_m"], estimate["north_m"])) < 0.1, (mean, estimate)
+            names.add(name)
+    assert names == beacons.keys()
+    assert len(levels) == len(beacons), levels
+    print(f"GeoTIFF: {len(pages)} pages, where pymap3d has them, {len(levels)} of the level")
+    with rasterio.open(out / "hunt.mbtiles") as file:
+        assert file.crs.to_epsg() == 3857 and file.count == 4
+        places = [degrees(b["estimate"]["east_m"], b["estimate"]["north_m"]) for b in beacons.values()]
+        x, y = rasterio.warp.transform("EPSG:4326", file.crs, [lon for _, lon in places], [lat for lat, _ in places])
+        opacities = [int(pixel[3]) for pixel in file.sample(list(zip(x, y)))]
+        assert all(opacity >= 100 for opacity in opacities), opacities
+        print(f"MBTiles: zoom {file.tags()['minzoom']} to {file.tags()['maxzoom']}, opacity {opacities} at the fixes")
+    with zipfile.ZipFile(out / "hunt.kmz") as packed:
+        assert packed.testzip() is None
+        (out / "doc.kml").write_bytes(packed.read("doc.kml"))
+        overlay = fastkml.KML.parse(out / "doc.kml").features[0]
+        (out / "belief.png").write_bytes(packed.read(overlay.icon.href))
+    box = overlay.lat_lon_box
+    for path in ("belief.png", "hunt.png"):
+        with rasterio.open(out / path) as file:
+            assert file.count == 4 and max(file.shape) == 1000
+            opacity = file.read(4)
+            if path == "belief.png":
+                for lat, lon in places:
+                    row = int((box.north - lat) / (box.north - box.south) * file.height)
+                    column = int((lon - box.west) / (box.east - box.west) * file.width)
+                    assert opacity[row, column] >= 100, (lat, lon)
+    print("KMZ and PNG: painted at the fixes")
 
 
 class Bag:

@@ -13,6 +13,7 @@ pub mod overview;
 pub mod page;
 #[cfg(feature = "pictures")]
 pub mod picture;
+pub mod raster;
 pub mod recorded;
 pub mod recording;
 pub mod relocation;

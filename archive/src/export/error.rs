@@ -5,7 +5,7 @@ pub enum ExportError {
     /// The file's ending belongs to no known format.
     #[error(
         "unknown ending {ending:?}; an export ends in .geojson, .json, .kml, .czml, .gpx, .csv, \
-         .cot or .mcap"
+         .cot, .mcap, .tif, .tiff, .kmz, .mbtiles or .png"
     )]
     Ending {
         /// The ending.
@@ -26,6 +26,12 @@ pub enum ExportError {
     /// The format is not in this build.
     #[error("MCAP is not in this build: build with the feature `mcap`")]
     NotBuilt,
+    /// Tiles are not in this build.
+    #[error("MBTiles are not in this build: build with the feature `store`")]
+    NoTiles,
+    /// Nothing was found that could be shown as a raster.
+    #[error("there is no place, and so no probability of cells")]
+    NoBelief,
     /// Text could not be put together.
     #[error("the export cannot be written")]
     Write(#[source] Box<dyn std::error::Error + Send + Sync>),

@@ -20,11 +20,20 @@ pub enum Format {
     Cot,
     /// MCAP with messages of Foxglove's schemas in JSON.
     Mcap,
+    /// GeoTIFF 1.1: the probability of each cell and of the region that holds it, a page for each
+    /// search.
+    GeoTiff,
+    /// Picture of the beliefs as an overlay on the ground, in zipped KML 2.2.
+    Kmz,
+    /// Picture of the beliefs as tiles (MBTiles 1.3).
+    MbTiles,
+    /// Picture of the beliefs, North up.
+    Png,
 }
 
 impl Format {
     /// Every format, by the ending of its files.
-    pub const ENDINGS: [(&str, Self); 8] = [
+    pub const ENDINGS: [(&str, Self); 13] = [
         ("geojson", Self::GeoJson),
         ("json", Self::GeoJson),
         ("kml", Self::Kml),
@@ -33,6 +42,11 @@ impl Format {
         ("csv", Self::Csv),
         ("cot", Self::Cot),
         ("mcap", Self::Mcap),
+        ("tif", Self::GeoTiff),
+        ("tiff", Self::GeoTiff),
+        ("kmz", Self::Kmz),
+        ("mbtiles", Self::MbTiles),
+        ("png", Self::Png),
     ];
 
     /// The format of a file, by its ending.
@@ -55,7 +69,8 @@ impl Format {
     pub fn check(self, has_origin: bool, has_time: bool) -> Result<(), ExportError> {
         match self {
             Self::Mcap if !cfg!(feature = "mcap") => Err(ExportError::NotBuilt),
-            Self::Csv => Ok(()),
+            Self::MbTiles if !cfg!(feature = "sqlite") => Err(ExportError::NoTiles),
+            Self::Csv | Self::Png => Ok(()),
             _ if !has_origin => Err(ExportError::NoOrigin),
             Self::Cot if !has_time => Err(ExportError::NoTime),
             _ => Ok(()),

@@ -1,6 +1,7 @@
 //! Places, bearings, ellipses, regions and paths in the formats of other programs: GeoJSON, KML,
 //! CZML, GPX, CSV, Cursor on Target, and MCAP with messages of ROS 2 (feature
-//! `mcap`).
+//! `mcap`); beliefs as GeoTIFF, as an overlay of KML, as a picture and as MBTiles (feature
+//! `sqlite`).
 //!
 //! Coordinates are WGS84. Heights are left out where a format does without: those of local frames
 //! are above the frame's origin, whose own height is often not known.
@@ -14,10 +15,15 @@ mod error;
 mod feature;
 mod format;
 mod geojson;
+mod geotiff;
 mod gpx;
 mod kml;
+mod kmz;
+#[cfg(feature = "sqlite")]
+mod mbtiles;
 #[cfg(feature = "mcap")]
 mod mcap;
+mod paint;
 #[cfg(feature = "mcap")]
 mod ros;
 mod table;
@@ -47,7 +53,24 @@ pub fn export(overview: &Overview, format: Format) -> Result<Vec<u8>, ExportErro
         Format::Csv => table::write(overview),
         Format::Cot => cot::write(overview, &frame()?),
         Format::Mcap => mcap_of(overview, &frame()?),
+        Format::GeoTiff => geotiff::write(overview, &frame()?),
+        Format::Kmz => kmz::write(overview, &frame()?),
+        Format::MbTiles => tiles_of(overview, &frame()?),
+        Format::Png => {
+            let paint = paint::Paint::of(overview).ok_or(ExportError::NoBelief)?;
+            paint::png(&paint).map_err(ExportError::write)
+        }
     }
+}
+
+#[cfg(feature = "sqlite")]
+fn tiles_of(overview: &Overview, frame: &LocalFrame) -> Result<Vec<u8>, ExportError> {
+    mbtiles::write(overview, frame)
+}
+
+#[cfg(not(feature = "sqlite"))]
+fn tiles_of(_: &Overview, _: &LocalFrame) -> Result<Vec<u8>, ExportError> {
+    Err(ExportError::NoTiles)
 }
 
 #[cfg(feature = "mcap")]

@@ -386,3 +386,100 @@ fn a_lost_drone_stays_where_it_was_heard() {
     assert!(off(lat, ORIGIN.lat_deg) && off(lon, ORIGIN.lon_deg), "{xml}");
     assert!(events[0].stale_unix_s < 1_616_345_508.0 + 1.6 + 120.0, "{}", events[0].stale_unix_s);
 }
+
+#[test]
+fn a_geotiff_has_each_cell_where_it_is() {
+    use tiff::{
+        decoder::{Decoder, DecodingResult},
+        tags::Tag,
+    };
+    let bytes = export(&overview(), Format::GeoTiff).expect("it has an origin");
+    let mut decoder = Decoder::new(std::io::Cursor::new(bytes)).expect("a TIFF");
+    let (width, height) = decoder.dimensions().expect("a picture");
+    let scale = decoder.get_tag_f64_vec(Tag::ModelPixelScaleTag).expect("the size of cells");
+    let [west, north] = {
+        let tie = decoder.get_tag_f64_vec(Tag::ModelTiepointTag).expect("a place");
+        [tie[3], tie[4]]
+    };
+    let keys = decoder.get_tag_u16_vec(Tag::GeoKeyDirectoryTag).expect("keys");
+    assert_eq!(keys.len(), 4 * (usize::from(keys[3]) + 1));
+    assert!(keys[4..].chunks(4).map(|key| key[0]).is_sorted(), "{keys:?}");
+    let DecodingResult::F32(values) = decoder.read_image().expect("values") else {
+        panic!("numbers of 32 bits")
+    };
+    assert_eq!(values.len(), 2 * width as usize * height as usize);
+    let mut mean = Vector2::zeros();
+    let mut held = 0.0;
+    for (index, cell) in (0_u32..).zip(values.chunks(2)) {
+        let (column, row) = (f64::from(index % width), f64::from(index / width));
+        let [east, north] = [west + (column + 0.5) * scale[0], north - (row + 0.5) * scale[1]];
+        mean += Vector2::new(east, north) * f64::from(cell[0]);
+        held += if cell[1] <= 0.5 { f64::from(cell[0]) } else { 0.0 };
+    }
+    assert_abs_diff_eq!(mean, Vector2::new(100.0, 50.0), epsilon = 1e-3);
+    assert_abs_diff_eq!(held, 0.5, epsilon = 0.01);
+    assert!(!decoder.more_images(), "one search");
+}
+
+/// Checks the sums of the parts of a PNG.
+fn parts(png: &[u8]) -> Vec<(&[u8], &[u8])> {
+    let mut rest = png.strip_prefix(b"\x89PNG\r\n\x1a\n").expect("a PNG");
+    let mut parts = Vec::new();
+    while let Some((head, after)) = rest.split_at_checked(8) {
+        let (length, kind) = head.split_at(4);
+        let length = u32::from_be_bytes(length.try_into().expect("four bytes")) as usize;
+        let (data, after) = after.split_at(length);
+        let (sum, after) = after.split_at(4);
+        let mut own = flate2::Crc::new();
+        own.update(kind);
+        own.update(data);
+        assert_eq!(own.sum().to_be_bytes(), sum);
+        parts.push((kind, data));
+        rest = after;
+    }
+    parts
+}
+
+#[test]
+fn a_picture_is_a_png_and_an_overlay_holds_one() {
+    let png = export(&overview(), Format::Png).expect("a belief");
+    let parts = parts(&png);
+    let kinds: Vec<_> = parts.iter().map(|(kind, _)| *kind).collect();
+    assert_eq!(kinds, [b"IHDR", b"IDAT", b"IEND"]);
+    // 14 by 7 σ: twice as wide as high.
+    assert_eq!(parts[0].1[..8], [0, 0, 3, 232, 0, 0, 1, 244]);
+    let kmz = export(&overview(), Format::Kmz).expect("it has an origin");
+    let holds = |part: &[u8]| kmz.windows(part.len()).any(|bytes| bytes == part);
+    assert!(kmz.starts_with(b"PK\x03\x04") && holds(b"<href>belief.png</href>"));
+    assert!(holds(b"\x89PNG") && holds(b"doc.kml"));
+    let nothing = Overview { frame: LocalFrame::new(ORIGIN).ok(), ..Overview::default() };
+    for format in [Format::Png, Format::Kmz, Format::GeoTiff] {
+        let error = export(&nothing, format).expect_err("nothing was found");
+        assert!(matches!(error, ExportError::NoBelief), "{error}");
+    }
+}
+
+#[cfg(feature = "sqlite")]
+#[test]
+fn tiles_are_painted_where_the_fix_is() {
+    let bytes = export(&overview(), Format::MbTiles).expect("it has an origin");
+    let file = std::env::temp_dir().join(format!("foxhunt-tiles-{}.mbtiles", std::process::id()));
+    std::fs::write(&file, bytes).expect("a file");
+    let database = rusqlite::Connection::open(&file).expect("SQLite");
+    let zooms = "SELECT min(zoom_level), max(zoom_level) FROM tiles";
+    let (least, most): (u8, u8) =
+        database.query_row(zooms, [], |row| Ok((row.get(0)?, row.get(1)?))).expect("tiles");
+    assert_eq!(most - least, 6);
+    let [x, y] = crate::page::mercator(&fix());
+    for zoom in least..=most {
+        let side = f64::from(zoom).exp2();
+        let (column, row) = ((x * side).floor(), side - 1.0 - (y * side).floor());
+        let tile = "SELECT tile_data FROM tiles
+             WHERE zoom_level = ?1 AND tile_column = ?2 AND tile_row = ?3";
+        let at = rusqlite::params![zoom, column, row];
+        let png: Vec<u8> = database.query_row(tile, at, |row| row.get(0)).expect("it is there");
+        assert_eq!(parts(&png).len(), 3);
+    }
+    drop(database);
+    std::fs::remove_file(&file).expect("it was ours");
+}

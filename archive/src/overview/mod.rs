@@ -15,11 +15,12 @@ pub use turn::{KnownAntenna, Turn};
 use std::collections::BTreeSet;
 
 use foxhunt_core::{Bearing, BearingModes, Ellipse, Estimate, HeightAboveGround, Level, Remark};
+use foxhunt_filters::PosteriorMap;
 #[cfg(feature = "batch")]
 use foxhunt_hunt::locate::Tracked;
 use foxhunt_hunt::{
     calibration::ConformalFactors,
-    locate::{Located, Measurand, Region, Rival},
+    locate::{Located, Measurand, Region, Rival, Searched},
 };
 use foxhunt_wire::geodesy::LocalFrame;
 use nalgebra::{Vector2, Vector3};
@@ -43,6 +44,8 @@ pub struct Overview {
     pub epoch_unix_s: Option<f64>,
     /// The local frame on Earth, if known.
     pub frame: Option<LocalFrame>,
+    /// True if levels are in dB about an unknown reference, and not in dBm.
+    pub relative_levels: bool,
     /// The drones, or other receivers.
     pub receivers: Vec<Receiver>,
     /// Receptions of the receivers.
@@ -53,6 +56,8 @@ pub struct Overview {
     pub notices: Vec<Notice>,
     /// Doubts about the recordings.
     pub remarks: Vec<Remark>,
+    /// Area that was searched, where nothing was received.
+    pub searched: Option<Searched>,
 }
 
 /// A drone, or another receiver.
@@ -141,6 +146,8 @@ pub struct SearchOverview {
     pub smoothed: Vec<Believed>,
     /// The smallest region that holds it with 95 % in the end, where the estimator has one.
     pub regions_95: Vec<Region>,
+    /// The posterior over the cells of a grid in the end, where the estimator has one.
+    pub map: Option<PosteriorMap>,
     /// Other places that are nearly as probable in the end.
     pub rivals: Vec<Rival>,
     /// Doubts about the place in the end.
@@ -191,7 +198,7 @@ impl Believed {
             estimate: located.estimate,
             ellipse_95: located.ellipse_95(),
             error_m: truth.map(|truth| (located.estimate.mean - truth).norm()),
-            cloud: Vec::new(),
+            cloud: located.places.clone(),
         }
     }
 }
@@ -210,6 +217,7 @@ impl SearchOverview {
             truth: truth.map(|place| Knot::on_ground(time, place)).into_iter().collect(),
             beliefs: vec![Believed::located(time, located, truth)],
             regions_95: located.regions_95.clone(),
+            map: located.map.clone(),
             rivals: located.rivals.clone(),
             remarks: located.remarks.clone(),
             ..Self::default()

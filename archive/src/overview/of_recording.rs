@@ -25,6 +25,7 @@ impl Overview {
             method: method.to_owned(),
             epoch_unix_s: in_utc.then_some(0.0),
             frame: recordings.iter().find_map(Recording::frame),
+            relative_levels: recordings.iter().any(|recording| !recording.is_calibrated()),
             remarks: recordings.iter().flat_map(Recording::remarks).cloned().collect(),
             ..Self::default()
         }

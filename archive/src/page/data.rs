@@ -1,12 +1,16 @@
 use foxhunt_core::{Ellipse, HeightSource, Remark};
-use foxhunt_hunt::{hunt::PlaceEstimate, locate::Measurand};
+use foxhunt_hunt::{
+    hunt::PlaceEstimate,
+    locate::{Measurand, Searched},
+};
 use nalgebra::{Vector2, Vector3};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::points::Points;
+use super::points::{Cells, Points};
 use crate::{
     overview::{Believed, Health, Knot, Notice, Overview, Received, SearchOverview, Turn},
+    raster::{self, Raster},
     recorded::RowResidual,
     replay::Replay,
     struck::ReceptionKey,
@@ -17,6 +21,12 @@ const MOST: usize = 5000;
 
 /// Maximum number of turns per page that keep their samples: the first ones.
 const MOST_TURNS: usize = 600;
+
+/// Cells along a side of a heat map.
+const MOST_CELLS: usize = 96;
+
+/// Cells with less than this share of the largest probability are no part of a heat map.
+const LEAST_SHARE: f64 = 1e-4;
 
 /// Data for the page's script. Lengths are metres, angles radians counter-clockwise from East,
 /// times seconds since `epoch`.
@@ -29,6 +39,9 @@ pub(super) struct Data<'a> {
     epoch: Option<f64>,
     /// Latitude and longitude of the frame's zero in degrees, and its height in metres.
     origin: Option<[f64; 3]>,
+    /// True if levels are in dB about an unknown reference.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    relative_levels: bool,
     span: [f64; 2],
     receivers: Vec<Receiver<'a>>,
     received: Vec<Reception<'a>>,
@@ -41,12 +54,41 @@ pub(super) struct Data<'a> {
     nis_95: Vec<[f64; 2]>,
     /// Step by which receptions are decimated; 1 shows all.
     every: usize,
+    /// Probability that a transmitter in each cell would have been received, where nothing was.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    searched: Option<SearchedCells>,
     /// Abilities of the page of a hunt that goes on.
     #[serde(skip_serializing_if = "Option::is_none")]
     live: Option<Live>,
     /// Reason why no bearing can be struck out, where that is so and there is something to remark.
     #[serde(skip_serializing_if = "Option::is_none")]
     not_strikable: Option<String>,
+}
+
+/// Area that was searched in silence.
+#[derive(Debug, Serialize)]
+struct SearchedCells {
+    #[serde(flatten)]
+    pod: Cells,
+    silences: usize,
+    pos: f64,
+    /// Range at which a level meets the floor in metres, POS, and the share of the area with a POD
+    /// of 95 %.
+    by_range: Vec<[f64; 3]>,
+}
+
+impl SearchedCells {
+    fn of(searched: &Searched) -> Self {
+        let by_range = searched.by_range.iter();
+        Self {
+            pod: Cells::new(&Raster::from(searched), [0.0, 1.0]),
+            silences: searched.silences,
+            pos: round(searched.pos, 4),
+            by_range: by_range
+                .map(|of| [metres(of.range_m), round(of.pos, 4), round(of.searched_95, 4)])
+                .collect(),
+        }
+    }
 }
 
 /// Abilities of the page of a hunt that goes on besides showing it.
@@ -180,6 +222,13 @@ struct Search<'a> {
     smoothed: Vec<Belief>,
     /// Parts of the 95 % region: borders, the holes after the outline.
     regions: Vec<Vec<Vec<[f64; 2]>>>,
+    /// The posterior in the end as the probability of the region that holds each cell, where the
+    /// estimator has one; the page makes that of a cloud or of an ellipse by itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    heat: Option<Cells>,
+    /// The level over the ground, where there are many.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    level_map: Option<LevelCells>,
     /// East, North, density over that at the estimate.
     rivals: Vec<[f64; 3]>,
     /// Number of the user's fixes with a known truth, and by what factor the ellipse holds the
@@ -195,6 +244,25 @@ struct Search<'a> {
     /// Number of all rows, where the page does not have all of them.
     #[serde(skip_serializing_if = "Option::is_none")]
     of_rows: Option<usize>,
+}
+
+/// Mean of the level in each cell, and its σ in dB.
+#[derive(Debug, Serialize)]
+struct LevelCells {
+    #[serde(flatten)]
+    mean: Cells,
+    sigma: Cells,
+}
+
+impl LevelCells {
+    fn of([mean, sigma]: &[Raster; 2]) -> Self {
+        let bounds = |raster: &Raster| {
+            let values = raster.values.iter().copied();
+            [values.clone().fold(f64::INFINITY, f64::min), values.fold(f64::NEG_INFINITY, f64::max)]
+        };
+        let [_, most] = bounds(sigma);
+        Self { mean: Cells::new(mean, bounds(mean)), sigma: Cells::new(sigma, [0.0, most]) }
+    }
 }
 
 /// Code and sentence of a remark.
@@ -272,7 +340,10 @@ impl<'a> Data<'a> {
             path: thinned(&receiver.path).map(knot).collect(),
             health: thinned(&receiver.health).map(health).collect(),
         });
-        let searches = overview.searches.iter();
+        let searches = overview.searches.iter().enumerate().map(|(index, search)| {
+            let level_map = raster::level(overview, index).as_ref().map(LevelCells::of);
+            Search { level_map, ..Search::of(search, &search.truth, &search.beliefs) }
+        });
         let origin = overview.frame.map(|frame| frame.origin());
         Self {
             title: &overview.title,
@@ -282,14 +353,16 @@ impl<'a> Data<'a> {
             origin: origin.map(|origin| {
                 [round(origin.lat_deg, 8), round(origin.lon_deg, 8), metres(origin.alt_m)]
             }),
+            relative_levels: overview.relative_levels,
             span: overview.span().map(seconds),
             received: received.collect(),
             receivers: receivers.collect(),
-            searches: searches.map(|s| Search::of(s, &s.truth, &s.beliefs)).collect(),
+            searches: searches.collect(),
             notices: thinned(&overview.notices).map(notice).collect(),
             remarks: overview.remarks.iter().map(doubt).collect(),
             nis_95: (1..=4).filter_map(nis_95).collect(),
             every,
+            searched: overview.searched.as_ref().map(SearchedCells::of),
             live,
             not_strikable,
         }
@@ -458,6 +531,11 @@ impl<'a> Search<'a> {
             regions: (search.regions_95.iter())
                 .map(|r| std::iter::once(&r.outline).chain(&r.holes).map(border).collect())
                 .collect(),
+            heat: search.map.as_ref().map(|map| {
+                let raster = Raster::from(map).cropped(LEAST_SHARE).coarser(MOST_CELLS);
+                Cells::new(&raster.cumulative(), [0.0, 1.0])
+            }),
+            level_map: None,
             rivals: (search.rivals.iter())
                 .map(|rival| {
                     let [east, north] = flat(&rival.place);

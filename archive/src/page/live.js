@@ -1,5 +1,15 @@
 // ---------------------------------------------------------------- a hunt that goes on
 
+if (hasTiles) {
+  imageOf = (key) => {
+    // Without a connection it is requested again later.
+    const later = () => { setTimeout(() => tiles.delete(key), 5000); };
+    return fetch(`tiles/${key}`)
+      .then((answer) => (answer.status === 200 ? answer.blob() : null), later)
+      .then((blob) => blob && createImageBitmap(blob));
+  };
+}
+
 // Adds what is new; what is sent twice after a reconnection never arrives, by the number of each event.
 function take(news) {
   data.span = news.span;
@@ -25,10 +35,9 @@ function showNext() {
   const ways = [...next].map(([index, [east, north]]) => {
     const receiver = data.receivers[index], here = receiver?.path.at(-1);
     if (!here) return null;
-    const metres = Math.hypot(east - here[1], north - here[2]);
-    const compass = (Math.atan2(east - here[1], north - here[2]) * 180 / Math.PI + 360) % 360;
-    const towards = String(Math.round(compass) % 360).padStart(3, "0");
-    return `${receiver.name}: ${metres.toFixed(0)} m towards ${towards}°, to ${east.toFixed(1)} m East, ${north.toFixed(1)} m North`;
+    const far = Math.hypot(east - here[1], north - here[2]);
+    const towards = String(Math.round(compass(Math.atan2(north - here[2], east - here[1]))) % 360).padStart(3, "0");
+    return `${receiver.name}: ${far.toFixed(0)} m towards ${towards}°, to ${directed([east, north])}`;
   });
   const text = ways.filter(Boolean).join("; ");
   byId("next").textContent = text ? `Next place — ${text}` : "";

@@ -6,10 +6,16 @@
 //! to WebAssembly, and the lines of the log, or the receptions of recordings, that it needs.
 
 mod data;
+mod ground;
 mod points;
+mod still;
 mod strikable;
 
 pub use data::{Live, LiveTiles, Mark};
+pub use ground::Ground;
+#[cfg(feature = "sqlite")]
+pub(crate) use ground::degrees;
+pub(crate) use ground::mercator;
 pub use strikable::{NotStrikable, PageLog, page_line};
 
 use foxhunt_hunt::document;
@@ -22,6 +28,9 @@ use crate::{
 const HTML: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
+const PLACE: &str = include_str!("place.js");
+const HEAT: &str = include_str!("heat.js");
+const TOOLS: &str = include_str!("tools.js");
 const STRIKE: &str = include_str!("strike.js");
 const TILES: &str = include_str!("tiles.js");
 const LIVE: &str = include_str!("live.js");
@@ -44,7 +53,20 @@ pub fn page(
     overview: &Overview,
     log: Option<&Result<PageLog, NotStrikable>>,
 ) -> Result<String, serde_json::Error> {
-    join(overview, log, None)
+    join(overview, log, None, None)
+}
+
+/// The text of a page as [`page`] has it, on a map that it brings along.
+///
+/// # Errors
+///
+/// The error of the JSON writer, which has none for these data.
+pub fn page_on(
+    overview: &Overview,
+    log: Option<&Result<PageLog, NotStrikable>>,
+    ground: &Ground,
+) -> Result<String, serde_json::Error> {
+    join(overview, log, None, Some(ground))
 }
 
 /// The text of the page of a hunt that goes on; [`news`] are what it shows besides, which it gets
@@ -58,7 +80,7 @@ pub fn live_page(
     log: &Result<PageLog, NotStrikable>,
     live: Live,
 ) -> Result<String, serde_json::Error> {
-    join(overview, Some(log), Some(live))
+    join(overview, Some(log), Some(live), None)
 }
 
 /// Returns the additions to an overview since a mark as JSON, and moves the mark to its end; `None`
@@ -95,12 +117,14 @@ fn join(
     overview: &Overview,
     log: Option<&Result<PageLog, NotStrikable>>,
     live: Option<Live>,
+    ground: Option<&Ground>,
 ) -> Result<String, serde_json::Error> {
     let not_strikable = log.and_then(|log| log.as_ref().err()).map(ToString::to_string);
     // "<" stands in strings alone; without it nothing in them can end the script.
     let safe = |text: String| text.replace('<', "\\u003c");
     let is_live = live.is_some();
-    let has_tiles = live.as_ref().is_some_and(|live| live.tiles.is_some());
+    let has_tiles = ground.is_some() || live.as_ref().is_some_and(|live| live.tiles.is_some());
+    let tiles = ground.map(|ground| document::to_json(ground)).transpose()?.unwrap_or_default();
     let data = document::to_json(&data::Data::of(overview, live, not_strikable))?;
     let log = log.and_then(|log| log.as_ref().ok());
     let lines = log.map_or_else(Vec::new, |log| log.lines().collect());
@@ -111,13 +135,19 @@ fn join(
         ("/* page.css */", STYLE),
         ("/* uplot.js */", UPLOT),
         ("/* page.js */", SCRIPT),
+        ("/* place.js */", PLACE),
+        ("/* heat.js */", HEAT),
+        ("/* tools.js */", TOOLS),
         ("/* strike.js */", STRIKE),
         ("/* tiles.js */", if has_tiles { TILES } else { "" }),
         ("/* live.js */", if is_live { LIVE } else { "" }),
         ("/* replayer */", if log.is_some() { REPLAYER.trim_end() } else { "" }),
+        // From the end of the page to its begin: a mark in one of these texts is behind the own
+        // mark of the next, and stays.
         ("/* log */", &safe(lines.join("\n"))),
-        // The last: what it holds is not looked at any more.
+        ("/* tiles */", &safe(tiles)),
         ("/* data */", &safe(data)),
+        ("/* still */", &still::still(overview)),
     ] {
         page = page.replacen(mark, text, 1);
     }

@@ -1,20 +1,37 @@
 // The report page: a map in time, the turn behind each bearing, plots and events.
 // Its data are the JSON of data.rs: metres East and North, radians counter-clockwise from East, seconds.
-// strike.js, tiles.js and live.js stand behind it in the same scope.
+// place.js, heat.js, tools.js, strike.js, tiles.js and live.js stand behind it in the same scope.
 
 const data = JSON.parse(document.getElementById("data").textContent);
+// Tiles of a map that the page brings along.
+const embedded = JSON.parse(document.getElementById("embedded").textContent || "null");
+const hasTiles = Boolean(embedded || data.live?.tiles);
 const byId = (id) => document.getElementById(id);
+// What only a script can do is shown by one.
+document.querySelector("main").hidden = byId("looks").hidden = byId("keys").hidden = false;
 
 // ---------------------------------------------------------------- colours, numbers, elements
 
 // Okabe & Ito 2008, told apart with any colour vision; receivers have numbers besides.
 const RECEIVERS = ["#0072b2", "#e69f00", "#009e73", "#56b4e9", "#cc79a7", "#8c6e1e"];
 const SEARCHES = ["#d55e00", "#7b3294", "#00624a", "#8c510a"];
-const INK = "#000", FAINT = "#555", GRID = "#e2e2e2";
-// The same hues, darker.
-const RECEIVERS_IN_THE_SUN = ["#004c7a", "#9a5b00", "#00543d", "#1f6fa0", "#8b3f6e", "#4d3b0c"];
+const SHEET = {
+  ink: "#000", faint: "#555", grid: "#e2e2e2", paper: "#fff", veil: "#ffffff33", plate: "#ffffffd0", receivers: RECEIVERS, searches: SEARCHES,
+  width: 1, past: 0.35, area: 1, levels: [25, 30],
+};
+// The hues of a sheet, darker on white for the sun, and lighter on black for the night.
+const IN_THE_SUN = {
+  ...SHEET, faint: "#000", grid: "#9a9a9a", veil: "#ffffff8c", width: 1.8, past: 0.5, area: 1.8,
+  receivers: ["#004c7a", "#9a5b00", "#00543d", "#1f6fa0", "#8b3f6e", "#4d3b0c"],
+};
+const AT_NIGHT = {
+  ...SHEET, ink: "#f0f0f0", faint: "#b9bfc4", grid: "#2f353a", paper: "#16191c", veil: "#16191c99", plate: "#16191cd0", past: 0.5, levels: [45, 35],
+  receivers: ["#5aaee6", "#f0a830", "#2fc79a", "#a5dbfb", "#e39ac6", "#c9a65a"], searches: ["#ff8438", "#c892e6", "#5fd6b6", "#d8a066"],
+};
+// How the map is drawn now: colours, how thick lines are and how faint what is past.
+let look = SHEET;
 const receiverColour = (index) => look.receivers[index % RECEIVERS.length];
-const searchColour = (index) => SEARCHES[index % SEARCHES.length];
+const searchColour = (index) => look.searches[index % SEARCHES.length];
 
 const TAU = 2 * Math.PI;
 const compass = (angle) => (((90 - (angle * 180) / Math.PI) % 360) + 360) % 360;
@@ -29,8 +46,21 @@ function element(tag, attributes, ...children) {
   return made;
 }
 
-// A row of a table, without the cells that are null.
-const row = (cells, tag) => element("tr", {}, ...cells.filter((cell) => cell !== null).map((cell) => element(tag, {}, cell)));
+// A table, without the columns whose head is null; a narrow screen has each cell below its head.
+function filled(table, head, rows) {
+  const shown = head.map((name, index) => [name, index]).filter(([name]) => name !== null);
+  const line = (cells) => element("tr", {}, ...shown.map(([name, index]) => element("td", { "data-name": name }, cells[index])));
+  table.className = "reflow";
+  table.replaceChildren(
+    element("thead", {}, element("tr", {}, ...shown.map(([name]) => element("th", { scope: "col" }, name)))),
+    element("tbody", {}, ...rows.map(line)));
+  return table;
+}
+
+// A distance in metres as people read it.
+const metres = (value) => (value >= 9999.5 ? `${fixed(value / 1000, 1)} km` : `${fixed(value, value >= 999.5 ? 0 : 1)} m`);
+// East and North in metres, in the words of a compass.
+const directed = ([east, north]) => `${metres(Math.abs(east))} ${east < 0 ? "W" : "E"}, ${metres(Math.abs(north))} ${north < 0 ? "S" : "N"}`;
 
 function drawn(tag, attributes, text) {
   const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
@@ -84,7 +114,7 @@ function survey() {
   receivedTimes = received.map((one) => one.time);
   for (const search of data.searches) {
     search.original ||= search.beliefs;
-    search.first ||= { regions: search.regions, rivals: search.rivals, remarks: search.remarks || [], rows: search.rows || [], of_rows: search.of_rows, smoothed: search.smoothed };
+    search.first ||= { regions: search.regions, rivals: search.rivals, heat: search.heat, remarks: search.remarks || [], rows: search.rows || [], of_rows: search.of_rows, smoothed: search.smoothed };
     search.times = search.beliefs.map((belief) => belief.time);
     search.unpacked ||= new Map();
   }
@@ -148,10 +178,8 @@ const onEarth = (place) => earth.toDegrees(place).map((value) => value.toFixed(6
 
 // ---------------------------------------------------------------- the state
 
-const state = { time: end, playing: false, selected: null, layers: {}, contrast: false };
-
-// How thick lines and how faint what is past is drawn; in the sun nothing is faint.
-const look = { width: 1, past: 0.35, area: 1, grid: GRID, receivers: RECEIVERS };
+const state = { time: end, playing: false, selected: null, layers: {}, dark: false, contrast: false };
+const levelUnit = data.relative_levels ? "dB" : "dBm";
 
 // ---------------------------------------------------------------- the map
 
@@ -159,12 +187,16 @@ const canvas = byId("map"), context = canvas.getContext("2d");
 const view = { east: 0, north: 0, scale: 1, width: 1, height: 1, moved: false };
 
 let extent, rayLength;
-function measure() {
+function findExtent() {
   let [west, south, east, north] = [Infinity, Infinity, -Infinity, -Infinity];
   const add = (e, n) => {
     west = Math.min(west, e); east = Math.max(east, e); south = Math.min(south, n); north = Math.max(north, n);
   };
   for (const receiver of data.receivers) for (const knot of receiver.path) add(knot[1], knot[2]);
+  if (data.searched) {
+    const { corner, cell, columns, numbers } = data.searched;
+    add(...corner); add(corner[0] + columns * cell, corner[1] + (numbers.length / 2 / columns) * cell);
+  }
   for (const one of received) add(one.place[0], one.place[1]);
   for (const search of data.searches) {
     for (const knot of search.truth) add(knot[1], knot[2]);
@@ -181,7 +213,7 @@ function measure() {
   extent = { west: west - least, south: south - least, east: east + least, north: north + least };
   rayLength = Math.max(0.6 * Math.hypot(extent.east - extent.west, extent.north - extent.south), 10);
 }
-measure();
+findExtent();
 
 function fit() {
   const margin = 46;
@@ -211,7 +243,7 @@ function path(points, close) {
 
 function label(text, px, py, colour) {
   context.font = "600 14px system-ui, sans-serif";
-  context.lineWidth = 4; context.strokeStyle = "#fff"; context.lineJoin = "round";
+  context.lineWidth = 4; context.strokeStyle = look.paper; context.lineJoin = "round";
   context.strokeText(text, px, py);
   context.fillStyle = colour; context.fillText(text, px, py);
 }
@@ -220,11 +252,11 @@ function label(text, px, py, colour) {
 let drawTiles = null;
 
 function drawGround() {
-  context.fillStyle = "#fff"; context.fillRect(0, 0, view.width, view.height);
+  context.fillStyle = look.paper; context.fillRect(0, 0, view.width, view.height);
   if (drawTiles && state.layers.tiles) drawTiles();
   const step = nice(90 / view.scale), [west, north] = toPlace(0, 0), [east, south] = toPlace(view.width, view.height);
   const decimals = step < 1 ? Math.ceil(-Math.log10(step)) : 0;
-  context.lineWidth = 1; context.strokeStyle = look.grid; context.fillStyle = state.contrast ? INK : FAINT; context.font = "12px system-ui, sans-serif";
+  context.lineWidth = 1; context.strokeStyle = look.grid; context.fillStyle = look.faint; context.font = "12px system-ui, sans-serif";
   context.textAlign = "center";
   for (let e = Math.ceil(west / step) * step; e <= east; e += step) {
     context.beginPath(); context.moveTo(x(e), 0); context.lineTo(x(e), view.height); context.stroke();
@@ -239,8 +271,8 @@ function drawGround() {
 
 function drawScaleAndNorth() {
   const bar = nice(70 / view.scale), px = bar * view.scale, right = view.width - 16, bottom = view.height - 14;
-  context.fillStyle = "#ffffffd0"; context.fillRect(right - px - 8, bottom - 24, px + 16, 34);
-  context.strokeStyle = INK; context.fillStyle = INK; context.lineWidth = 3;
+  context.fillStyle = look.plate; context.fillRect(right - px - 8, bottom - 24, px + 16, 34);
+  context.strokeStyle = look.ink; context.fillStyle = look.ink; context.lineWidth = 3;
   context.beginPath(); context.moveTo(right - px, bottom); context.lineTo(right, bottom); context.stroke();
   context.textAlign = "center"; context.font = "600 13px system-ui, sans-serif";
   context.fillText(bar >= 1000 ? `${bar / 1000} km` : `${bar} m`, right - px / 2, bottom - 8);
@@ -252,10 +284,8 @@ function drawScaleAndNorth() {
 }
 
 // Viridis-like steps from weak to strong, legible without colour vision by their lightness.
-function levelColour(dbm) {
-  const share = highest > lowest ? (dbm - lowest) / (highest - lowest) : 1;
-  return `hsl(${Math.round(270 - 215 * share)} 75% ${Math.round(25 + 30 * share)}%)`;
-}
+const shareColour = (share) => `hsl(${Math.round(270 - 215 * share)} 75% ${Math.round(look.levels[0] + look.levels[1] * share)}%)`;
+const levelColour = (dbm) => shareColour(highest > lowest ? (dbm - lowest) / (highest - lowest) : 1);
 
 function wedge(one, alpha) {
   const [angle, sigma] = one.bearing, [e, n] = one.place, reach = Math.min(sigma, Math.PI);
@@ -268,7 +298,7 @@ function wedge(one, alpha) {
 function ray(one, angle, dash, width, alpha) {
   const [e, n] = one.place;
   context.globalAlpha = alpha; context.lineWidth = width * look.width; context.setLineDash(dash);
-  context.strokeStyle = one.struck ? FAINT : receiverColour(one.receiver);
+  context.strokeStyle = one.struck ? look.faint : receiverColour(one.receiver);
   path([[e, n], [e + rayLength * Math.cos(angle), n + rayLength * Math.sin(angle)]]); context.stroke();
   context.setLineDash([]); context.globalAlpha = 1;
 }
@@ -314,8 +344,8 @@ function drawStruck(one) {
     }
     context.stroke();
   };
-  context.lineWidth = 5; context.strokeStyle = "#fff"; cross();
-  context.lineWidth = 2.5; context.strokeStyle = INK; cross();
+  context.lineWidth = 5; context.strokeStyle = look.paper; cross();
+  context.lineWidth = 2.5; context.strokeStyle = look.ink; cross();
 }
 
 function drawPlaces(count) {
@@ -325,14 +355,14 @@ function drawPlaces(count) {
       context.beginPath(); context.arc(x(one.place[0]), y(one.place[1]), radius, 0, TAU);
       context.fillStyle = !hasBearings && one.level ? levelColour(one.level[0]) : receiverColour(one.receiver);
       if (one.level || one.bearing) context.fill();
-      else { context.strokeStyle = FAINT; context.lineWidth = 1.5; context.stroke(); }
+      else { context.strokeStyle = look.faint; context.lineWidth = 1.5; context.stroke(); }
     }
   }
   for (let i = 0; i < count; i += 1) if (received[i].struck) drawStruck(received[i]);
   const selected = received[state.selected];
   if (selected) {
     context.beginPath(); context.arc(x(selected.place[0]), y(selected.place[1]), 10, 0, TAU);
-    context.lineWidth = 3; context.strokeStyle = INK; context.stroke();
+    context.lineWidth = 3; context.strokeStyle = look.ink; context.stroke();
   }
 }
 
@@ -342,7 +372,7 @@ function drawPaths() {
     if (!here) return;
     path([...receiver.path.slice(0, count).map((knot) => [knot[1], knot[2]]), here]);
     context.lineJoin = "round";
-    context.lineWidth = 6; context.strokeStyle = "#fff"; context.stroke();
+    context.lineWidth = 6; context.strokeStyle = look.paper; context.stroke();
     context.lineWidth = 3; context.strokeStyle = receiverColour(index); context.globalAlpha = 0.8; context.stroke(); context.globalAlpha = 1;
   });
 }
@@ -354,9 +384,9 @@ function drawReceivers() {
     if (!here) return;
     context.beginPath(); context.arc(x(here[0]), y(here[1]), 10, 0, TAU);
     context.fillStyle = receiverColour(index); context.fill();
-    context.lineWidth = 2; context.strokeStyle = "#fff"; context.stroke();
+    context.lineWidth = 2; context.strokeStyle = look.paper; context.stroke();
     context.font = "700 13px system-ui, sans-serif"; context.textAlign = "center";
-    context.fillStyle = !state.contrast && (index % RECEIVERS.length === 1 || index % RECEIVERS.length === 3) ? "#000" : "#fff";
+    context.fillStyle = state.dark || (!state.contrast && (index % RECEIVERS.length === 1 || index % RECEIVERS.length === 3)) ? "#000" : "#fff";
     context.fillText(String(index + 1), x(here[0]), y(here[1]) + 4.5); context.textAlign = "left";
   });
 }
@@ -387,7 +417,8 @@ function drawSearch(search, index) {
     for (const part of search.regions) {
       context.beginPath();
       for (const border of part) border.forEach(([e, n], i) => (i ? context.lineTo(x(e), y(n)) : context.moveTo(x(e), y(n))));
-      context.globalAlpha = 0.2; context.fillStyle = colour; context.fill("evenodd");
+      // The heat map is its area.
+      if (!state.layers.heat) { context.globalAlpha = 0.2; context.fillStyle = colour; context.fill("evenodd"); }
       context.globalAlpha = 1; context.lineWidth = 1.5; context.strokeStyle = colour; context.stroke();
     }
   }
@@ -415,7 +446,7 @@ function drawSearch(search, index) {
         label(`rival, ${density.toFixed(2)}`, x(e) + 10, y(n) + 5, colour);
       }
     }
-    context.lineWidth = 6; context.strokeStyle = "#fff";
+    context.lineWidth = 6; context.strokeStyle = look.paper;
     const cross = () => {
       context.beginPath(); context.moveTo(px - 9, py); context.lineTo(px + 9, py); context.moveTo(px, py - 9); context.lineTo(px, py + 9);
       context.stroke();
@@ -446,7 +477,7 @@ function drawTruth(search) {
   if (!search.truth.length) return;
   const here = placeAt(search.truth, search.truth.map((knot) => knot[0]), state.time) || [search.truth[0][1], search.truth[0][2]];
   if (search.truth.length > 1) {
-    context.lineWidth = 1.5; context.strokeStyle = INK; context.setLineDash([8, 4]);
+    context.lineWidth = 1.5; context.strokeStyle = look.ink; context.setLineDash([8, 4]);
     path(search.truth.map((knot) => [knot[1], knot[2]])); context.stroke(); context.setLineDash([]);
   }
   const [px, py] = [x(here[0]), y(here[1])];
@@ -455,13 +486,14 @@ function drawTruth(search) {
     const radius = i % 2 ? 4 : 10, angle = -Math.PI / 2 + (i * Math.PI) / 5;
     context.lineTo(px + radius * Math.cos(angle), py + radius * Math.sin(angle));
   }
-  context.closePath(); context.fillStyle = INK; context.fill(); context.lineWidth = 1.5; context.strokeStyle = "#fff"; context.stroke();
+  context.closePath(); context.fillStyle = look.ink; context.fill(); context.lineWidth = 1.5; context.strokeStyle = look.paper; context.stroke();
 }
 
 function drawMap() {
   const ratio = window.devicePixelRatio || 1;
   context.setTransform(ratio, 0, 0, ratio, 0, 0);
   drawGround();
+  drawFields();
   const count = countUntil(receivedTimes, state.time);
   drawReceived(count);
   if (state.layers.paths) drawPaths();
@@ -470,6 +502,7 @@ function drawMap() {
   if (state.layers.smoothed) data.searches.forEach(drawSmoothed);
   if (state.layers.truth) data.searches.forEach(drawTruth);
   if (state.layers.paths) drawReceivers();
+  drawTools();
   drawScaleAndNorth();
 }
 
@@ -518,7 +551,7 @@ canvas.addEventListener("pointerdown", (event) => {
 canvas.addEventListener("pointermove", (event) => {
   const now = [event.offsetX, event.offsetY], before = pointers.get(event.pointerId);
   const place = toPlace(...now);
-  byId("pointer").textContent = `${fixed(place[0], 1)} E  ${fixed(place[1], 1)} N` + (earth ? `  (${onEarth(place)})` : "");
+  byId("pointer").textContent = directed(place) + (earth ? `  (${onEarth(place)})` : "") + valueAt(place);
   if (!before) return;
   if (pointers.size === 2) {
     const other = [...pointers].find(([id]) => id !== event.pointerId)[1];
@@ -533,7 +566,8 @@ canvas.addEventListener("pointermove", (event) => {
 });
 canvas.addEventListener("pointerup", (event) => {
   pointers.delete(event.pointerId);
-  if (pressed) select(receptionAt(...pressed.at, pressed.touch ? 22 : 10));
+  if (pressed && measuring) addMeasured(toPlace(...pressed.at));
+  else if (pressed) select(receptionAt(...pressed.at, pressed.touch ? 22 : 10));
   pressed = null;
 });
 canvas.addEventListener("pointercancel", (event) => { pointers.delete(event.pointerId); pressed = null; });
@@ -541,6 +575,11 @@ canvas.addEventListener("wheel", (event) => {
   event.preventDefault();
   zoom(Math.exp(-0.0015 * event.deltaY), event.offsetX, event.offsetY);
 }, { passive: false });
+// Moves the map by shares of its size.
+function pan(right, up) {
+  view.east += (right * view.width) / view.scale; view.north += (up * view.height) / view.scale; view.moved = true;
+  redraw();
+}
 byId("zoom-in").addEventListener("click", () => zoom(1.5));
 byId("zoom-out").addEventListener("click", () => zoom(1 / 1.5));
 byId("zoom-fit").addEventListener("click", () => { fit(); redraw(); });
@@ -548,10 +587,14 @@ byId("zoom-fit").addEventListener("click", () => { fit(); redraw(); });
 // ---------------------------------------------------------------- what is shown
 
 const LAYERS = [
-  ["tiles", "map", `<path d="M1 3l9-2 10 3 9-2v11l-9 2-10-3-9 2z" fill="#cfe8cf" stroke="#555"/>`, () => data.live && data.live.tiles],
+  ["tiles", "map", `<path d="M1 3l9-2 10 3 9-2v11l-9 2-10-3-9 2z" fill="#cfe8cf" stroke="#555"/>`, () => hasTiles],
+  ["levels", "map of the level", `<rect width="30" height="16" fill="#21918c"/><path d="M15 0h15v16H20z" fill="#b8b021"/>`, () => data.searches.some((s) => s.level_map)],
+  ["searched", "searched, nothing heard", `<rect width="30" height="16" fill="#5b7c99" opacity=".7"/><path d="M0 0h9v16H0z" fill="#5b7c99"/>`, () => data.searched],
+  ["heat", "heat map of the belief", `<circle cx="15" cy="8" r="7.5" fill="#d55e00" opacity=".25"/><circle cx="15" cy="8" r="5" fill="#d55e00" opacity=".4"/><circle cx="15" cy="8" r="2.5" fill="#d55e00"/>`,
+    () => data.searches.some((s) => s.beliefs.some((b) => b.cloud || b.ellipse))],
   ["paths", "receivers and paths", `<circle cx="8" cy="8" r="6" fill="#0072b2"/><path d="M14 8h16" stroke="#0072b2" stroke-width="2"/>`, () => true],
   ["places", "receptions", `<circle cx="9" cy="8" r="4" fill="#0072b2"/><circle cx="21" cy="8" r="4" fill="#009e73"/>`, () => true],
-  ["bearings", "bearings (dashed: not used)", `<path d="M0 8h30" stroke="#0072b2" stroke-width="2.5"/>`, () => hasBearings],
+  ["bearings", "bearings", `<path d="M0 8h30" stroke="#0072b2" stroke-width="2.5"/>`, () => hasBearings],
   ["wedges", "± σ of the latest", `<path d="M0 8L30 0V16z" fill="#0072b2" opacity=".35"/>`, () => hasBearings],
   ["rivals", "rival directions", `<path d="M0 8h30" stroke="#0072b2" stroke-width="2" stroke-dasharray="2 4"/>`, () => received.some((one) => one.modes)],
   ["estimates", "estimates", `<path d="M15 1v14M8 8h14" stroke="#d55e00" stroke-width="3"/>`, () => data.searches.length],
@@ -563,17 +606,20 @@ const LAYERS = [
   ["regions", "95 % region", `<path d="M2 12Q8-6 15 6T28 4L26 14z" fill="#d55e00" opacity=".35"/>`, () => data.searches.some((s) => s.regions.length)],
   ["cloud", "belief", `<g fill="#d55e00" opacity=".6"><rect x="6" y="4" width="3" height="3"/><rect x="12" y="9" width="3" height="3"/><rect x="17" y="5" width="3" height="3"/><rect x="22" y="10" width="3" height="3"/></g>`,
     () => data.searches.some((s) => s.beliefs.some((b) => b.cloud))],
-  ["truth", "truth", `<path d="M15 1l2 5h5l-4 3 2 6-5-4-5 4 2-6-4-3h5z"/>`, () => data.searches.some((s) => s.truth.length)],
+  ["rings", "range rings", `<g fill="none" stroke="currentColor"><circle cx="15" cy="8" r="7"/><circle cx="15" cy="8" r="3.5"/></g>`, () => data.searches.length || received.length],
+  ["truth", "truth", `<path fill="currentColor" d="M15 1l2 5h5l-4 3 2 6-5-4-5 4 2-6-4-3h5z"/>`, () => data.searches.some((s) => s.truth.length)],
 ];
 // Boxes for what there is; what comes later gets its box then.
 function showLayers() {
   for (const layer of LAYERS) if (!(layer[0] in state.layers) && layer[3]()) showLayer(layer);
 }
+// Layers that are there on request: the heat map shows what the belief's places do.
+const ON_REQUEST = ["cloud", "levels", "rings"];
 function showLayer([name, text, icon]) {
-  state.layers[name] = true;
+  state.layers[name] = !ON_REQUEST.includes(name);
   const box = element("input", { type: "checkbox", id: `layer-${name}` });
-  box.checked = true;
-  box.addEventListener("change", () => { state.layers[name] = box.checked; redraw(); });
+  box.checked = state.layers[name];
+  box.addEventListener("change", () => { state.layers[name] = box.checked; showLegend(); redraw(); });
   const picture = drawn("svg", { viewBox: "0 0 30 16", "aria-hidden": "true" });
   picture.innerHTML = icon; // a constant of this file
   const made = element("label", {}, box, picture, text), order = LAYERS.findIndex((layer) => layer[0] === name);
@@ -585,38 +631,39 @@ showLayers();
 
 // ---------------------------------------------------------------- the drones' health
 
+// Share of a battery below which it is said to be low.
+const LOW_BATTERY = 0.25;
+
 let shownHealth = "";
 function showHealth() {
   const receivers = data.receivers.filter((receiver) => receiver.health?.length);
-  // The autopilot's own height above the ground, where any has one.
-  const heights = receivers.some((receiver) => receiver.health.some((entry) => entry[4]));
-  const cells = receivers.map((receiver) => {
+  const said = receivers.map((receiver) => {
     const known = receiver.health.findLast((entry) => entry[0] <= state.time);
-    if (!known) return [receiver.name, "", "", "", ...(heights ? [""] : [])];
-    const [, battery, linked, sigma, height] = known;
-    return [
-      receiver.name,
-      battery === null ? "not reported" : `${Math.round(100 * battery)} %`,
-      linked ? "ok" : "no messages",
-      sigma === null ? "not known" : `± ${sigma.toFixed(1)} m`,
-      ...(heights ? [height ? `${height[0].toFixed(1)} m (${height[1]})` : "not reported"] : []),
+    if (!known) return [`${receiver.name}: no messages yet`, false];
+    const [, battery, linked, sigma, height] = known, isLow = battery !== null && battery < LOW_BATTERY;
+    const parts = [
+      battery === null ? "battery not reported" : `${isLow ? "⚠ " : ""}battery ${Math.round(100 * battery)} %`,
+      linked ? "link ok" : "⚠ no messages",
+      sigma === null ? "place not known" : `± ${sigma.toFixed(1)} m`,
+      // The autopilot's own height above the ground, where it has one.
+      height ? `${height[0].toFixed(1)} m above ground (${height[1]})` : null,
     ];
+    return [`${receiver.name}: ${parts.filter(Boolean).join(", ")}`, isLow || !linked];
   });
-  const key = cells.join();
+  const key = said.join();
   if (key === shownHealth) return;
   shownHealth = key;
-  byId("drones-section").hidden = !cells.length;
-  byId("drones").replaceChildren(
-    element("thead", {}, row(["drone", "battery", "link", "position (σ)", ...(heights ? ["above ground"] : [])], "th")),
-    element("tbody", {}, ...cells.map((line) => row(line, "td"))),
-  );
+  byId("drones-section").hidden = !said.length;
+  byId("drones").replaceChildren(...said.map(([text, isBad]) => element("li", isBad ? { class: "bad" } : {}, text)));
 }
 
 // ---------------------------------------------------------------- the table of fixes
 
 function showFixes() {
   const known = data.searches.some((search) => search.truth.length);
-  const head = ["beacon", data.origin ? "lat, lon" : null, "east m", "north m", "95 % m", known ? "error m" : null];
+  const head = ["beacon", "place", "95 % ellipse", known ? "error" : null];
+  // On Earth, and below from the origin.
+  const placed = (place) => (earth ? element("span", {}, onEarth(place), " ", element("span", { class: "outcome" }, directed(place))) : directed(place));
   const rows = data.searches.map((search, index) => {
     const belief = beliefAt(search, state.time);
     const swatch = element("span", { class: "swatch", style: `border-color:${searchColour(index)}` });
@@ -627,15 +674,14 @@ function showFixes() {
     const scaled = own ? `95 % by your own recordings (n = ${search.conformal[0]}): ${own.slice(0, 2).map((axis) => fixed(axis * search.conformal[1], 2)).join(" × ")} m` : "";
     const outcome = element("span", { class: "outcome" }, belief ? [ended, `${belief.steps} used`, scaled].filter(Boolean).join(", ") : search.failure || "not yet");
     const name = element("span", {}, swatch, search.name, " ", outcome);
-    if (!belief) return row([name, data.origin ? "" : null, "", "", "", known ? "" : null], "td");
-    return row([
-      name, data.origin ? onEarth(belief.place) : null, fixed(belief.place[0], 2), fixed(belief.place[1], 2),
-      belief.ellipse ? `${fixed(belief.ellipse[0], 2)} × ${fixed(belief.ellipse[1], 2)}` : "–",
-      known ? fixed(belief.error ?? NaN, 2) : null,
-    ], "td");
+    if (!belief) return [name, "–", "–", "–"];
+    return [
+      name, placed(belief.place),
+      belief.ellipse ? `${fixed(belief.ellipse[0], 2)} × ${fixed(belief.ellipse[1], 2)} m` : "–", `${fixed(belief.error ?? NaN, 2)} m`,
+    ];
   });
-  byId("fixes").classList.toggle("on-earth", Boolean(data.origin));
-  byId("fixes").replaceChildren(element("thead", {}, row(head, "th")), element("tbody", {}, ...rows));
+  filled(byId("fixes"), head, rows);
+  showCoordinates();
 }
 
 // ---------------------------------------------------------------- remarks, and the rows that fit worst
@@ -654,15 +700,14 @@ function showDoubts() {
 }
 
 function rowsTable(rows) {
-  const several = data.searches.length > 1, named = rows.some((one) => one.receiver);
+  const several = data.searches.length > 1, named = rows.some((one) => one.receiver), some = rows.some((one) => one.left_out);
   const cells = (one) => [
-    `${one.file}, line ${one.line}`, several ? one.beacon : null, named ? one.receiver || "" : null, one.kind.replace("-", " "),
+    `${one.file}, line ${one.line}`, one.beacon, one.receiver || "", one.kind.replace("-", " "),
     `${one.residual > 0 ? "+" : ""}${fixed(one.residual, 1)}${one.unit === "deg" ? "°" : " " + one.unit}`,
-    one.p === undefined ? "–" : one.p < 0.001 ? one.p.toExponential(0) : fixed(one.p, 3), one.left_out ? "left out" : "",
+    one.p === undefined ? "–" : one.p < 0.001 ? one.p.toExponential(0) : fixed(one.p, 3), one.left_out ? "left out" : "used",
   ];
-  const head = row(["row", several ? "beacon" : null, named ? "receiver" : null, "measured", "residual", "p", ""], "th");
-  const body = rows.map((one) => row(cells(one), "td"));
-  return element("div", { class: "wide" }, element("table", {}, element("thead", {}, head), element("tbody", {}, ...body)));
+  const head = ["row", several ? "beacon" : null, named ? "receiver" : null, "measured", "residual", "p", some ? "estimate" : null];
+  return element("div", { class: "wide" }, filled(element("table"), head, rows.map(cells)));
 }
 
 function showRows() {
@@ -676,7 +721,7 @@ function showRows() {
     const fold = element("details", {}, element("summary", {}, text));
     // Thousands of rows are made when they are wanted.
     fold.addEventListener("toggle", () => {
-      if (fold.open && fold.children.length < 2) fold.append(element("div", { class: "all" }, rowsTable(rows)));
+      if (fold.open && fold.children.length < 2) fold.append(element("div", { class: "all", tabindex: "0", role: "region", "aria-label": text }, rowsTable(rows)));
     });
     parts.push(fold);
   }
@@ -701,14 +746,14 @@ function polar(one) {
   bottom -= Math.max(0.15 * (top - bottom), 1);
   const at = (angle, share) => [centre + radius * share * Math.cos(angle), centre - radius * share * Math.sin(angle)];
   const share = (level) => Math.min(Math.max((level - bottom) / (top - bottom), 0), 1);
-  svg.append(drawn("circle", { cx: centre, cy: centre, r: radius, fill: "none", stroke: "#777" }));
+  svg.append(drawn("circle", { cx: centre, cy: centre, r: radius, fill: "none", stroke: look.faint }));
   for (let level = Math.ceil(bottom / step) * step; level <= top && turn; level += step) {
-    svg.append(drawn("circle", { cx: centre, cy: centre, r: radius * share(level), fill: "none", stroke: "#bbb" }));
-    svg.append(drawn("text", { x: centre + 3, y: centre - radius * share(level) + 11, "font-size": 10, fill: FAINT }, `${+level.toFixed(6)}`));
+    svg.append(drawn("circle", { cx: centre, cy: centre, r: radius * share(level), fill: "none", stroke: look.grid }));
+    svg.append(drawn("text", { x: centre + 3, y: centre - radius * share(level) + 11, "font-size": 10, fill: look.faint }, `${+level.toFixed(6)}`));
   }
   for (const [text, angle] of [["N", TAU / 4], ["E", 0], ["S", -TAU / 4], ["W", TAU / 2]]) {
     const [px, py] = at(angle, 1.13);
-    svg.append(drawn("text", { x: px, y: py + 5, "text-anchor": "middle", "font-size": 14, "font-weight": 600 }, text));
+    svg.append(drawn("text", { x: px, y: py + 5, "text-anchor": "middle", "font-size": 14, "font-weight": 600, fill: look.ink }, text));
   }
   const sector = (angle, sigma, colour) => {
     const reach = Math.min(sigma, Math.PI * 0.999), [ax, ay] = at(angle - reach, 1), [bx, by] = at(angle + reach, 1);
@@ -736,9 +781,9 @@ function polar(one) {
       const [px, py] = at(turn.samples[i], share(turn.samples[i + 1]));
       dots += `M${px.toFixed(1)} ${py.toFixed(1)}h0`;
     }
-    svg.append(drawn("path", { d: dots, stroke: "#777", "stroke-width": 2.5, "stroke-linecap": "round", class: "samples" }));
-    svg.append(drawn("path", { d: curve(turn.smoothed), fill: "none", stroke: "#0072b2", "stroke-width": 2.5, class: "smoothed" }));
-    svg.append(drawn("path", { d: curve(turn.fitted), fill: "none", stroke: "#d55e00", "stroke-width": 2, "stroke-dasharray": "5 3", class: "fitted" }));
+    svg.append(drawn("path", { d: dots, stroke: look.faint, "stroke-width": 2.5, "stroke-linecap": "round", class: "samples" }));
+    svg.append(drawn("path", { d: curve(turn.smoothed), fill: "none", stroke: look.receivers[0], "stroke-width": 2.5, class: "smoothed" }));
+    svg.append(drawn("path", { d: curve(turn.fitted), fill: "none", stroke: look.searches[0], "stroke-width": 2, "stroke-dasharray": "5 3", class: "fitted" }));
   }
   for (const mode of one.modes || []) line(mode[1], { stroke: colour, "stroke-width": 2, "stroke-dasharray": "2 4" });
   if (one.bearing) line(one.bearing[0], { stroke: colour, "stroke-width": 3.5, class: "bearing" });
@@ -747,7 +792,7 @@ function polar(one) {
     const there = placeAt(truth, truth.map((knot) => knot[0]), one.time) || [truth[0][1], truth[0][2]];
     const angle = Math.atan2(there[1] - one.place[1], there[0] - one.place[0]);
     const [ax, ay] = at(angle, 0.97), [bx, by] = at(angle, 1.07);
-    svg.append(drawn("path", { d: `M${ax} ${ay}L${bx} ${by}`, stroke: INK, "stroke-width": 5, class: "true" }));
+    svg.append(drawn("path", { d: `M${ax} ${ay}L${bx} ${by}`, stroke: look.ink, "stroke-width": 5, class: "true" }));
   }
   return svg;
 }
@@ -763,8 +808,8 @@ function showTurn() {
   if (!one) { body.replaceChildren(element("p", { class: "remark" }, "Nothing received yet.")); return; }
   const rows = [["receiver", data.receivers[one.receiver]?.name ?? String(one.receiver + 1)], ["time", clockText(one.time)]];
   if (one.search !== null && data.searches[one.search]) rows.push(["beacon", data.searches[one.search].name]);
-  rows.push(["place", `${fixed(one.place[0], 1)} E ${fixed(one.place[1], 1)} N ${fixed(one.place[2], 1)} up`]);
-  if (one.level) rows.push(["level", `${fixed(one.level[0], 1)} ± ${fixed(one.level[1], 1)} dB(m)`]);
+  rows.push(["place", `${directed(one.place)}, ${metres(one.place[2])} up`]);
+  if (one.level) rows.push(["level", `${fixed(one.level[0], 1)} ± ${fixed(one.level[1], 1)} ${levelUnit}`]);
   if (one.bearing) {
     rows.push(["bearing", `${fixed(compass(one.bearing[0]), 1)}° compass`], ["σ", degrees(one.bearing[1])], ["confidence", fixed(one.bearing[2], 2)]);
   }
@@ -776,7 +821,7 @@ function showTurn() {
   for (const [term, text] of rows) list.append(element("dt", {}, term), element("dd", {}, text));
   const side = element("div", {}, list, ...strikeButton(one));
   side.append(element("p", { class: "remark" }, one.turn
-    ? "Grey: samples in dB(m). Blue: mean over seven positions. Orange, dashed: the antenna, where it is known. Line and sector: bearing ± σ. Black tick: the truth."
+    ? `Grey: samples in ${levelUnit}. Blue: mean over seven positions. Orange, dashed: the antenna, where it is known. Line and sector: bearing ± σ. Thick tick: the truth.`
     : hasBearings ? "No samples of its turn were kept." : ""));
   body.replaceChildren(...(one.turn || one.bearing ? [polar(one)] : []), side);
 }
@@ -815,8 +860,8 @@ function addChart(title, series, options) {
     width: width(), height: 190, cursor: { drag: { x: true, y: false } }, legend: { live: false },
     scales: { x: { time: false, range: (_, low, high) => (low === high ? [low - 1, high + 1] : [low, high]) }, y: options.scale },
     axes: [
-      { values: (_, ticks) => ticks.map((tick) => fixed(tick - (begin > 1e6 ? begin : 0), 0)), stroke: INK, grid: { stroke: GRID, width: 1 }, size: 34 },
-      { stroke: INK, grid: { stroke: GRID, width: 1 }, size: 52, ...options.axis },
+      { values: (_, ticks) => ticks.map((tick) => fixed(tick - (begin > 1e6 ? begin : 0), 0)), stroke: look.ink, grid: { stroke: look.grid, width: 1 }, size: 34 },
+      { stroke: look.ink, grid: { stroke: look.grid, width: 1 }, size: 52, ...options.axis },
     ],
     bands: options.bands,
     series: [{ label: "time" }, ...series.map((one) => ({ spanGaps: true, ...one.style }))],
@@ -830,11 +875,15 @@ function addChart(title, series, options) {
   charts.push({ plot, now, width });
 }
 
-function powersOfTen(low, high) {
-  const powers = [];
-  for (let power = Math.floor(Math.log10(low)); power <= Math.ceil(Math.log10(high)); power += 1) powers.push(10 ** power);
-  return powers.filter((power) => power >= low * 0.999 && power <= high * 1.001);
+// Lines of a logarithmic axis: 1, 2 and 5 times the powers of ten over up to two decades, and the powers alone beyond.
+function logSteps(low, high) {
+  const steps = [], times = high / low > 100 ? [1] : [1, 2, 5];
+  for (let power = Math.floor(Math.log10(low)); power <= Math.ceil(Math.log10(high)); power += 1) steps.push(...times.map((one) => one * 10 ** power));
+  return steps.filter((step) => step >= low * 0.999 && step <= high * 1.001);
 }
+
+// A logarithmic scale that ends where its data do.
+const LOG_SCALE = { distr: 3, range: (_, low, high) => (low > 0 ? [low / 1.25, high * 1.25] : [0.1, 10]) };
 
 function positive(values, least) {
   return values.map((value) => (value === null || value === undefined ? null : Math.max(value, least)));
@@ -843,7 +892,7 @@ function positive(values, least) {
 function makeCharts() {
   const several = data.searches.filter((search) => search.beliefs.length > 1);
   if (!several.length) return;
-  const sizes = [], logScale = { distr: 3, range: { min: { mode: 2, hard: 1e-3 }, max: { mode: 2 } } };
+  const sizes = [];
   several.forEach((search) => {
     const index = data.searches.indexOf(search), stroke = searchColour(index);
     const times = search.times, semiAxis = (i) => positive(search.beliefs.map((b) => b.ellipse && b.ellipse[i]), 1e-3);
@@ -854,9 +903,8 @@ function makeCharts() {
     sizes.push({ data: [times, semiAxis(1)], style: { label: "semi-minor", points: { show: false }, stroke, width: 1.5, dash: [2, 3] } });
   });
   const plain = (_, ticks) => ticks.map((tick) => (tick === null || tick === undefined ? "" : String(+tick.toPrecision(3))));
-  // Powers of ten alone: lines for all their multiples would be grey ground.
-  const axis = { values: plain, splits: (_, __, low, high) => powersOfTen(low, high), filter: (_, splits) => splits };
-  addChart("Error and 95 % semi-axes in m, over s", sizes, { scale: logScale, axis });
+  const axis = { values: plain, splits: (_, __, low, high) => logSteps(low, high), filter: (_, splits) => splits };
+  addChart(`${sizes.some(({ style }) => style.label.endsWith("error")) ? "Error and 95 % semi-axes" : "95 % semi-axes"} in m, over s`, sizes, { scale: LOG_SCALE, axis });
   const tested = received.filter((one) => one.nis && one.nis[1] > 0);
   if (!tested.length) return;
   const least = 1e-2, times = tested.map((one) => one.time);
@@ -865,13 +913,13 @@ function makeCharts() {
     const own = tested.filter((one) => one.search === index);
     return {
       data: [own.map((one) => one.time), positive(own.map((one) => one.nis[0]), least)],
-      style: { label: search.name, stroke: "transparent", width: 0, points: { show: true, size: 7, stroke: searchColour(index), fill: "#fff", width: 2 } },
+      style: { label: search.name, stroke: "transparent", width: 0, points: { show: true, size: 7, stroke: searchColour(index), fill: look.paper, width: 2 } },
     };
   }).filter((one) => one.data[0].length);
   const edge = { stroke: "#009e73", width: 1.5, points: { show: false } };
   addChart("NIS with its 95 % band, over s", [
     { data: [times, limit(1)], style: { label: "χ² 97.5 %", ...edge } }, { data: [times, limit(0)], style: { label: "2.5 %", ...edge } }, ...points,
-  ], { scale: { distr: 3 }, axis, bands: [{ series: [1, 2], fill: "#009e7326" }] });
+  ], { scale: LOG_SCALE, axis, bands: [{ series: [1, 2], fill: "#009e7326" }] });
 }
 
 function markCharts() {
@@ -978,13 +1026,14 @@ byId("after").addEventListener("click", () => step(1));
 slider.addEventListener("input", () => { play(false); setTime(begin + (Number(slider.value) / 1000) * duration); });
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.altKey || event.metaKey) return;
-  const inField = event.target instanceof Element && event.target.matches("input, select, button");
+  const inField = event.target instanceof Element && event.target.matches("input, select, button, summary, a");
   const key = event.key;
   // Fields keep the keys that are theirs.
   if (inField && [" ", "Enter", "ArrowLeft", "ArrowRight", "Home", "End"].includes(key)) return;
-  const act = {
+  const ways = { ArrowLeft: [-0.15, 0], ArrowRight: [0.15, 0], ArrowUp: [0, 0.15], ArrowDown: [0, -0.15] };
+  const act = event.shiftKey && ways[key] ? () => pan(...ways[key]) : {
     " ": () => play(!state.playing), ArrowLeft: () => step(-1), ArrowRight: () => step(1), Home: () => setTime(begin), End: () => setTime(end),
-    "+": () => zoom(1.5), "=": () => zoom(1.5), "-": () => zoom(1 / 1.5), "0": () => { fit(); redraw(); }, Escape: () => select(null),
+    "+": () => zoom(1.5), "=": () => zoom(1.5), "-": () => zoom(1 / 1.5), "0": () => { fit(); redraw(); }, Escape: () => (measuring ? measure(false) : select(null)), m: () => measure(!measuring), M: () => measure(!measuring),
     x: strikeSelected, X: strikeSelected, Delete: strikeSelected,
   }[key];
   if (!act) return;
@@ -1003,43 +1052,59 @@ function showHeads() {
     `${received.length} receptions in ${fixed(duration, 0)} s`, data.every > 1 ? `every ${data.every}th of the receptions is shown` : null,
   ].filter(Boolean).join(" · ");
   byId("fixes").closest("section").hidden = !data.searches.length;
+  showSearched();
 }
 
 // Shows everything anew after the data have changed.
 function refresh() {
-  survey(); measure(); showHeads(); showDoubts(); showRows(); showLayers(); offerSpeeds(); listEvents(); renewCharts();
+  survey(); findExtent(); showHeads(); showDoubts(); showRows(); showLayers(); showLegend(); offerSpeeds(); listEvents(); renewCharts();
   if (!view.moved) fit();
   shownTurn = undefined; shownBeliefs = "";
   redraw();
 }
 
-// Black, white and thick, for a phone in the sun.
-function setContrast(on) {
-  state.contrast = on;
-  document.documentElement.classList.toggle("contrast", on);
-  byId("contrast").setAttribute("aria-pressed", String(on));
-  Object.assign(look, on
-    ? { width: 1.8, past: 0.5, area: 1.8, grid: "#9a9a9a", receivers: RECEIVERS_IN_THE_SUN }
-    : { width: 1, past: 0.35, area: 1, grid: GRID, receivers: RECEIVERS });
+// Dark, or black, white and thick for a phone in the sun.
+function setLook(dark, contrast) {
+  Object.assign(state, { dark: dark && !contrast, contrast });
+  look = contrast ? IN_THE_SUN : dark ? AT_NIGHT : SHEET;
+  const classes = document.documentElement.classList;
+  classes.add("ready");
+  classes.toggle("dark", state.dark);
+  classes.toggle("contrast", contrast);
+  byId("dark").setAttribute("aria-pressed", String(state.dark));
+  byId("contrast").setAttribute("aria-pressed", String(contrast));
   shownBeliefs = ""; shownTurn = undefined;
+  forgetHeat();
+  renewCharts();
+  showLegend();
   redraw();
 }
-const wished = window.matchMedia("(prefers-contrast: more)");
-wished.addEventListener("change", () => setContrast(wished.matches));
-byId("contrast").addEventListener("click", () => setContrast(!state.contrast));
+const wished = { dark: window.matchMedia("(prefers-color-scheme: dark)"), contrast: window.matchMedia("(prefers-contrast: more)") };
+const asWished = () => setLook(wished.dark.matches, wished.contrast.matches);
+for (const wish of Object.values(wished)) wish.addEventListener("change", asWished);
+byId("dark").addEventListener("click", () => setLook(!state.dark, false));
+byId("contrast").addEventListener("click", () => setLook(state.dark, !state.contrast));
+// Paper is white.
+let beforePrint = null;
+window.addEventListener("beforeprint", () => {
+  if (!state.dark) return;
+  beforePrint = [true, state.contrast];
+  setLook(false, state.contrast);
+  drawMap(); showTurn();
+});
+window.addEventListener("afterprint", () => { if (beforePrint) setLook(...beforePrint); beforePrint = null; });
 
 showHeads();
 showDoubts();
 showRows();
 offerSpeeds();
-makeCharts();
 listEvents();
 new ResizeObserver(() => {
   resizeMap();
   for (const { plot, width } of charts) plot.setSize({ width: width(), height: 190 });
   redraw();
 }).observe(document.body);
-resizeMap();
-setContrast(wished.matches);
+// Waits for the scripts behind this one.
+queueMicrotask(() => { resizeMap(); asWished(); });
 // For tests, and for those who open the console.
 window.foxhunt = { data, state, view, received, select, setTime, at: (place) => [x(place[0]), y(place[1])], onEarth };

@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::raster::Raster;
+
 const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
 
 /// The largest of 12 bits.
@@ -42,6 +44,32 @@ impl Points {
     }
 }
 
+/// Values of cells, each in 4095 steps of its range, two characters each.
+#[derive(Debug, PartialEq, Serialize)]
+pub(super) struct Cells {
+    /// The corner that is farthest south and west.
+    corner: [f64; 2],
+    /// Side of a cell in metres.
+    cell: f64,
+    columns: usize,
+    low: f64,
+    high: f64,
+    /// From the South-West to the East, then row by row to the North.
+    numbers: String,
+}
+
+impl Cells {
+    /// Packs the values between two bounds.
+    pub(super) fn new(raster: &Raster, [low, high]: [f64; 2]) -> Self {
+        let mut numbers = String::with_capacity(2 * raster.values.len());
+        for value in &raster.values {
+            push(&mut numbers, if high > low { (value - low) / (high - low) } else { 0.0 });
+        }
+        let corner = [raster.corner.x, raster.corner.y];
+        Self { corner, cell: raster.cell_m, columns: raster.columns, low, high, numbers }
+    }
+}
+
 /// Adds a number from 0 to 1.
 fn push(packed: &mut String, share: f64) {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 4095")]
@@ -51,9 +79,30 @@ fn push(packed: &mut String, share: f64) {
     }
 }
 
+/// Returns bytes in base64 (RFC 4648) with its padding.
+pub(super) fn base64(bytes: &[u8]) -> String {
+    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for three in bytes.chunks(3) {
+        let byte = |index: usize| u32::from(three.get(index).copied().unwrap_or(0));
+        let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
+        for (index, shift) in [18, 12, 6, 0].into_iter().enumerate() {
+            let letter = ALPHABET.get((bits >> shift & 63) as usize).copied().unwrap_or(b'A');
+            text.push(if index > three.len() { '=' } else { char::from(letter) });
+        }
+    }
+    text
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn base64_of_rfc_4648() {
+        for (bytes, text) in [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foobar", "Zm9vYmFy")] {
+            assert_eq!(base64(bytes.as_bytes()), text);
+        }
+    }
 
     #[test]
     fn points_in_four_characters() {

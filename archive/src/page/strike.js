@@ -3,7 +3,9 @@
 // The log's lines, or the receptions of recordings, which the replayer needs; none where the page
 // cannot replay.
 const logLines = byId("log").textContent.split("\n").filter(Boolean);
-const strikable = () => received.some((one) => one.id);
+// What the page cannot do is not offered: its estimates have to follow.
+const canReplay = () => !data.not_strikable && (Boolean(data.live) || logLines.length > 0);
+const strikable = () => canReplay() && received.some((one) => one.id);
 // Receptions of recordings are known by their row, those of logs by their time.
 const keyOf = ({ file, line, beacon, drone, time }) => (file === undefined ? { drone, beacon, time } : { file, line, beacon: beacon ?? undefined });
 const idText = (id) => JSON.stringify(keyOf(id));
@@ -41,14 +43,14 @@ function readStruck(text) {
 }
 
 function strikeButton(one) {
-  if (!one.id) return [];
+  if (!one.id || !canReplay()) return [];
   const button = element("button", { type: "button", id: "strike-one", title: "x" }, one.struck ? "Take it back" : "Strike it out");
   button.addEventListener("click", () => strike(one));
   return [button];
 }
 
 function strike(one) {
-  if (!one.id) return;
+  if (!one.id || !canReplay()) return;
   const struck = !one.struck;
   for (const same of ofOneTurn(one)) same.struck = struck;
   if (state.selected === null) state.selected = one.index;
@@ -67,7 +69,7 @@ function strikeAll(ones) {
 }
 
 function showStruck() {
-  byId("strike").hidden = !strikable();
+  byId("strike").hidden = byId("strike-key").hidden = !strikable();
   const items = struckOnes().map((one) => {
     const back = element("button", { type: "button" }, "take back");
     back.setAttribute("aria-label", `Take back reception ${one.index + 1}`);
@@ -171,7 +173,7 @@ function showReplayed(result) {
   data.searches.forEach((search, index) => {
     const now = result ? result.searches[index] : search.first;
     search.beliefs = result ? now.beliefs : search.original;
-    search.regions = now.regions; search.rivals = now.rivals;
+    search.regions = now.regions; search.rivals = now.rivals; search.heat = now.heat;
     // Of all receptions; without some of them it is not known.
     search.smoothed = result ? undefined : search.first.smoothed;
     // Estimators of a version without rows have no remarks either.
@@ -226,10 +228,6 @@ async function restrike() {
     number += 1;
     showReplayed(null);
     strikeStatus(count ? `${receptions}.` : "");
-    return;
-  }
-  if (data.not_strikable || !logLines.length) {
-    strikeStatus(`${receptions}. The estimates do not follow here: ${data.not_strikable || "the page has no log"}. Save the list for ${readsList()}.`);
     return;
   }
   strikeStatus(`${receptions}; replaying …`);

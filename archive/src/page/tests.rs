@@ -2,6 +2,7 @@ use foxhunt_core::{
     Bearing, BearingModes, Estimate, HeightAboveGround, HeightSource, Level, Remark,
 };
 use foxhunt_hunt::{calibration::ConformalFactors, locate::Measurand};
+use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
 use nalgebra::{Vector2, Vector3};
 use serde_json::Value;
 
@@ -136,7 +137,7 @@ fn no_text_breaks_out_of_the_data() {
     overview.searches[0].name = hostile.to_owned();
     let page = page(&overview, None).expect("plain data");
     assert!(!page.contains("alert(1)</script>"));
-    assert_eq!(page.matches("</script>").count(), 5, "the page's own");
+    assert_eq!(page.matches("</script>").count(), 6, "the page's own");
     let data = data_in(&page);
     assert_eq!(data["title"], hostile);
     assert_eq!(data["notices"][0][1], hostile);
@@ -151,6 +152,35 @@ fn the_page_needs_no_network() {
     for outside in ["src=\"http", "href=\"http", "@import", "url(", "fetch(", "XMLHttpRequest"] {
         assert!(!page.contains(outside), "{outside}");
     }
+}
+
+#[test]
+fn a_page_brings_its_map_along() {
+    let mut overview = overview();
+    let origin = Geodetic::new(50.0755, 14.4378, 200.0).expect("a place");
+    overview.frame = Some(LocalFrame::new(origin).expect("a place"));
+    let owner = Some("© </script>us".to_owned());
+    let ground = Ground::about(&overview, [10, 18], owner, |_, _, _| Some(b"png".to_vec()));
+    let on_map = page_on(&overview, None, &ground.expect("tiles")).expect("plain data");
+    assert_eq!(on_map.matches("</script>").count(), 6, "the page's own");
+    let (_, rest) = on_map.split_once(r#"id="embedded">"#).expect("tiles");
+    let (tiles, _) = rest.split_once("</script>").expect("their end");
+    let tiles: Value = serde_json::from_str(tiles).expect("JSON");
+    assert_eq!(tiles["attribution"], "© </script>us");
+    let images = tiles["images"].as_object().expect("images");
+    assert!(images.len() > 10 && images.values().all(|image| image == "cG5n"), "{images:?}");
+    assert!(on_map.contains("drawTiles = () =>"), "the script that draws them");
+    let without = page(&overview, None).expect("plain data");
+    assert!(!without.contains("drawTiles = () =>"), "it has none");
+}
+
+#[test]
+fn without_a_script_there_are_the_fixes_and_a_picture() {
+    let page = page(&overview(), None).expect("plain data");
+    let (_, rest) = page.split_once("<noscript>").expect("it is there");
+    let (still, _) = rest.split_once("</noscript>").expect("its end");
+    assert!(still.contains("<td>fox</td><td data-name=\"place\">10.0 m E, 20.0 m N</td>"));
+    assert!(still.contains("<ellipse") && still.contains("<polyline"), "{still}");
 }
 
 #[test]
@@ -198,7 +228,7 @@ fn a_hostile_log_stays_in_its_place() {
     let registry = foxhunt_hunt::registry::Registry::builtin();
     let log = PageLog::new(&header, registry.estimator("ukf").ok(), &[]);
     let page = page(&overview(), Some(&log)).expect("plain data");
-    assert_eq!(page.matches("</script>").count(), 5, "the page's own");
+    assert_eq!(page.matches("</script>").count(), 6, "the page's own");
     assert_eq!(data_in(&page)["title"], "field");
     assert!(page.contains(r#""scenario":"/* data */\u003c/script>""#), "the log is in it");
     // Without a log the page is small.

@@ -1,6 +1,6 @@
-// ---------------------------------------------------------------- the map below a hunt that goes on
+// ---------------------------------------------------------------- the map below all else
 
-const { zooms, attribution } = data.live.tiles;
+const { zooms, attribution } = embedded || data.live.tiles;
 const KEPT_TILES = 500, MOST_SHOWN = 200, MOST_LEVELS_UP = 6;
 const tiles = new Map();
 
@@ -21,17 +21,21 @@ function tileOf(zoom, column, row) {
     tile = { zoom, column, row, corners, image: null, came: false };
     tiles.set(key, tile);
     if (tiles.size > KEPT_TILES) tiles.delete(tiles.keys().next().value);
-    // Without a connection it is requested again later.
-    const later = () => { setTimeout(() => tiles.delete(key), 5000); };
-    fetch(`tiles/${key}`)
-      .then((answer) => (answer.status === 200 ? answer.blob() : null), later)
-      .then((blob) => blob && createImageBitmap(blob))
+    imageOf(key)
       .then((image) => { tile.image = image; if (image) redraw(); })
       .catch(() => {})
       .finally(() => { tile.came = true; });
   }
   return tile;
 }
+
+// The image of a tile; null where there is none. A live page gets it from the program (live.js).
+let imageOf = async (key) => {
+  const text = embedded.images[key];
+  if (!text) return null;
+  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  return createImageBitmap(new Blob([bytes]));
+};
 
 // Draws a part of a tile, from a corner on, so many tiles wide.
 function drawPart({ image, corners: [from, east, south] }, left, top, share) {
@@ -71,7 +75,7 @@ drawTiles = () => {
   for (let row = north; row <= south; row += 1) for (let column = west; column <= east; column += 1) drawTile(zoom, column, row);
   context.restore();
   // Fainter than what is drawn on it, and more so for a phone in the sun.
-  context.fillStyle = state.contrast ? "#ffffff8c" : "#ffffff33"; context.fillRect(0, 0, view.width, view.height);
+  context.fillStyle = look.veil; context.fillRect(0, 0, view.width, view.height);
 };
 
 // Whose map it is; as text alone, as it may be HTML of anybody.

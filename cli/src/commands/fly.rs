@@ -217,6 +217,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     if let Some(file) = &args.mission_to {
         return mission_files::write(&config, registry, file, args.hold_s, output);
     }
+    let tiles = args.live.map()?;
     let live = args.live.plan_of(config.cot.as_ref(), &field.name)?;
     if live.is_none() && args.pace.is_given() {
         return Err(CliError::input("--pace: only with --live or --cot"));
@@ -377,7 +378,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         Overview::of_log(&flown, registry, Some(estimator), &struck, turns, antenna.known())
             .map_err(CliError::failure)?;
     let page_log = PageLog::new(&flown.header, None, &flown.events);
-    write_page(&files.page, &overview, Some(&page_log))?;
+    write_page(&files.page, &overview, Some(&page_log), tiles.as_ref())?;
     let events = flown.events;
     let truth = |beacon: BeaconId| {
         let received = last_received(&events, beacon)?;

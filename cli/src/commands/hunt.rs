@@ -24,7 +24,8 @@ use super::{
     notices::Notices,
     planning::Planning,
     settings::Settings,
-    views::{Antennas, Exports, keep_turns, write_page},
+    tiles::NO_PLACE,
+    views::{Antennas, Exports, keep_turns},
 };
 use crate::{context::Context, error::CliError, writable};
 
@@ -89,6 +90,10 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         nowhere: "--cot: the hunt is in local metres; --origin LAT,LON places it on Earth",
         is_simulated: true,
     };
+    let tiles = args.live.map()?;
+    if tiles.is_some() && placed.origin.is_none() {
+        return Err(CliError::input(NO_PLACE));
+    }
     let live = args.live.plan()?.map(|plan| LiveView::start(plan, &shown)).transpose()?;
     if live.is_none() && args.pace.is_given() {
         return Err(CliError::input("--pace: only with --live or --cot"));
@@ -110,7 +115,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         Overview::of_log(&flown, registry, Some(&estimator), &struck, turns, antenna.known())
             .map_err(CliError::failure)?;
     let page_log = PageLog::new(&flown.header, None, &flown.events);
-    write_page(&page, &overview, Some(&page_log))?;
+    args.exports.write_page(&page, &overview, Some(&page_log), tiles.as_ref())?;
 
     let report = HuntReport::new(args.seed, &estimator.name, args.planning.name(), &hunt);
     let remarks = (overview.searches.iter())

@@ -1,4 +1,5 @@
 mod found;
+mod silent;
 #[cfg(feature = "batch")]
 mod tracked;
 
@@ -41,7 +42,8 @@ use crate::{
 /// antenna, levels of an omnidirectional one, ready-made bearings, ranges or differences. Without
 /// --p0-dbm and --exponent, or a --calibration that has them, the transmitter's power is estimated
 /// along with its place, and the exponent if the estimator can; with --exponent alone, only the
-/// power.
+/// power. If nothing but silence was recorded, it reports where the transmitter is not: the
+/// probability that the search would have found it (POS).
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt locate flight.csv\n  \
                         foxhunt locate uav1.csv uav2.csv --truth 50.0755,14.4378 \
@@ -189,6 +191,9 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
             tracked::report(&args.tracking, args.truth, &prepared, beacon, output)?;
         output.result(&report, tracked::text)?;
         return show(args, registry, &prepared, vec![found], teams, output);
+    }
+    if silent::report(args, &prepared, beacon.as_deref(), output)?.is_some() {
+        return Ok(());
     }
     let (report, found) = one(args, registry, &prepared, conformal.as_ref(), beacon)?;
     to_movebank(args, &prepared, std::slice::from_ref(&report))?;

@@ -62,6 +62,7 @@ mod scores;
 mod settings;
 #[cfg(feature = "store")]
 mod storing;
+mod tiles;
 #[cfg(feature = "hardware")]
 mod tone;
 mod views;

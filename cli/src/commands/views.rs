@@ -14,20 +14,23 @@ use foxhunt::{
     geodesy::Geodetic,
     hunt::Tap,
     overview::{KeptTurn, KnownAntenna, Overview},
-    page::{NotStrikable, PageLog, page},
+    page::{NotStrikable, PageLog, page, page_on},
     recording::utc_seconds,
     sensors::SharedAntenna,
 };
 
-use super::recorded::LatLon;
+use super::{
+    recorded::LatLon,
+    tiles::{NO_PLACE, Tiles},
+};
 use crate::{error::CliError, output::Output, writable};
 
 /// Files for other programs.
 #[derive(Debug, clap::Args)]
 pub(super) struct Exports {
     /// Write places, bearings, ellipses, regions and paths to a file, in the format of its ending:
-    /// .geojson, .kml, .czml, .gpx, .csv, .cot (Cursor on Target) or .mcap; may be given several
-    /// times
+    /// .geojson, .kml, .czml, .gpx, .csv, .cot (Cursor on Target) or .mcap; or the probability of
+    /// each cell as .tif (GeoTIFF), .kmz (overlay), .mbtiles or .png; may be given several times
     #[arg(long = "export", value_name = "FILE")]
     exported: Vec<PathBuf>,
     /// The place of the local origin on Earth (WGS84), for --export, --tiles, --cot and programs
@@ -45,6 +48,10 @@ pub(super) struct Views {
     /// Write a page for any browser: one file, without a network
     #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
+    /// A map below the page, from tiles on this computer: a folder with z/x/y.png, or an .mbtiles
+    /// or .pmtiles file of images; the page brings the tiles about the places along
+    #[arg(long, value_name = "PATH", requires = "report")]
+    tiles: Option<PathBuf>,
     #[command(flatten)]
     exports: Exports,
 }
@@ -107,6 +114,20 @@ impl Exports {
         Ok(overview)
     }
 
+    /// Writes a page, at the origin of the command line if it has one.
+    pub(super) fn write_page(
+        &self,
+        path: &Path,
+        overview: &Overview,
+        log: Option<&Result<PageLog, NotStrikable>>,
+        tiles: Option<&Tiles>,
+    ) -> Result<(), CliError> {
+        if self.origin.is_none() {
+            return write_page(path, overview, log, tiles);
+        }
+        write_page(path, &self.placed(overview.clone())?, log, tiles)
+    }
+
     /// Writes the files.
     pub(super) fn write(&self, overview: &Overview, output: Output) -> Result<(), CliError> {
         if self.exported.is_empty() {
@@ -125,6 +146,11 @@ impl Exports {
 }
 
 impl Views {
+    /// Opens the map below the page.
+    fn map(&self) -> Result<Option<Tiles>, CliError> {
+        self.tiles.as_deref().map(Tiles::open).transpose()
+    }
+
     /// Returns true if anything is to be written.
     pub(super) fn any(&self) -> bool {
         self.report.is_some() || !self.exports.exported.is_empty()
@@ -139,7 +165,8 @@ impl Views {
     /// `on_map` is true if something else than exports needs the origin.
     pub(super) fn check(&self, on_map: bool) -> Result<(), CliError> {
         self.report.iter().try_for_each(|path| writable::file(path))?;
-        self.exports.check(on_map)
+        let _ = self.map()?;
+        self.exports.check(on_map || self.tiles.is_some())
     }
 
     /// Returns the origin of local metres, if the command line has it.
@@ -154,6 +181,9 @@ impl Views {
 
     /// Refuses formats that need an origin of local metres or a start in UTC that is unknown.
     pub(super) fn check_known(&self, origin: bool, start: bool) -> Result<(), CliError> {
+        if self.tiles.is_some() && !origin && self.origin().is_none() {
+            return Err(CliError::input(NO_PLACE));
+        }
         self.exports.check_known(origin, start)
     }
 
@@ -165,7 +195,8 @@ impl Views {
         output: Output,
     ) -> Result<(), CliError> {
         if let Some(path) = &self.report {
-            write_page(path, overview, log)?;
+            let tiles = self.map()?;
+            self.exports.write_page(path, overview, log, tiles.as_ref())?;
             output.note(&format!("report: {}", path.display()))?;
         }
         self.exports.write(overview, output)
@@ -198,12 +229,19 @@ impl Antennas {
     }
 }
 
-/// Writes the page that shows a hunt or recordings; with the log bearings can be struck out in it.
+/// Writes the page that shows a hunt or recordings, above a map if there is one; with the log
+/// bearings can be struck out in it.
 pub(super) fn write_page(
     path: &Path,
     overview: &Overview,
     log: Option<&Result<PageLog, NotStrikable>>,
+    tiles: Option<&Tiles>,
 ) -> Result<(), CliError> {
-    let text = page(overview, log).map_err(CliError::failure)?;
+    let ground = tiles.and_then(|tiles| tiles.under(overview));
+    let text = match &ground {
+        Some(ground) => page_on(overview, log, ground),
+        None => page(overview, log),
+    };
+    let text = text.map_err(CliError::failure)?;
     fs::write(path, text).map_err(|error| CliError::writing(path, error))
 }

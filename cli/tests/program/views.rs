@@ -98,3 +98,65 @@ fn a_page_that_cannot_be_written_stops_the_work_before_it_begins() {
     let calibrated = foxhunt(["calibrate", &turns, "--out", "/no/such/calibration.toml"]);
     calibrated.failed(1, &["/no/such/calibration.toml", "cannot be written"]);
 }
+
+#[test]
+fn a_page_brings_its_map_along() {
+    let folder = folder("views_map");
+    let map = folder.join("map");
+    fs::create_dir_all(map.join("3/4")).expect("a folder");
+    fs::write(map.join("3/4/2.png"), b"\x89PNG\r\n\x1a\nrest").expect("a tile");
+    let [page, map] =
+        ["page.html", "map"].map(|name| folder.join(name).to_string_lossy().into_owned());
+    let walk = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/walk.csv");
+    let ran = foxhunt(["locate", walk, "--report", &page, "--tiles", &map]);
+    assert_eq!(ran.code, 0, "{ran:?}");
+    let text = fs::read_to_string(&page).expect("a page");
+    assert!(text.contains(r#""images":{"3/4/2":"iVBORw0KGgpyZXN0"}"#), "the tile");
+    // A map of another place, none, and no page.
+    fs::rename(folder.join("map/3/4"), folder.join("map/3/5")).expect("our own");
+    let ran = foxhunt(["locate", walk, "--report", &page, "--tiles", &map]);
+    assert!(ran.code == 0 && ran.stderr.contains("no tile at this place"), "{ran:?}");
+    foxhunt(["locate", walk, "--report", &page, "--tiles", "nowhere"]).failed(2, &["nowhere"]);
+    foxhunt(["locate", walk, "--tiles", &map]).failed(2, &["--report"]);
+    let metres = concat!(env!("CARGO_MANIFEST_DIR"), "/../archive/tests/data/foxhunt/turns.csv");
+    foxhunt(["locate", metres, "--report", &page, "--tiles", &map]).failed(2, &["--origin"]);
+}
+
+#[test]
+fn a_search_in_silence_reports_where_it_is_not() {
+    let folder = folder("views_silent");
+    let [recording, page, raster] = ["silent.csv", "silent.html", "silent.tif"]
+        .map(|name| folder.join(name).to_string_lossy().into_owned());
+    let mut rows = "time_s,lat_deg,lon_deg,rss_dbm,floor_dbm\n".to_owned();
+    for step in 0..40 {
+        let lon = 14.0 + 0.0002 * f64::from(step);
+        rows += &format!("{step},50.0,{lon},-110,-105\n");
+    }
+    fs::write(&recording, rows).expect("a file");
+    let known = ["--p0-dbm", "-30", "--exponent", "2.5"];
+    let json = foxhunt([&["--json", "locate", &recording], &known[..]].concat()).json();
+    assert_eq!(json["silences"], 40);
+    let [strong] = json["by_range"].as_array().expect("a list").as_slice() else {
+        panic!("one range: {json}")
+    };
+    assert!((strong["range_m"].as_f64().expect("metres") - 1000.0).abs() < 1e-6);
+    let pos = json["pos"].as_f64().expect("a probability");
+    assert!(pos > 0.95, "a kilometre covers the area: {pos}");
+
+    let exported = ["--export", raster.as_str()];
+    let shown = shown(&[&["locate", recording.as_str()], &exported[..]].concat(), Path::new(&page));
+    let pos = shown["searched"]["pos"].as_f64().expect("a probability");
+    assert!(0.1 < pos && pos < 0.95, "of all ranges: {pos}");
+    assert_eq!(shown["searches"].as_array().map(Vec::len), Some(0));
+    assert!(fs::read(&raster).expect("a file").starts_with(b"II*\0"));
+
+    // A single level, and it is a place that is looked for.
+    let mut heard = fs::read_to_string(&recording).expect("ours");
+    for step in 0..8 {
+        let lon = 14.008 + 0.0002 * f64::from(step);
+        heard += &format!("{},50.0002,{lon},{},-105\n", 60 + step, -80 - step);
+    }
+    fs::write(&recording, heard).expect("a file");
+    let json = foxhunt(["--json", "locate", &recording]).json();
+    assert!(json["estimate"].is_object(), "{json}");
+}

@@ -63,6 +63,7 @@ impl Locator for Posterior {
             border_mass: Some(fix.border_mass),
             regions_95: regions(&map, 0.95),
             common_errors: fix.common.map(in_degrees),
+            map: Some(map.clone()),
             ..Located::at(map.about(map.centre(mode)))
         })
     }

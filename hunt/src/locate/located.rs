@@ -5,7 +5,7 @@ use foxhunt_core::{Belief, Ellipse, Estimate, Reception, Receptions, Remark};
 use foxhunt_core::{ByQuantity, Intake, Observation, Quantity, State};
 #[cfg(feature = "batch")]
 use foxhunt_filters::BatchFix;
-use foxhunt_filters::{Censoring, Marginal, ShadowedReading};
+use foxhunt_filters::{Censoring, Marginal, PosteriorMap, ShadowedReading};
 use nalgebra::{Matrix2, Vector2};
 use serde::Serialize;
 
@@ -53,6 +53,11 @@ pub struct Located {
     /// the estimator has a posterior density: an ellipse is a poor picture of two places, of a
     /// ridge and of a border.
     pub regions_95: Vec<Region>,
+    /// The posterior over the cells of a grid, where the estimator has one.
+    pub map: Option<PosteriorMap>,
+    /// Places of equal weight that stand for the belief, where neither its two moments do nor
+    /// there is a map.
+    pub places: Vec<Vector2<f64>>,
     /// Other places that are nearly as probable, the most probable first, where the estimator
     /// looks for them: levels from a straight flight are the same on either side.
     pub rivals: Vec<Rival>,
@@ -163,6 +168,8 @@ impl Located {
             common_errors: None,
             range_bias: None,
             regions_95: Vec::new(),
+            map: None,
+            places: Vec::new(),
             rivals: Vec::new(),
             remarks: Vec::new(),
         }

@@ -23,6 +23,7 @@ mod path;
 #[cfg(feature = "batch")]
 mod ranges;
 mod region;
+mod searched;
 mod shadowing_grid;
 mod strongest;
 
@@ -52,6 +53,7 @@ pub(crate) use path::Paths;
 #[cfg(feature = "batch")]
 pub(crate) use ranges::Multilateration;
 pub use region::Region;
+pub use searched::{RangeSearched, Searched};
 pub(crate) use shadowing_grid::CorrelatedShadowing;
 pub(crate) use strongest::{Strongest, WeightedCentroid};
 

@@ -146,6 +146,7 @@ impl Locator for CorrelatedShadowing {
             observations,
             border_mass: Some(fix.border_mass),
             regions_95: regions(map, 0.95),
+            map: Some(map.clone()),
             explanation: Some(Explanation {
                 exponent: fix.slope,
                 dipoles: config.pattern.is_none().then_some(fix.gain),

@@ -11,13 +11,16 @@ use nalgebra::Vector3;
 use super::{EstimatorEntry, Need, Registry, RegistryError, TrackRequest};
 use crate::{
     config::{EstimatorConfig, ModelConfig, PulseModel, ReceiverModel},
-    hunt::{Components, Search, TrackStep},
+    hunt::{Components, Search, TrackStep, cloud},
     locate::{
         Area, CalibratedPower, FREE_POWER_SIGMA_DB, Height, LocateConfig, LocateError, Located,
         Locator, Paths, Power, Residual, Uses, examine, extent_m, receiver_sigma_m,
         reference_power, residuals,
     },
 };
+
+/// Number of places that stand for a belief.
+const PLACES: u32 = 2000;
 
 impl EstimatorEntry {
     /// Locates a transmitter that stays where it is, from the receptions of one or more drones: one
@@ -380,6 +383,7 @@ fn in_time(
         observations: used,
         rejected: left_out.len(),
         left_out,
+        places: cloud(track.belief(), PLACES).unwrap_or_default(),
         ..Located::of_belief(track.belief())
     })
 }

@@ -260,8 +260,9 @@ def hunt(
         live_token: A token that viewers need; FOXHUNT_LIVE_TOKEN in the environment does the
             same, and is not shown in lists of processes
         live_until_done: End with the hunt; the page is served until Ctrl-C otherwise
-        tiles: A map below the hunt, from tiles on this computer: a folder with z/x/y.png, or an
-            .mbtiles or .pmtiles file of images; the hunt needs an origin in degrees
+        tiles: A map below the hunt, in the live view and in the page, from tiles on this
+            computer: a folder with z/x/y.png, or an .mbtiles or .pmtiles file of images; the
+            hunt needs an origin in degrees
         cot: Send receivers, fixes, 95 % ellipses and bearings to a TAK server or team, as Cursor
             on Target: tcp://HOST:8087, tls://HOST:8089 or udp://239.2.3.1:6969; may be given
             several times
@@ -277,7 +278,8 @@ def hunt(
         out: The folder for hunt.jsonl (the log), hunt.svg (the picture) and report.html (the
             page) [default: out]
         export: Write places, bearings, ellipses, regions and paths to a file, in the format of
-            its ending: .geojson, .kml, .czml, .gpx, .csv, .cot (Cursor on Target) or .mcap; may
+            its ending: .geojson, .kml, .czml, .gpx, .csv, .cot (Cursor on Target) or .mcap; or
+            the probability of each cell as .tif (GeoTIFF), .kmz (overlay), .mbtiles or .png; may
             be given several times
         origin: The place of the local origin on Earth (WGS84), for --export, --tiles, --cot and
             programs that fetch a hunt from --live, if it is not known
@@ -565,6 +567,7 @@ def locate(
     frequency_hz: float | None = None,
     bandwidth_hz: float | None = None,
     report: Path | None = None,
+    tiles: Path | None = None,
     export: Path | Sequence[Path] | None = None,
     origin: Path | float | None = None,
     start_utc: float | None = None,
@@ -581,7 +584,8 @@ def locate(
     antenna, levels of an omnidirectional one, ready-made bearings, ranges or differences.
     Without --p0-dbm and --exponent, or a --calibration that has them, the transmitter's power is
     estimated along with its place, and the exponent if the estimator can; with --exponent alone,
-    only the power.
+    only the power. If nothing but silence was recorded, it reports where the transmitter is not:
+    the probability that the search would have found it (POS).
 
     Files may be tables in memory.
 
@@ -694,8 +698,11 @@ def locate(
         bandwidth_hz: Width of the band that is read about --frequency-hz, in hertz; the
             strongest bin in it counts. One bin unless given [default: 0]
         report: Write a page for any browser: one file, without a network
+        tiles: A map below the page, from tiles on this computer: a folder with z/x/y.png, or an
+            .mbtiles or .pmtiles file of images; the page brings the tiles about the places along
         export: Write places, bearings, ellipses, regions and paths to a file, in the format of
-            its ending: .geojson, .kml, .czml, .gpx, .csv, .cot (Cursor on Target) or .mcap; may
+            its ending: .geojson, .kml, .czml, .gpx, .csv, .cot (Cursor on Target) or .mcap; or
+            the probability of each cell as .tif (GeoTIFF), .kmz (overlay), .mbtiles or .png; may
             be given several times
         origin: The place of the local origin on Earth (WGS84), for --export, --tiles, --cot and
             programs that fetch a hunt from --live, if it is not known
@@ -760,6 +767,7 @@ def locate(
         "frequency-hz": frequency_hz,
         "bandwidth-hz": bandwidth_hz,
         "report": report,
+        "tiles": tiles,
         "export": export,
         "origin": origin,
         "start-utc": start_utc,
@@ -802,6 +810,7 @@ def bearing(
     frequency_hz: float | None = None,
     bandwidth_hz: float | None = None,
     report: Path | None = None,
+    tiles: Path | None = None,
     export: Path | Sequence[Path] | None = None,
     origin: Path | float | None = None,
     start_utc: float | None = None,
@@ -869,8 +878,11 @@ def bearing(
         bandwidth_hz: Width of the band that is read about --frequency-hz, in hertz; the
             strongest bin in it counts. One bin unless given [default: 0]
         report: Write a page for any browser: one file, without a network
+        tiles: A map below the page, from tiles on this computer: a folder with z/x/y.png, or an
+            .mbtiles or .pmtiles file of images; the page brings the tiles about the places along
         export: Write places, bearings, ellipses, regions and paths to a file, in the format of
-            its ending: .geojson, .kml, .czml, .gpx, .csv, .cot (Cursor on Target) or .mcap; may
+            its ending: .geojson, .kml, .czml, .gpx, .csv, .cot (Cursor on Target) or .mcap; or
+            the probability of each cell as .tif (GeoTIFF), .kmz (overlay), .mbtiles or .png; may
             be given several times
         origin: The place of the local origin on Earth (WGS84), for --export, --tiles, --cot and
             programs that fetch a hunt from --live, if it is not known
@@ -902,6 +914,7 @@ def bearing(
         "frequency-hz": frequency_hz,
         "bandwidth-hz": bandwidth_hz,
         "report": report,
+        "tiles": tiles,
         "export": export,
         "origin": origin,
         "start-utc": start_utc,
@@ -1403,6 +1416,7 @@ def replay(
     smooth: bool = False,
     ignore: Path | None = None,
     report: Path | None = None,
+    tiles: Path | None = None,
     export: Path | Sequence[Path] | None = None,
     origin: Path | float | None = None,
     start_utc: float | None = None,
@@ -1422,8 +1436,11 @@ def replay(
         ignore: A list of receptions to leave out: saved by a page, or your own JSON lines
             (docs/report.md)
         report: Write a page for any browser: one file, without a network
+        tiles: A map below the page, from tiles on this computer: a folder with z/x/y.png, or an
+            .mbtiles or .pmtiles file of images; the page brings the tiles about the places along
         export: Write places, bearings, ellipses, regions and paths to a file, in the format of
-            its ending: .geojson, .kml, .czml, .gpx, .csv, .cot (Cursor on Target) or .mcap; may
+            its ending: .geojson, .kml, .czml, .gpx, .csv, .cot (Cursor on Target) or .mcap; or
+            the probability of each cell as .tif (GeoTIFF), .kmz (overlay), .mbtiles or .png; may
             be given several times
         origin: The place of the local origin on Earth (WGS84), for --export, --tiles, --cot and
             programs that fetch a hunt from --live, if it is not known
@@ -1434,6 +1451,7 @@ def replay(
         "smooth": smooth,
         "ignore": ignore,
         "report": report,
+        "tiles": tiles,
         "export": export,
         "origin": origin,
         "start-utc": start_utc,
@@ -2780,7 +2798,8 @@ def page(
 
     The page is one file that works from a disk, without a network. It holds this program as
     WebAssembly: recordings that are dropped on it get the answers and the report page of
-    `locate`, `judge`, `bearing`, `pulses` and `replay`. Nothing leaves the computer.
+    `locate`, `judge`, `bearing`, `pulses` and `replay`. Simulated hunts fly in it, too. Nothing
+    leaves the computer.
 
     Args:
         out: The page to write [default: foxhunt.html]

@@ -11,8 +11,6 @@ mod page;
 mod server;
 #[cfg(feature = "live")]
 mod shared;
-#[cfg(feature = "live")]
-mod tiles;
 #[cfg(not(any(feature = "live", feature = "cot")))]
 mod without;
 
@@ -40,7 +38,7 @@ use foxhunt::{
     registry::{EstimatorEntry, Registry},
 };
 
-use super::cot::CotArgs;
+use super::{cot::CotArgs, tiles::Tiles};
 use crate::{error::CliError, hints};
 
 /// Arguments of the live view of a hunt.
@@ -63,9 +61,10 @@ pub(super) struct LiveArgs {
     /// End with the hunt; the page is served until Ctrl-C otherwise
     #[arg(long, requires = "live")]
     live_until_done: bool,
-    /// A map below the hunt, from tiles on this computer: a folder with z/x/y.png, or an .mbtiles
-    /// or .pmtiles file of images; the hunt needs an origin in degrees
-    #[arg(long, value_name = "PATH", requires = "live")]
+    /// A map below the hunt, in the live view and in the page, from tiles on this computer: a
+    /// folder with z/x/y.png, or an .mbtiles or .pmtiles file of images; the hunt needs an origin
+    /// in degrees
+    #[arg(long, value_name = "PATH")]
     tiles: Option<PathBuf>,
     #[command(flatten)]
     cot: CotArgs,
@@ -101,7 +100,7 @@ struct PagePlan {
     token: Option<String>,
     until_done: bool,
     #[cfg(feature = "live")]
-    tiles: Option<Arc<tiles::Tiles>>,
+    tiles: Option<Arc<Tiles>>,
 }
 
 /// The hunt that is shown.
@@ -186,11 +185,13 @@ impl LiveArgs {
         let token = self.live_token.clone().or_else(|| env::var(TOKEN_VARIABLE).ok());
         let plan = plan(address, token, self.live_until_done)?;
         #[cfg(feature = "live")]
-        let plan = PagePlan {
-            tiles: self.tiles.as_deref().map(tiles::Tiles::open).transpose()?.map(Arc::new),
-            ..plan
-        };
+        let plan = PagePlan { tiles: self.map()?.map(Arc::new), ..plan };
         Ok(Some(plan))
+    }
+
+    /// Opens the map; a faulty one is refused before anything flies.
+    pub(super) fn map(&self) -> Result<Option<Tiles>, CliError> {
+        self.tiles.as_deref().map(Tiles::open).transpose()
     }
 
     /// Returns true if the hunt has to have a place on Earth.

@@ -15,7 +15,7 @@ use foxhunt::{
 };
 
 use super::{PagePlan, Shown, happening::Happening, server, shared::Shared};
-use crate::{error::CliError, output::warn};
+use crate::{commands::tiles::NO_PLACE, error::CliError, output::warn};
 
 /// Time for browsers to take the last news before the program ends.
 const FAREWELL: Duration = Duration::from_secs(2);
@@ -39,9 +39,7 @@ impl PageView {
     ) -> Result<Self, CliError> {
         let PagePlan { address, token, until_done, tiles } = plan;
         if tiles.is_some() && shown.header.origin.is_none() {
-            return Err(CliError::input(
-                "--tiles: the hunt is in local metres; --origin LAT,LON places it on Earth",
-            ));
+            return Err(CliError::input(NO_PLACE));
         }
         let refused = |error: std::io::Error| {
             CliError::input(format!("--live={address}: cannot be served there: {error}"))

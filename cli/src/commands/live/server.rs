@@ -14,11 +14,11 @@ use axum::{
 use foxhunt::export::Format;
 use futures_util::{Stream, stream};
 
-use super::{
-    shared::{Progress, Shared},
-    tiles::{Tile, TileAt},
+use super::shared::{Progress, Shared};
+use crate::{
+    commands::tiles::{Tile, TileAt},
+    error::CliError,
 };
-use crate::error::CliError;
 
 /// Time between two messages to a browser without news, so that lost connections are noticed.
 const KEEP_ALIVE: Duration = Duration::from_secs(10);

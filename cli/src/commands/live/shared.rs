@@ -7,10 +7,8 @@ use std::sync::{
 use foxhunt::export::{ExportError, Format};
 use tokio::sync::{oneshot, watch};
 
-use super::{
-    happening::{Asked, Happening},
-    tiles::Tiles,
-};
+use super::happening::{Asked, Happening};
+use crate::commands::tiles::Tiles;
 
 /// Page and news of a hunt, shared by the hunt, the thread that reads it and the server.
 pub(super) struct Shared {

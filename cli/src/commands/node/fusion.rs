@@ -289,7 +289,7 @@ fn page(
         .map_err(CliError::failure)?;
     let page_log = PageLog::new(&log.header, None, &log.events);
     let file = args.log.with_extension("html");
-    write_page(&file, &overview, Some(&page_log))?;
+    write_page(&file, &overview, Some(&page_log), args.live.map()?.as_ref())?;
     output.note(&format!("report: {}", file.display()))
 }
 

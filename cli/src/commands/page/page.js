@@ -126,7 +126,15 @@ let busy = false, stopped = false;
 // The words of a line as a shell has them: quotes hold spaces together, also within a word.
 const words = (text) => [...text.matchAll(/(?:"[^"]*"|'[^']*'|\S)+/g)].map(([word]) => word.replace(/"([^"]*)"|'([^']*)'/g, (_, double, single) => double ?? single));
 
-const REPORT = "report.html";
+const REPORT = "report.html", LOG = "hunt.jsonl";
+
+// The job of a simulated hunt; its files lie beside the recordings.
+function simulation() {
+  const scenario = byId("scenario").value, flags = words(byId("simulated-flags").value), estimator = byId("simulated-estimator").value;
+  const seed = Math.max(0, Math.floor(Number(byId("seed").value) || 0));
+  const args = ["hunt", scenario, "--seed", String(seed), ...(estimator ? ["--estimator", estimator] : []), ...flags, "--out", "."];
+  return { work: "hunt", names: [scenario], args };
+}
 
 // The arguments of a job on recordings, a log or samples.
 function argumentsOf(work, names) {
@@ -172,7 +180,8 @@ async function runAll(list = jobs()) {
   if (busy || !list.length) return;
   busy = true;
   stopped = false;
-  byId("stop").disabled = false;
+  byId("stop").disabled = byId("simulate-stop").disabled = false;
+  byId("simulate").disabled = true;
   showFiles();
   errors([]);
   runs.length = 0;
@@ -188,7 +197,8 @@ async function runAll(list = jobs()) {
     }
   } finally {
     busy = false;
-    byId("stop").disabled = true;
+    byId("stop").disabled = byId("simulate-stop").disabled = true;
+    byId("simulate").disabled = !window.foxhunt.ready;
     byId("progress").hidden = true;
   }
   showFiles();
@@ -219,10 +229,11 @@ async function runOne(job, begun) {
     }
   };
   const all = [...new Set([...job.names, ...ofKind("mapping", "calibration", "conformal", "struck", "recording", "samples")])];
-  const { code, written } = await run([...job.args, "--json=lines"], all, [REPORT], hear);
+  const { code, written } = await run([...job.args, "--json=lines"], all, job.work === "hunt" ? [REPORT, LOG] : [REPORT], hear);
   one.code = code;
   const page = written.get(REPORT);
   if (page) one.report = new TextDecoder().decode(page);
+  if (written.get(LOG)) one.log = new TextDecoder().decode(written.get(LOG));
   if (code && !one.errors.length) one.errors.push(one.notes.pop() || `the program ended with ${code}`);
   showRuns(current ?? one);
   if (one.errors.some((text) => /no known format|names no column|has no column/.test(text)) && !ofKind("mapping").length) openMapping(job.names.find((name) => one.errors.some((text) => text.includes(name))) || job.names[0]);
@@ -245,7 +256,7 @@ function rowsOf(list) {
   });
   return list.flatMap((one) => {
     if (!one.result) return [];
-    if (one.work === "replay") return one.result.beacons.map((fix) => row(one, fix, fix.name, one.result.estimator));
+    if (one.work === "hunt" || one.work === "replay") return one.result.beacons.map((fix) => row(one, fix, fix.name, one.result.estimator));
     if (one.work !== "locate") return [];
     const found = Array.isArray(one.result) ? one.result : [one.result];
     return found.flatMap((fix) => {
@@ -343,6 +354,7 @@ function showRun(one) {
     ...tablesOf(one),
     element("p", { class: "buttons" },
       one.report && button("Save report page", () => save(`${base}.html`, one.report, "text/html")),
+      one.log && button("Save log", () => save(LOG, one.log, "application/jsonl")),
       one.text && button("Save answer (JSON)", () => save(`${base}.json`, `${one.text}\n`, "application/json")),
       one.work === "locate" && rowsOf([one]).some((row) => Number.isFinite(row.error)) && again("judge", "Judge against the recorded truth"),
       one.work === "locate" && one.notes.some((note) => note.includes("bearings of turns")) && one.names.length === 1 && again("bearing", "Bearings of the turns")),
@@ -464,7 +476,30 @@ byId("mapping-use").addEventListener("click", () => {
 byId("map-columns").addEventListener("click", () => openMapping());
 byId("choose").addEventListener("change", async (event) => { const list = [...event.target.files]; event.target.value = ""; await take(list); });
 byId("settings").addEventListener("submit", (event) => { event.preventDefault(); runAll(); });
-byId("stop").addEventListener("click", () => { stopped = true; if (listener) { restartWorker(); listener("stopped"); } });
+const stop = () => { stopped = true; if (listener) { restartWorker(); listener("stopped"); } };
+byId("stop").addEventListener("click", stop);
+byId("simulate-stop").addEventListener("click", stop);
+byId("simulated").addEventListener("submit", (event) => { event.preventDefault(); runAll([simulation()]); });
+byId("scenario").addEventListener("change", () => { byId("scenario-about").textContent = byId("scenario").selectedOptions[0]?.title ?? ""; });
+
+const tabs = [...document.querySelectorAll("[role=tab]")];
+function choose(tab) {
+  for (const one of tabs) {
+    const isChosen = one === tab;
+    one.setAttribute("aria-selected", String(isChosen));
+    one.tabIndex = isChosen ? 0 : -1;
+    byId(one.getAttribute("aria-controls")).hidden = !isChosen;
+  }
+}
+for (const tab of tabs) {
+  tab.addEventListener("click", () => choose(tab));
+  tab.addEventListener("keydown", ({ key }) => {
+    if (key !== "ArrowLeft" && key !== "ArrowRight") return;
+    const next = tabs[(tabs.indexOf(tab) + 1) % tabs.length];
+    choose(next);
+    next.focus();
+  });
+}
 let within = 0;
 const over = (event) => { event.preventDefault(); byId("drop").classList.add("over"); };
 addEventListener("dragenter", (event) => { within += 1; over(event); });
@@ -474,18 +509,27 @@ addEventListener("drop", (event) => {
   event.preventDefault();
   within = 0;
   byId("drop").classList.remove("over");
+  choose(byId("tab-recordings"));
   take(event.dataTransfer.files);
 });
 
 // The menu of estimators is the program's own, which is ready when it has answered.
 async function begin() {
   startWorker();
-  const heard = [];
-  await run(["list", "estimators", "--json=lines"], [], [], (kind, value) => heard.push([kind, value]));
-  const answer = heard.find(([kind]) => kind === "result");
-  if (!answer) throw new Error(heard.map(([, value]) => value).join(" ") || "no answer");
-  for (const { name, when } of JSON.parse(answer[1]).value) byId("estimator").append(element("option", { value: name, title: when }, name));
+  const listed = async (what) => {
+    const heard = [];
+    await run(["list", what, "--json=lines"], [], [], (kind, value) => heard.push([kind, value]));
+    const answer = heard.find(([kind]) => kind === "result");
+    if (!answer) throw new Error(heard.map(([, value]) => value).join(" ") || "no answer");
+    return JSON.parse(answer[1]).value;
+  };
+  for (const { name, when } of await listed("estimators")) {
+    for (const menu of ["estimator", "simulated-estimator"]) byId(menu).append(element("option", { value: name, title: when }, name));
+  }
+  for (const { name, description } of await listed("scenarios")) byId("scenario").append(element("option", { value: name, title: description }, name));
+  byId("scenario").dispatchEvent(new Event("change"));
   window.foxhunt.ready = true;
+  byId("simulate").disabled = busy;
   if (!busy && !runs.length) status("Ready.");
 }
 begin().catch((error) => { errors([`This browser cannot run the program: ${error.message}`]); status(""); });

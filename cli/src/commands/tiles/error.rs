@@ -1,6 +1,6 @@
 use std::io;
 
-#[cfg(not(feature = "store"))]
+#[cfg(not(all(feature = "live", feature = "store")))]
 use crate::hints;
 
 /// Reason why a map cannot be used.
@@ -21,9 +21,13 @@ pub(super) enum TilesError {
     #[cfg(feature = "store")]
     #[error("it is not an MBTiles file, or damaged")]
     Sqlite(#[from] rusqlite::Error),
+    #[cfg(feature = "live")]
     #[error("it is not a PMTiles file, or damaged")]
     PmTiles(#[from] ::pmtiles::PmtError),
+    #[cfg(not(feature = "live"))]
+    #[error("PMTiles need a build with the feature live: {}", hints::build("live"))]
+    NoPmTiles,
     #[cfg(not(feature = "store"))]
-    #[error("MBTiles need a build with the feature store: {}", hints::build("live,store"))]
+    #[error("MBTiles need a build with the feature store: {}", hints::build("store"))]
     NoSqlite,
 }

@@ -3,7 +3,7 @@ pub(super) const DEEPEST: u8 = 30;
 
 /// A tile of the map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::commands::live) struct TileAt {
+pub(in crate::commands) struct TileAt {
     pub(super) zoom: u8,
     /// Column, counted from the West.
     pub(super) column: u32,
@@ -13,18 +13,19 @@ pub(in crate::commands::live) struct TileAt {
 
 impl TileAt {
     /// Returns the tile, if it can exist.
-    pub(in crate::commands::live) fn new(zoom: u8, column: u32, row: u32) -> Option<Self> {
+    pub(in crate::commands) fn new(zoom: u8, column: u32, row: u32) -> Option<Self> {
         let side = 1_u32.checked_shl(zoom.into()).filter(|_| zoom <= DEEPEST)?;
         (column < side && row < side).then_some(Self { zoom, column, row })
     }
 }
 
 /// An image of a tile.
+#[cfg(feature = "live")]
 #[derive(Debug, PartialEq, Eq)]
-pub(in crate::commands::live) struct Tile {
-    pub(in crate::commands::live) bytes: Vec<u8>,
+pub(in crate::commands) struct Tile {
+    pub(in crate::commands) bytes: Vec<u8>,
     /// Media type for HTTP.
-    pub(in crate::commands::live) content_type: &'static str,
+    pub(in crate::commands) content_type: &'static str,
 }
 
 /// Returns the media type of an image by its first bytes, whatever its name is.

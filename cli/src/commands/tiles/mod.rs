@@ -5,22 +5,35 @@ mod error;
 mod folder;
 #[cfg(feature = "store")]
 mod mbtiles;
+#[cfg(feature = "live")]
 mod pmtiles;
 mod source;
 mod tile;
 
-pub(super) use tile::{Tile, TileAt};
+#[cfg(feature = "live")]
+pub(super) use tile::Tile;
+pub(super) use tile::TileAt;
 
 use std::{fmt, fs, io::Read as _, path::Path};
 
-use foxhunt::page::LiveTiles;
+use foxhunt::{
+    overview::Overview,
+    page::{Ground, LiveTiles},
+};
 
 use self::{
     error::TilesError,
     source::{Opened, TileSource},
     tile::image_type,
 };
-use crate::error::{CliError, InFile};
+use crate::{
+    error::{CliError, InFile},
+    output::warn,
+};
+
+/// Reason why `--tiles` is refused without a place on Earth.
+pub(super) const NO_PLACE: &str =
+    "--tiles: the places are in local metres; --origin LAT,LON places them on Earth";
 
 /// A map.
 pub(in crate::commands) struct Tiles {
@@ -45,14 +58,36 @@ impl Tiles {
         Ok(Self { source, about })
     }
 
+    /// Returns the part of the map about an overview, for its page to bring along; warns if there
+    /// is none.
+    pub(super) fn under(&self, overview: &Overview) -> Option<Ground> {
+        let LiveTiles { zooms, attribution } = self.about.clone();
+        let image = |zoom, column, row| self.image(TileAt::new(zoom, column, row)?);
+        let ground = Ground::about(overview, zooms, attribution, image);
+        if ground.is_none() {
+            warn(match overview.frame {
+                Some(_) => "--tiles: the map has no tile at this place; the page is without it",
+                None => "--tiles: the places are in local metres; the page is without the map",
+            });
+        }
+        ground
+    }
+
+    /// Returns the bytes of a tile, or `None` if it is missing or not an image.
+    fn image(&self, at: TileAt) -> Option<Vec<u8>> {
+        self.source.tile(at).filter(|bytes| image_type(bytes).is_some())
+    }
+
     /// Returns the description of the map for a page.
+    #[cfg(any(feature = "live", test))]
     pub(super) fn about(&self) -> &LiveTiles {
         &self.about
     }
 
-    /// Returns the tile, or `None` if it is missing or not an image.
+    /// Returns a tile with its type, or `None` if it is missing or not an image.
+    #[cfg(feature = "live")]
     pub(super) fn tile(&self, at: TileAt) -> Option<Tile> {
-        let bytes = self.source.tile(at)?;
+        let bytes = self.image(at)?;
         let content_type = image_type(&bytes)?;
         Some(Tile { bytes, content_type })
     }
@@ -67,7 +102,10 @@ fn file(path: &Path) -> Opened {
         begin if begin.starts_with(b"SQLite format 3\0") => mbtiles::open(path),
         #[cfg(not(feature = "store"))]
         begin if begin.starts_with(b"SQLite format 3\0") => Err(TilesError::NoSqlite),
+        #[cfg(feature = "live")]
         begin if begin.starts_with(b"PMTiles") => pmtiles::open(path),
+        #[cfg(not(feature = "live"))]
+        begin if begin.starts_with(b"PMTiles") => Err(TilesError::NoPmTiles),
         _ => Err(TilesError::Unknown),
     }
 }

@@ -1,0 +1,61 @@
+// Drops a recording on the page of `foxhunt page` in Firefox, over WebDriver BiDi, and opens a report page there:
+// node page_firefox.mjs FIREFOX NODE_MODULES FOXHUNT FOLDER, which holds foxhunt.html.
+import { execFileSync } from "node:child_process";
+import { readFileSync } from "node:fs";
+import { createRequire } from "node:module";
+import { resolve } from "node:path";
+import { pathToFileURL } from "node:url";
+
+const [firefox, modules, foxhunt, folder] = process.argv.slice(2);
+const puppeteer = createRequire(resolve(modules, "x.js"))("puppeteer-core");
+const recording = "docs/walk.csv";
+const fail = (text) => { throw new Error(text); };
+const run = (...args) => execFileSync(resolve(foxhunt), args, { encoding: "utf8", stdio: ["ignore", "pipe", "ignore"] });
+
+const browser = await puppeteer.launch({ browser: "firefox", executablePath: firefox, headless: true });
+try {
+  const open = async (name) => {
+    const page = await browser.newPage(), wrong = [];
+    page.on("console", (message) => wrong.push(message.text()));
+    page.on("pageerror", (error) => wrong.push(String(error)));
+    await page.goto(pathToFileURL(resolve(folder, name)).href);
+    return [page, wrong];
+  };
+  const until = async (page, expression) => {
+    for (let tries = 0; tries < 1200; tries += 1) {
+      if (await page.evaluate(expression)) return;
+      await new Promise((done) => { setTimeout(done, 100); });
+    }
+    fail(`${expression} in two minutes`);
+  };
+  const [page, wrong] = await open("foxhunt.html");
+  await until(page, "foxhunt.ready");
+  await page.evaluate((text) => {
+    const files = new DataTransfer();
+    files.items.add(new File([Uint8Array.from(text, (letter) => letter.charCodeAt(0))], "walk.csv"));
+    document.body.dispatchEvent(new DragEvent("drop", { dataTransfer: files, bubbles: true, cancelable: true }));
+  }, readFileSync(recording, "latin1"));
+  await until(page, "foxhunt.done > 0");
+  const [here] = await page.evaluate("foxhunt.runs.map(({ text, errors, firstMs, report }) => ({ text, errors, firstMs, report: report?.length }))");
+  if (here.errors.length || !here.report) fail(`${here.errors}`);
+  const lines = execFileSync(resolve(foxhunt), ["locate", "walk.csv", "--every-beacon", "--json=lines"], { cwd: "docs", encoding: "utf8", stdio: ["ignore", "pipe", "ignore"] });
+  const there = lines.split("\n").find((line) => line.startsWith('{"kind":"result"')).slice('{"kind":"result","value":'.length, -1);
+  const places = [here.text, there].map((text) => JSON.parse(text)[0].estimate);
+  if (JSON.stringify(places[0]) !== JSON.stringify(places[1])) fail(`${JSON.stringify(places)}`);
+
+  run("locate", recording, "--report", resolve(folder, "walk.html"));
+  const [report, errors] = await open("walk.html");
+  await until(report, "window.foxhunt !== undefined && document.documentElement.className.includes('ready')");
+  const row = await report.evaluate("document.querySelector('#fixes tbody').textContent");
+  const place = `${places[1].lat_deg.toFixed(6)}, ${places[1].lon_deg.toFixed(6)}`;
+  if (!row.includes(place)) fail(`${row} without ${place}`);
+  // The estimate follows what is struck out, in a worker of the page.
+  await report.evaluate("foxhunt.select(60)");
+  await until(report, "document.getElementById('strike-one') !== null");
+  await report.evaluate("document.getElementById('strike-one').click()");
+  await until(report, "document.getElementById('strike-status').textContent.includes('struck out: ')");
+  if (wrong.length || errors.length) fail(`console: ${[...wrong, ...errors]}`);
+  console.log(`${await browser.version()}: the fix is the program's to the bit, ${(here.firstMs / 1000).toFixed(2)} s after the drop; its report page follows what is struck out`);
+} finally {
+  await browser.close();
+}

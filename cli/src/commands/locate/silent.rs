@@ -1,0 +1,83 @@
+use foxhunt::{
+    core::Remark,
+    locate::{RangeSearched, Searched},
+    overview::Overview,
+    recording::Recording,
+};
+use serde::Serialize;
+
+use super::{Args, Prepared};
+use crate::{error::CliError, output::Output, table::table};
+
+/// Rows of the table of ranges: every how manieth.
+const EVERY: usize = 4;
+
+/// A search in which nothing was received, in JSON.
+#[derive(Debug, Serialize)]
+struct Report {
+    beacon: Option<String>,
+    /// Number of silences, and of pieces of the path that they count as.
+    silences: usize,
+    segments: usize,
+    /// The area in which the transmitter is taken to be, in square metres.
+    area_m2: f64,
+    exponent: f64,
+    /// Probability that the search would have found a transmitter in the area.
+    pos: f64,
+    /// Probability of success by the range at which a level meets the receiver's floor.
+    by_range: Vec<RangeSearched>,
+    remarks: Vec<Remark>,
+}
+
+/// Reports what a search has looked through in which nothing was received; `None` if something was.
+pub(super) fn report(
+    args: &Args,
+    prepared: &Prepared,
+    beacon: Option<&str>,
+    output: Output,
+) -> Result<Option<()>, CliError> {
+    let received = prepared.received(beacon)?;
+    let Some(searched) = Searched::in_silence(received.receptions(), prepared.config()) else {
+        return Ok(None);
+    };
+    let remarks = prepared.recordings().iter().flat_map(Recording::remarks).cloned();
+    let report = Report {
+        beacon: beacon.map(str::to_owned),
+        silences: searched.silences,
+        segments: searched.segments,
+        area_m2: searched.area_m2(),
+        exponent: searched.exponent,
+        pos: searched.pos,
+        by_range: searched.by_range.clone(),
+        remarks: remarks.collect(),
+    };
+    output.result(&report, text)?;
+    if args.views.any() {
+        let mut overview = Overview::of_recordings(prepared.recordings(), "searched");
+        prepared.add_to(&mut overview, None, beacon)?;
+        overview.searched = Some(searched);
+        args.views.write(&overview, None, output)?;
+    }
+    Ok(Some(()))
+}
+
+fn text(report: &Report) -> String {
+    let mut ranges = table(&["heard as far as m", "POS %", "area with a POD of 95 %, %"]);
+    let is_known = report.by_range.len() == 1;
+    for of in report.by_range.iter().step_by(if is_known { 1 } else { EVERY }) {
+        ranges.add_row([
+            format!("{:.0}", of.range_m),
+            format!("{:.0}", 100.0 * of.pos),
+            format!("{:.0}", 100.0 * of.searched_95),
+        ]);
+    }
+    let prior = if is_known { "" } else { ", every range from 10 m to 10 km being as probable" };
+    format!(
+        "Nothing was received: {} silences over {:.2} km². A transmitter in this area would have \
+         been found with {:.0} % (POS){prior}.\n{ranges}\nPOD is the probability of detection in a \
+         place, POS that of success over the area; --report and --export show where.",
+        report.silences,
+        report.area_m2 / 1e6,
+        100.0 * report.pos,
+    )
+}
