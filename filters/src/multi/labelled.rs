@@ -3,8 +3,8 @@
 use alloc::vec::Vec;
 
 use foxhunt_core::{
-    Axis, Estimate, Estimator, EstimatorError, Observation, State,
-    parameter::{probability, require},
+    Axis, Correction, Estimate, Estimator, EstimatorError, Observation, State,
+    parameter::{not_negative, probability, require},
 };
 
 use super::{
@@ -79,7 +79,8 @@ impl<E, const N: usize> Track<E, N> {
 /// The labelled multi-Bernoulli filter (Reuter, Vo, Vo & Dietmayer 2014): an unknown number of
 /// transmitters that appear and disappear, over any estimator.
 ///
-/// Each step adds a track for each birth density. Each scan multiplies the probability of
+/// Each step adds a track for each birth density; [`add_births`](Self::add_births) adds one for each
+/// observation. Each scan multiplies the probability of
 /// existence of each track, and its density, by the marginals over all joint associations. These
 /// are summed exactly for groups of tracks that compete for up to some dozens of observations, and
 /// by loopy belief propagation beyond ([`Associations::is_exact`]), where the filter of 2014 lists
@@ -108,14 +109,14 @@ impl<E, const N: usize> Track<E, N> {
 /// let anywhere = Ekf::new(RandomWalk::uniform(1.0), Place,
 ///     Estimate::isotropic(Vector2::zeros(), 50.0))?;
 /// let detection = Detection::new(0.9, 1.0, [200.0, 200.0])?;
-/// // Two transmitters may appear in each step.
-/// let births = [(0.05, anywhere.clone()), (0.05, anywhere)];
-/// let mut filter = LabelledMultiBernoulli::new(births, 0.99, detection)?;
+/// let mut filter = LabelledMultiBernoulli::new([], 0.99, detection)?;
 /// let place = |east| Observation::new(
 ///     1.0, Pose::default(), Vector2::new(east, 1.0), Matrix2::identity());
 /// for _ in 0..5 {
 ///     filter.predict(1.0)?;
-///     filter.update(&[place(-30.0)?, place(40.0)?])?;
+///     let scan = [place(-30.0)?, place(40.0)?];
+///     let associations = filter.update(&scan)?;
+///     filter.add_births(&anywhere, &scan, &associations, 0.1, 0.05)?;
 /// }
 /// let found = filter.found();
 /// assert_eq!(found.len(), 2);
@@ -134,6 +135,8 @@ pub struct LabelledMultiBernoulli<E, const N: usize, const M: usize> {
     least_existence: f64,
     most_tracks: usize,
     steps: u64,
+    /// Number of labels of the present step that observations have used.
+    added: usize,
 }
 
 #[derive(Clone, Debug)]
@@ -177,6 +180,7 @@ where
             least_existence: LEAST_EXISTENCE,
             most_tracks: MOST_TRACKS,
             steps: 0,
+            added: 0,
         })
     }
 
@@ -239,6 +243,7 @@ where
             });
         }
         self.steps += 1;
+        self.added = 0;
         self.tracks = tracks;
         Ok(())
     }
@@ -277,6 +282,52 @@ where
         }
         self.tracks = tracks;
         Ok(associations)
+    }
+
+    /// Adds a track for each observation of the scan that was just conditioned on: a copy of
+    /// `prior`, conditioned on the observation (Reuter et al. 2014, eq. 75).
+    ///
+    /// The tracks exist with probabilities of the sum `expected`, in proportion to the probability
+    /// that no track made the observation, and at most `most` each. So births need no place of
+    /// their own. Two wide birth densities in one place have no such difference: each of their
+    /// tracks would stand for either of two transmitters.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::Parameter`] when `expected` is negative or not finite, or `most` is not a
+    /// probability. On any error no track is added.
+    pub fn add_births(
+        &mut self,
+        prior: &E,
+        observations: &[Observation<M>],
+        associations: &Associations,
+        expected: f64,
+        most: f64,
+    ) -> Result<(), EstimatorError> {
+        not_negative("the expected number of births", expected)?;
+        probability("the largest probability of a birth", most)?;
+        let unclaimed: Vec<f64> =
+            (0..observations.len()).map(|index| associations.clutter(index)).collect();
+        let total: f64 = unclaimed.iter().sum();
+        let mut born = Vec::new();
+        for (index, (observation, share)) in observations.iter().zip(&unclaimed).enumerate() {
+            let existence = (expected * share / total).min(most);
+            let mut estimator = prior.clone();
+            // An observation that the prior cannot have made has no birth.
+            let Ok(Correction::Fused { .. }) = estimator.update(observation) else { continue };
+            if existence < self.least_existence || !existence.is_finite() {
+                continue;
+            }
+            let estimate = proper(estimator.estimate())?;
+            let label = Label {
+                step: self.steps.saturating_sub(1),
+                birth: self.births.len() + self.added + index,
+            };
+            born.push(Track { label, existence, density: Density::new(estimator), estimate });
+        }
+        self.added += observations.len();
+        self.tracks.append(&mut born);
+        Ok(())
     }
 
     /// Returns all tracks in the order of their labels.

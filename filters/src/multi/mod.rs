@@ -13,6 +13,9 @@
 //! density of a track is a weighted sum of them, one for each association history ([`Reduction`]).
 //! The probabilities of all joint associations are in [`Associations`].
 //!
+//! From rows of still transmitters, all at once, [`Sorting`] finds how many transmitters made them,
+//! and which made which.
+//!
 //! [`gospa`] and [`ospa`] are distances between the found transmitters and the true ones.
 
 mod assignment;
@@ -22,6 +25,7 @@ mod density;
 mod jpda;
 mod labelled;
 mod metric;
+mod partition;
 mod scan;
 
 pub use assignment::{Assignment, assign};
@@ -31,4 +35,5 @@ pub use density::{Reduction, ReplaceBelief};
 pub use jpda::Jpda;
 pub use labelled::{Label, LabelledMultiBernoulli, Track};
 pub use metric::{Gospa, Ospa, gospa, ospa};
+pub use partition::{Group, Sorted, Sorting};
 pub use scan::Detection;
