@@ -94,7 +94,8 @@ fn groups(weights: &DMatrix<f64>) -> Vec<Vec<usize>> {
             (0..weights.nrows()).filter(|track| weights[(*track, column)] > 0.0).collect();
         if let [first, others @ ..] = &sharing[..] {
             for other in others {
-                let (from, to) = (group_of[*other], group_of[*first]);
+                let from = group_of[*other];
+                let to = group_of[*first];
                 group_of.iter_mut().filter(|group| **group == from).for_each(|group| *group = to);
             }
         }

@@ -348,8 +348,8 @@ where
         mean(&self.cardinality())
     }
 
-    /// The most probable number of transmitters, and as many tracks: those of the highest existence
-    /// (Reuter et al. 2014, §V-D), the most probable first.
+    /// Returns the tracks of highest existence, the most probable first; their number is the most
+    /// probable number of transmitters (Reuter et al. 2014, §V-D).
     #[must_use]
     pub fn found(&self) -> Vec<&Track<E, N>> {
         let count = most_probable(&self.cardinality());

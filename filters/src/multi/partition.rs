@@ -64,7 +64,7 @@ pub struct Group {
     pub existence: f64,
     /// Indices of the rows.
     pub rows: Vec<usize>,
-    /// Probability for every row, those of other groups included, that this transmitter made it.
+    /// Probability for every row, including rows of other groups, that this transmitter made it.
     pub memberships: Vec<f64>,
 }
 
@@ -258,7 +258,7 @@ impl<'a> Chain<'a> {
         self.group_of[row] = Some(chosen);
     }
 
-    /// Draws the group of each row anew, one after the other.
+    /// Draws the group of each row once more, one after the other.
     fn sweep(&mut self, rng: &mut dyn Rng) {
         for row in shuffled(self.group_of.len(), rng) {
             match self.group_of[row].take() {

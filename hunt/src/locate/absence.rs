@@ -211,7 +211,9 @@ mod tests {
     #[test]
     fn a_silent_search_is_right_in_95_of_100() {
         let stated = Absence::of(&walk(), &config(-30.0)).expect("silent");
-        let (mut silent, mut right, mut heard) = (0, 0, 0);
+        let mut silent = 0;
+        let mut right = 0;
+        let mut heard = 0;
         for seed in 1.. {
             let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
             let power_dbm = stated.weakest_dbm + 20.0 * rng.random::<f64>();
@@ -242,7 +244,8 @@ mod tests {
     #[test]
     fn the_confidence_is_exact_at_the_power_of_the_statement() {
         let stated = Absence::of(&walk(), &config(-30.0)).expect("silent");
-        let (mut silent, mut wrong) = (0.0, 0.0);
+        let mut silent = 0.0;
+        let mut wrong = 0.0;
         for seed in 1..=2000 {
             let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
             let is_there = rng.random::<f64>() < 0.5;

@@ -26,8 +26,8 @@ pub struct Transmitters {
     pub numbers: Vec<f64>,
     /// Transmitters that are more probable than not, the most probable first.
     pub found: Vec<Transmitter>,
-    /// Indices of the receptions whose bearing belongs to none of them: wrong ones, and those of
-    /// transmitters with too few bearings.
+    /// Indices of the receptions whose bearing belongs to no listed transmitter: the bearing is
+    /// wrong, or its transmitter has too few bearings.
     pub clutter: Vec<usize>,
 }
 
@@ -63,8 +63,8 @@ impl Transmitters {
             return Err(LocateError::NoBearings);
         }
         if lines.len() > MOST_BEARINGS {
-            let (bearings, most) = (lines.len(), MOST_BEARINGS);
-            return Err(LocateError::TooManyBearings { bearings, most });
+            let bearings = lines.len();
+            return Err(LocateError::TooManyBearings { bearings, most: MOST_BEARINGS });
         }
         let margin_m = config.margin_m.max(0.5 * extent_m(receptions));
         let area = Area::about(receptions, margin_m);

@@ -2,5 +2,6 @@
 //! their own prior.
 
 mod existence;
+mod flights;
 mod model;
 mod several;
