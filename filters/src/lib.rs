@@ -29,6 +29,9 @@
 //! From all readings of one flight at once, [`ShadowingGrid`] locates a transmitter of unknown
 //! power whose level fades alike in neighbouring places.
 //!
+//! [`multi`] has filters of several transmitters, of one that may be absent, and of an unknown
+//! number of them, over any of these estimators.
+//!
 //! [`vecchia`] makes readings independent whose errors are correlated by place.
 //!
 //! From single levels along the boresights of a directional antenna, such as a slow tag's pulses,
@@ -79,6 +82,8 @@ mod kalman;
 mod mixture;
 #[cfg(feature = "alloc")]
 mod moment_grid;
+#[cfg(feature = "alloc")]
+pub mod multi;
 #[cfg(feature = "alloc")]
 mod out_of_order;
 #[cfg(feature = "alloc")]

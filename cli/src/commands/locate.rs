@@ -2,6 +2,8 @@ mod found;
 mod silent;
 #[cfg(feature = "batch")]
 mod tracked;
+#[cfg(feature = "batch")]
+mod unknown_number;
 
 use std::{fs, path::PathBuf};
 
@@ -23,7 +25,9 @@ use self::found::{Estimated, Found, likeliest};
 use super::{
     cot::{CotArgs, Teams},
     fixes::doubts,
-    locating::{Locating, NAMELESS, Prepared, Residuals, not_located, shared_truth, truth},
+    locating::{
+        Locating, NAMELESS, Prepared, Received, Residuals, not_located, shared_truth, truth,
+    },
     recorded::LatLon,
     views::Views,
 };
@@ -72,6 +76,13 @@ pub(crate) struct Args {
     #[cfg(feature = "batch")]
     #[command(flatten)]
     tracking: tracked::Tracking,
+    /// Locate an unknown number of transmitters on one frequency: each bearing is of one of them, or
+    /// wrong. Of a search that received nothing, states how strong a transmitter it would have
+    /// found
+    #[cfg(feature = "batch")]
+    #[arg(long, conflicts_with_all = ["truth", "every_beacon", "track", "movebank_to",
+          "conformal"])]
+    unknown_number: bool,
     /// A list of receptions to leave out: saved by a page, or your own JSON lines (docs/report.md)
     #[arg(long, value_name = "FILE")]
     ignore: Option<PathBuf>,
@@ -192,6 +203,12 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         output.result(&report, tracked::text)?;
         return show(args, registry, &prepared, vec![found], teams, output);
     }
+    #[cfg(feature = "batch")]
+    if args.unknown_number {
+        let (several, found) = unknown_number::several(args, registry, &prepared, beacon)?;
+        output.result(&several, unknown_number::answer)?;
+        return show(args, registry, &prepared, found, teams, output);
+    }
     if silent::report(args, &prepared, beacon.as_deref(), output)?.is_some() {
         return Ok(());
     }
@@ -222,8 +239,11 @@ fn show(
     let entry = registry.estimator(&method).ok();
     let mut beacons = Vec::new();
     let mut tracks = None;
-    for (number, Found { beacon, search, tracks: again, .. }) in found.into_iter().enumerate() {
-        prepared.add_to(&mut overview, Some(number), beacon.as_deref())?;
+    let mut is_sorted = false;
+    for (number, found) in found.into_iter().enumerate() {
+        let Found { beacon, search, tracks: again, rows, .. } = found;
+        is_sorted |= rows.is_some();
+        prepared.add_to(&mut overview, Some(number), beacon.as_deref(), rows.as_deref())?;
         overview.searches.push(search);
         beacons.push(beacon);
         tracks = tracks.or(again);
@@ -240,7 +260,8 @@ fn show(
         args.views.write(&overview, None, output)?;
         return teams.send(&args.views.placed(overview)?);
     }
-    if let Some(estimator) = entry {
+    // A page locates again from all rows of a beacon, not from those of one of its transmitters.
+    if let Some(estimator) = entry.filter(|_| !is_sorted) {
         let searches = overview.searches.iter().zip(beacons.iter().map(Option::as_deref));
         let again = prepared.relocation(estimator, searches, args.locating.names_estimator())?;
         tracks = Some(again);
@@ -283,6 +304,17 @@ fn one(
     beacon: Option<String>,
 ) -> Result<(Report, Found), CliError> {
     let received = prepared.received(beacon.as_deref())?;
+    located(args, registry, prepared, conformal, (beacon, received))
+}
+
+/// Locates a transmitter from these receptions of a beacon.
+fn located(
+    args: &Args,
+    registry: &Registry,
+    prepared: &Prepared,
+    conformal: Option<&ConformalFile>,
+    (beacon, received): (Option<String>, Received),
+) -> Result<(Report, Found), CliError> {
     let estimator = args.locating.estimator(registry, received.receptions())?;
     let truth = truth(args.truth, prepared.recordings(), beacon.as_deref())?;
     let located = prepared.locate(estimator, &received).map_err(not_located)?;
@@ -299,7 +331,8 @@ fn one(
         conformal: factors.cloned(),
         ..SearchOverview::located(called, &located, truth, 0.0).with_rows(shown)
     };
-    let found = Found { beacon: beacon.clone(), method: name.clone(), search, tracks: None };
+    let method = name.clone();
+    let found = Found { beacon: beacon.clone(), method, search, tracks: None, rows: None };
     let mut report = Report::new(name, beacon, prepared.recordings(), up, truth, &located);
     report.clock_offset = prepared.found_clock();
     report.ignored = prepared.ignored(report.beacon.as_deref());
@@ -448,22 +481,25 @@ fn places(reports: &[Report]) -> String {
         0 => String::new(),
         count => format!(" Left out by --ignore: {count}."),
     };
-    let details: String = reports.iter().map(details).collect();
+    let of_beacon = |report: &Report| {
+        let whose = report.beacon.as_ref().map_or_else(String::new, |name| format!(" of {name}"));
+        details(report, &whose)
+    };
+    let details: String = reports.iter().map(of_beacon).collect();
     format!("{places}\n{legend}{ignored}{details}")
 }
 
 /// Returns the details below the table: explanation of the levels, regions, rivals and so on.
-fn details(report: &Report) -> String {
-    let whose = report.beacon.as_ref().map_or_else(String::new, |name| format!(" of {name}"));
-    let explanation = report.explanation.as_ref().map(|explanation| explained(explanation, &whose));
-    let common = report.common_errors.as_ref().map(|common| in_common(common, &whose));
+fn details(report: &Report, whose: &str) -> String {
+    let explanation = report.explanation.as_ref().map(|explanation| explained(explanation, whose));
+    let common = report.common_errors.as_ref().map(|common| in_common(common, whose));
     let regions = Some(&report.regions_95).filter(|_| report.ellipse_is_poor);
-    let regions = regions.map(|parts| regions_of(parts, &whose));
+    let regions = regions.map(|parts| regions_of(parts, whose));
     let rivals = Some(&report.rivals).filter(|rivals| !rivals.is_empty());
-    let rivals = rivals.map(|rivals| rivals_of(rivals, &whose));
-    let remarks = remarks_of(report.remarks.get(report.warned..).unwrap_or_default(), &whose);
-    let rows = rows_of(&report.rows, report.listed, &whose);
-    let conformal = report.conformal_95.as_ref().map(|own| conformal(own, &whose));
+    let rivals = rivals.map(|rivals| rivals_of(rivals, whose));
+    let remarks = remarks_of(report.remarks.get(report.warned..).unwrap_or_default(), whose);
+    let rows = rows_of(&report.rows, report.listed, whose);
+    let conformal = report.conformal_95.as_ref().map(|own| conformal(own, whose));
     [conformal, Some(remarks), Some(rows), explanation, common, regions, rivals]
         .into_iter()
         .flatten()

@@ -138,6 +138,25 @@ impl Received {
         self.rows.receptions()
     }
 
+    /// Returns the receptions with these indices, in their order.
+    #[cfg(feature = "batch")]
+    pub(super) fn only(&self, indices: &[usize]) -> Self {
+        let mut chosen = Self::default();
+        for (index, row) in self.rows.iter().enumerate() {
+            if !indices.contains(&index) {
+                continue;
+            }
+            let begin = chosen.receptions().len();
+            if let Some((number, ..)) = self.row(index)
+                && chosen.begins.last().is_none_or(|(_, last)| *last != number)
+            {
+                chosen.begins.push((begin, number));
+            }
+            chosen.rows.extend(std::iter::once(row));
+        }
+        chosen
+    }
+
     /// Returns the number of the recording of a reception, its line and its receiver.
     fn row(&self, index: usize) -> Option<(usize, u64, &str)> {
         let (line, drone) = self.rows.row(index)?;
@@ -560,15 +579,23 @@ impl Prepared {
         Ok(all)
     }
 
-    /// Adds the receptions of a beacon to an overview, with the turns that they were read in.
+    /// Adds the receptions of a beacon to an overview, with the turns that they were read in. With
+    /// `only`, receptions of other rows are left out.
     pub(super) fn add_to(
         &self,
         overview: &mut Overview,
         search: Option<usize>,
         beacon: Option<&str>,
+        only: Option<&[RowId]>,
     ) -> Result<(), CliError> {
         for (number, recording) in self.recordings.iter().enumerate() {
-            let received = self.rows_of(number, beacon)?;
+            let mut received = self.rows_of(number, beacon)?;
+            if let Some(only) = only {
+                let is_in = |row: &RecordedReception| {
+                    only.iter().any(|id| id.line == row.line && id.file == self.name(number))
+                };
+                received = received.iter().filter(is_in).collect();
+            }
             let mut readings = Vec::new();
             for Extracted { part, extractor } in self.parts.get(number).into_iter().flatten() {
                 let part = part.as_ref().unwrap_or(recording);
@@ -692,6 +719,13 @@ impl Prepared {
             located.remarks.retain(|remark| remark.code != "clocks-differ");
         }
         Ok(located)
+    }
+
+    /// Returns the identifier of a reception; `None` for an index that does not exist.
+    #[cfg(feature = "batch")]
+    pub(super) fn row(&self, received: &Received, index: usize) -> Option<RowId> {
+        let (number, line, _) = received.row(index)?;
+        Some(self.id(number, line, None))
     }
 
     /// Returns the offset between the clocks of the recording and its path that was found and taken

@@ -28,4 +28,6 @@ mod screen;
 mod store;
 mod support;
 mod tags;
+#[cfg(feature = "batch")]
+mod unknown_number;
 mod views;

@@ -23,6 +23,7 @@ pub use bank::Bank;
 pub use first_bearing::{FirstBearing, RangeParameterised, polar_moments};
 pub use gaussian_sum::GaussianSum;
 pub use imm::{Imm, Transition};
+pub(crate) use reduction::{Part, reduce};
 pub use reduction::{split, split_standard_normal};
 
 /// An estimator that can go on from another Gaussian belief: what mixing, merging and
@@ -45,13 +46,13 @@ pub type InnovationOf<E, const M: usize> =
 /// One of a mixture. The logarithm of its weight is what is held: a product of many likelihoods
 /// underflows.
 #[derive(Clone, Debug)]
-struct Component<E> {
-    estimator: E,
-    log_weight: f64,
+pub(crate) struct Component<E> {
+    pub(crate) estimator: E,
+    pub(crate) log_weight: f64,
 }
 
 impl<E> Component<E> {
-    fn weight(&self) -> f64 {
+    pub(crate) fn weight(&self) -> f64 {
         libm::exp(self.log_weight)
     }
 }
@@ -122,7 +123,7 @@ fn weighted<E>(
 
 /// Makes the weights sum to 1; returns the logarithm of what they summed to. `None`, and nothing
 /// done, where that is not finite.
-fn normalise<E>(components: &mut [Component<E>]) -> Option<f64> {
+pub(crate) fn normalise<E>(components: &mut [Component<E>]) -> Option<f64> {
     let best = components.iter().map(|c| c.log_weight).fold(f64::NEG_INFINITY, f64::max);
     let sum: f64 = components.iter().map(|c| libm::exp(c.log_weight - best)).sum();
     let log_total = best + libm::log(sum);
@@ -144,7 +145,7 @@ fn estimates<E: Estimator<N, M>, const N: usize, const M: usize>(
 }
 
 /// The moments of the whole mixture.
-fn belief_of<E: Estimator<N, M>, const N: usize, const M: usize>(
+pub(crate) fn belief_of<E: Estimator<N, M>, const N: usize, const M: usize>(
     components: &[Component<E>],
     axes: &[Axis; N],
 ) -> Result<Estimate<N>, EstimatorError> {

@@ -13,17 +13,17 @@ const MOST: usize = 64;
 
 /// A weighted Gaussian, and which component it came from.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Part<const N: usize> {
-    pub weight: f64,
-    pub estimate: Estimate<N>,
+pub(crate) struct Part<const N: usize> {
+    pub(crate) weight: f64,
+    pub(crate) estimate: Estimate<N>,
     /// Index of the component that the part came from; after a merge, the heavier part's.
-    pub origin: usize,
-    pub merged: bool,
+    pub(crate) origin: usize,
+    pub(crate) merged: bool,
     log_determinant: f64,
 }
 
 impl<const N: usize> Part<N> {
-    pub(super) fn new(origin: usize, weight: f64, estimate: Estimate<N>) -> Self {
+    pub(crate) fn new(origin: usize, weight: f64, estimate: Estimate<N>) -> Self {
         let log_determinant = log_determinant(&estimate);
         Self { weight, estimate, origin, merged: false, log_determinant }
     }
@@ -139,7 +139,7 @@ fn unit_parts(parts: usize) -> (f64, Vec<(f64, f64)>) {
 ///
 /// The cost ½ [(wᵢ + wⱼ) ln |Pᵢⱼ| − wᵢ ln |Pᵢ| − wⱼ ln |Pⱼ|] bounds the Kullback-Leibler
 /// divergence of the mixture before from the one after, in nats.
-pub(super) fn reduce<const N: usize>(
+pub(crate) fn reduce<const N: usize>(
     parts: &mut Vec<Part<N>>,
     most: usize,
     cheap: f64,

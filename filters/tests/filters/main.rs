@@ -5,6 +5,7 @@ mod batch;
 mod directional_grid;
 mod mixture;
 mod moment_grid;
+mod multi;
 mod recorded_flights;
 mod recursive;
 mod shadowing_grid;

@@ -30,6 +30,14 @@ pub enum LocateError {
     /// The estimator works on bearings alone, and no reception holds one.
     #[error("it needs bearings, and there are none")]
     NoBearings,
+    /// There are more bearings than can be sorted by transmitter.
+    #[error("{bearings} bearings cannot be sorted by transmitter; at most {most} can")]
+    TooManyBearings {
+        /// Number of bearings.
+        bearings: usize,
+        /// Largest number of bearings.
+        most: usize,
+    },
     /// The estimator works on a quantity that no reception holds.
     #[error("it needs {quantity}, and no reception holds it")]
     NoQuantity {

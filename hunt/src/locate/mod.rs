@@ -1,5 +1,7 @@
 //! Place or track of a transmitter from all its receptions at once.
 
+#[cfg(feature = "batch")]
+mod absence;
 mod area;
 #[cfg(feature = "batch")]
 mod batch;
@@ -26,7 +28,11 @@ mod region;
 mod searched;
 mod shadowing_grid;
 mod strongest;
+#[cfg(feature = "batch")]
+mod unknown_number;
 
+#[cfg(feature = "batch")]
+pub use absence::Absence;
 pub(crate) use area::{Area, FREE_POWER_SIGMA_DB, extent_m, reference_power};
 #[cfg(feature = "batch")]
 pub(crate) use batch::MultiStart;
@@ -56,6 +62,8 @@ pub use region::Region;
 pub use searched::{RangeSearched, Searched};
 pub(crate) use shadowing_grid::CorrelatedShadowing;
 pub(crate) use strongest::{Strongest, WeightedCentroid};
+#[cfg(feature = "batch")]
+pub use unknown_number::{Transmitter, Transmitters};
 
 use foxhunt_core::elementary;
 use nalgebra::Vector3;

@@ -4,6 +4,7 @@ use foxhunt::{
     hunt::PlaceEstimate,
     overview::SearchOverview,
     page::{NotStrikable, PageLog},
+    struck::RowId,
 };
 use serde::Serialize;
 
@@ -38,6 +39,8 @@ pub(super) struct Found {
     pub(super) search: SearchOverview,
     /// Data with which a page tracks it again, if it is tracked.
     pub(super) tracks: Option<Result<PageLog, NotStrikable>>,
+    /// Rows that belong to it, where not all of its beacon do.
+    pub(super) rows: Option<Vec<RowId>>,
 }
 
 /// Returns the value with the largest probability, and that probability.

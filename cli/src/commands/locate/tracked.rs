@@ -144,7 +144,7 @@ pub(super) fn report(
     let search = SearchOverview::tracked(called, &tracked, truth_of);
     let tracks = prepared.tracks((config, listeners, steps.get()), &search, beacon.as_deref())?;
     let method = "track".to_owned();
-    let found = Found { beacon: beacon.clone(), method, search, tracks: Some(tracks) };
+    let found = Found { beacon: beacon.clone(), method, search, tracks: Some(tracks), rows: None };
     let ignored = prepared.ignored(beacon.as_deref());
     let mut report = Report::new(beacon, places, tracked, ignored)?;
     report.remarks = recordings.iter().flat_map(Recording::remarks).cloned().collect();
