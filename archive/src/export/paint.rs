@@ -10,10 +10,10 @@ use crate::{
     raster::{Raster, belief},
 };
 
-/// Cumulative probabilities, each with the opacity of its colour: those of the page.
+/// Cumulative probabilities, each with the opacity of its colour, as on the page.
 const CREDIBLE: [(f64, f64); 3] = [(0.5, 0.62), (0.8, 0.4), (0.95, 0.22)];
 
-/// Red, green and blue of the searches, in turn: those of the page by day.
+/// Red, green and blue of the searches, in turn, as on the page by day.
 const SEARCHES: [[u8; 3]; 4] =
     [[0xd5, 0x5e, 0x00], [0x7b, 0x32, 0x94], [0x00, 0x62, 0x4a], [0x8c, 0x51, 0x0a]];
 

@@ -411,7 +411,8 @@ fn a_geotiff_has_each_cell_where_it_is() {
     let mut mean = Vector2::zeros();
     let mut held = 0.0;
     for (index, cell) in (0_u32..).zip(values.chunks(2)) {
-        let (column, row) = (f64::from(index % width), f64::from(index / width));
+        let column = f64::from(index % width);
+        let row = f64::from(index / width);
         let [east, north] = [west + (column + 0.5) * scale[0], north - (row + 0.5) * scale[1]];
         mean += Vector2::new(east, north) * f64::from(cell[0]);
         held += if cell[1] <= 0.5 { f64::from(cell[0]) } else { 0.0 };
@@ -473,7 +474,8 @@ fn tiles_are_painted_where_the_fix_is() {
     let [x, y] = crate::page::mercator(&fix());
     for zoom in least..=most {
         let side = f64::from(zoom).exp2();
-        let (column, row) = ((x * side).floor(), side - 1.0 - (y * side).floor());
+        let column = (x * side).floor();
+        let row = side - 1.0 - (y * side).floor();
         let tile = "SELECT tile_data FROM tiles
              WHERE zoom_level = ?1 AND tile_column = ?2 AND tile_row = ?3";
         let at = rusqlite::params![zoom, column, row];

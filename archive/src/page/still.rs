@@ -15,7 +15,7 @@ const MOST: usize = 500;
 /// Width of the picture in its own units.
 const WIDTH: f64 = 900.0;
 
-/// Colours of fixes, one for each search; those of the page by day.
+/// Colours of fixes, one for each search, as on the page by day.
 const SEARCHES: [&str; 4] = ["#d55e00", "#7b3294", "#00624a", "#8c510a"];
 
 /// Returns the table of fixes and a picture of the end, as HTML.
@@ -125,7 +125,8 @@ fn picture(overview: &Overview) -> String {
     let scale = WIDTH / (2.0 * half.x);
     let height = (2.0 * half.y * scale).clamp(0.2 * WIDTH, 2.0 * WIDTH);
     let half = Vector2::new(half.x, 0.5 * height / scale);
-    let (low, high) = (centre - half, centre + half);
+    let low = centre - half;
+    let high = centre + half;
     let mut drawing = Drawing { low, high, scale, svg: String::new() };
     for receiver in &overview.receivers {
         let every = receiver.path.len().div_ceil(10 * MOST).max(1);
@@ -156,22 +157,26 @@ fn reception(drawing: &mut Drawing, received: &Received, length_m: f64) {
         let style = format!("stroke=\"#009e73\" stroke-opacity=\"0.5\"{dash}");
         drawing.line([place, end].into_iter(), &style);
     }
-    let (x, y) = (drawing.x(&place), drawing.y(&place));
+    let x = drawing.x(&place);
+    let y = drawing.y(&place);
     drawing.add(format_args!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"#0072b2\"/>"));
 }
 
 fn fix(drawing: &mut Drawing, search: &SearchOverview, colour: &str) {
     if let Some(knot) = search.truth.last() {
-        let (x, y) = (drawing.x(&knot.place.xy()), drawing.y(&knot.place.xy()));
+        let x = drawing.x(&knot.place.xy());
+        let y = drawing.y(&knot.place.xy());
         drawing.add(format_args!(
             "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"7\" fill=\"none\" stroke=\"#000\" \
              stroke-width=\"3\"><title>truth</title></circle>"
         ));
     }
     let Some(last) = search.last() else { return };
-    let (x, y) = (drawing.x(&last.estimate.mean), drawing.y(&last.estimate.mean));
+    let x = drawing.x(&last.estimate.mean);
+    let y = drawing.y(&last.estimate.mean);
     if let Some(Ellipse { semi_major, semi_minor, orientation }) = last.ellipse_95 {
-        let (a, b) = (semi_major * drawing.scale, semi_minor * drawing.scale);
+        let a = semi_major * drawing.scale;
+        let b = semi_minor * drawing.scale;
         let turn = -orientation.to_degrees();
         drawing.add(format_args!(
             "<ellipse rx=\"{a:.1}\" ry=\"{b:.1}\" fill=\"{colour}\" fill-opacity=\"0.2\" \

@@ -108,7 +108,8 @@ impl Raster {
         let columns = self.columns.div_ceil(block);
         let mut values = vec![0.0; columns * self.rows().div_ceil(block)];
         for (index, value) in self.values.iter().enumerate() {
-            let (row, column) = (index / self.columns / block, index % self.columns / block);
+            let row = index / self.columns / block;
+            let column = index % self.columns / block;
             if let Some(sum) = values.get_mut(row * columns + column) {
                 *sum += value;
             }
@@ -221,7 +222,7 @@ pub fn level(_: &Overview, _: usize) -> Option<[Raster; 2]> {
     None
 }
 
-/// Empty cells over a rectangle, so many along its longer side.
+/// Returns empty cells over a rectangle, `side` of them along its longer side.
 fn empty(low: Vector2<f64>, high: Vector2<f64>, side: f64) -> Option<Raster> {
     let size = high - low;
     let cell_m = size.max() / side;
@@ -230,7 +231,8 @@ fn empty(low: Vector2<f64>, high: Vector2<f64>, side: f64) -> Option<Raster> {
     }
     let cells = size.map(|metres| (metres / cell_m).ceil().clamp(1.0, side + 1.0));
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to side + 1")]
-    let (columns, rows) = (cells.x as usize, cells.y as usize);
+    let columns = cells.x as usize;
+    let rows = cells.y as usize;
     Some(Raster { corner: low, cell_m, columns, values: vec![0.0; columns * rows] })
 }
 
@@ -265,7 +267,8 @@ fn kernels(places: &[Vector2<f64>]) -> Option<Raster> {
     let low = places.iter().fold(*first, |low, at| low.inf(at)) - reach;
     let high = places.iter().fold(*first, |high, at| high.sup(at)) + reach;
     let mut raster = empty(low, high, SIDE)?;
-    let (columns, rows) = (raster.columns, raster.rows());
+    let columns = raster.columns;
+    let rows = raster.rows();
     let cell = |metres: f64, most: usize| {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
         let cell = (metres / raster.cell_m).floor().clamp(0.0, count(most - 1)) as usize;
@@ -418,7 +421,8 @@ mod tests {
         let receiver = overview.receiver("walk");
         for step in 0..60_u8 {
             // Along three lanes, and stronger to the East.
-            let (lane, along) = (f64::from(step / 20), f64::from(step % 20));
+            let lane = f64::from(step / 20);
+            let along = f64::from(step % 20);
             overview.add(Received {
                 time: f64::from(step),
                 receiver,

@@ -130,7 +130,8 @@ impl Searched {
             }
         }
         let pos = pod.iter().sum::<f64>() * share;
-        let (silences, segments) = (silences.len(), segments.len());
+        let silences = silences.len();
+        let segments = segments.len();
         Some(Self { corner, cell_m, columns, pod, pos, by_range, exponent, silences, segments })
     }
 
@@ -238,7 +239,8 @@ mod tests {
     fn at(searched: &Searched, east: f64, north: f64) -> f64 {
         let cell = (Vector2::new(east, north) - searched.corner) / searched.cell_m;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside")]
-        let (column, row) = (cell.x as usize, cell.y as usize);
+        let column = cell.x as usize;
+        let row = cell.y as usize;
         searched.pod[row * searched.columns + column]
     }
 

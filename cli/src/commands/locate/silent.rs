@@ -54,7 +54,7 @@ pub(super) fn report(
     output.result(&report, text)?;
     if args.views.any() {
         let mut overview = Overview::of_recordings(prepared.recordings(), "searched");
-        prepared.add_to(&mut overview, None, beacon)?;
+        prepared.add_to(&mut overview, None, beacon, None)?;
         overview.searched = Some(searched);
         args.views.write(&overview, None, output)?;
     }

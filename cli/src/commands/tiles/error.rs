@@ -14,6 +14,7 @@ pub(super) enum TilesError {
     Unknown,
     #[error("its tiles are {0}; images are needed: PNG, JPEG, WebP or AVIF")]
     NoImages(String),
+    #[cfg(feature = "live")]
     #[error("it is cut short: {length} bytes of {needed}")]
     CutShort { length: u64, needed: u64 },
     #[error("the zoom levels {0} to {1} are out of range")]
