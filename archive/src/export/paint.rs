@@ -10,10 +10,10 @@ use crate::{
     raster::{Raster, belief},
 };
 
-/// Cumulative probabilities, each with the opacity of its colour: those of the page.
+/// Cumulative probabilities, each with the opacity of its colour in the page.
 const CREDIBLE: [(f64, f64); 3] = [(0.5, 0.62), (0.8, 0.4), (0.95, 0.22)];
 
-/// Red, green and blue of the searches, in turn: those of the page by day.
+/// Red, green and blue of the searches, in turn, as in the page by day.
 const SEARCHES: [[u8; 3]; 4] =
     [[0xd5, 0x5e, 0x00], [0x7b, 0x32, 0x94], [0x00, 0x62, 0x4a], [0x8c, 0x51, 0x0a]];
 
@@ -39,7 +39,7 @@ enum Shade {
     Detection,
 }
 
-/// What is painted of an overview, each with its colour.
+/// Layers of an overview, each with its colour.
 pub(super) struct Paint {
     layers: Vec<(Raster, [u8; 3], Shade)>,
 }

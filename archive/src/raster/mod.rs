@@ -108,7 +108,8 @@ impl Raster {
         let columns = self.columns.div_ceil(block);
         let mut values = vec![0.0; columns * self.rows().div_ceil(block)];
         for (index, value) in self.values.iter().enumerate() {
-            let (row, column) = (index / self.columns / block, index % self.columns / block);
+            let row = index / self.columns / block;
+            let column = index % self.columns / block;
             if let Some(sum) = values.get_mut(row * columns + column) {
                 *sum += value;
             }
@@ -221,7 +222,7 @@ pub fn level(_: &Overview, _: usize) -> Option<[Raster; 2]> {
     None
 }
 
-/// Empty cells over a rectangle, so many along its longer side.
+/// Empty cells over a rectangle, `side` of them along its longer side.
 fn empty(low: Vector2<f64>, high: Vector2<f64>, side: f64) -> Option<Raster> {
     let size = high - low;
     let cell_m = size.max() / side;
@@ -254,8 +255,8 @@ const LOOKS: usize = 32;
 /// power of −1/3 (Silverman 1986, eq. 4.14).
 const KERNEL: f64 = 3.0;
 
-/// Spreads places by Gaussian kernels of the shape that the cloud has about its places: of two parts
-/// each stays as narrow as it is, and so does a ridge.
+/// Spreads places by Gaussian kernels of the shape that the cloud has about its places: each of two
+/// parts stays as narrow as it is, and so does a ridge.
 fn kernels(places: &[Vector2<f64>]) -> Option<Raster> {
     let shape = local_covariance(places)?;
     let covariance = shape * (KERNEL * libm::pow(count(places.len()), -1.0 / 3.0));
@@ -265,7 +266,8 @@ fn kernels(places: &[Vector2<f64>]) -> Option<Raster> {
     let low = places.iter().fold(*first, |low, at| low.inf(at)) - reach;
     let high = places.iter().fold(*first, |high, at| high.sup(at)) + reach;
     let mut raster = empty(low, high, SIDE)?;
-    let (columns, rows) = (raster.columns, raster.rows());
+    let columns = raster.columns;
+    let rows = raster.rows();
     let cell = |metres: f64, most: usize| {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
         let cell = (metres / raster.cell_m).floor().clamp(0.0, count(most - 1)) as usize;
@@ -290,8 +292,8 @@ fn kernels(places: &[Vector2<f64>]) -> Option<Raster> {
     Some(raster.map(|value| value / total))
 }
 
-/// Returns the mean covariance of the quarter of all places that is nearest to each of some, near by
-/// the covariance of all.
+/// Returns the covariance of the quarter of all places that is nearest to a place, near by the
+/// covariance of all; the mean about some places.
 fn local_covariance(places: &[Vector2<f64>]) -> Option<Matrix2<f64>> {
     let whole = covariance(places.iter());
     let least = Matrix2::identity() * (1e-6 + 1e-6 * whole.trace());

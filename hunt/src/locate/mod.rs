@@ -49,7 +49,7 @@ pub(crate) use path::Paths;
 #[cfg(feature = "batch")]
 pub(crate) use ranges::{Multilateration, RangeDifferences};
 pub use region::Region;
-pub use searched::{RangeSearched, Searched};
+pub use searched::{NextPlace, RangeSearched, Searched};
 pub(crate) use shadowing_grid::CorrelatedShadowing;
 pub(crate) use strongest::{Strongest, WeightedCentroid};
 

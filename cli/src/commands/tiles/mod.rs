@@ -58,8 +58,8 @@ impl Tiles {
         Ok(Self { source, about })
     }
 
-    /// Returns the part of the map about an overview, for its page to bring along; warns if there
-    /// is none.
+    /// Returns the part of the map about an overview, for its page to bring along; warns if the
+    /// map has no tile there.
     pub(super) fn under(&self, overview: &Overview) -> Option<Ground> {
         let LiveTiles { zooms, attribution } = self.about.clone();
         let image = |zoom, column, row| self.image(TileAt::new(zoom, column, row)?);
