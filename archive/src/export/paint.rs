@@ -66,6 +66,7 @@ impl Paint {
     }
 
     /// Returns the side of the smallest cell in metres.
+    #[cfg(feature = "sqlite")]
     pub(super) fn cell_m(&self) -> f64 {
         self.layers.iter().map(|(raster, ..)| raster.cell_m).fold(f64::INFINITY, f64::min)
     }
@@ -120,6 +121,7 @@ fn byte(value: f64) -> u8 {
 
 impl Picture {
     /// Returns true if nothing is painted on it.
+    #[cfg(feature = "sqlite")]
     pub(super) fn is_empty(&self) -> bool {
         self.pixels.chunks(4).all(|pixel| pixel.last() == Some(&0))
     }

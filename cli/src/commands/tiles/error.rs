@@ -12,8 +12,10 @@ pub(super) enum TilesError {
     NoTiles,
     #[error("it is neither a folder of tiles z/x/y, nor MBTiles, nor PMTiles")]
     Unknown,
+    #[cfg(any(feature = "live", feature = "store"))]
     #[error("its tiles are {0}; images are needed: PNG, JPEG, WebP or AVIF")]
     NoImages(String),
+    #[cfg(feature = "live")]
     #[error("it is cut short: {length} bytes of {needed}")]
     CutShort { length: u64, needed: u64 },
     #[error("the zoom levels {0} to {1} are out of range")]
