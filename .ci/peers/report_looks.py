@@ -6,6 +6,7 @@ FOLDER gets the pages and their screenshots. Coordinates are compared with those
 OpenCV.
 """
 
+import math
 import os
 import re
 import subprocess
@@ -91,6 +92,12 @@ def check_tools(browser, path):
     page.locator("#layer-rings").check()
     settle(page)
 
+    # Dark, and dark again after the high contrast.
+    dark = "[foxhunt.state.dark, foxhunt.state.contrast, document.documentElement.className]"
+    for button, expected in (("dark", [True, False, "ready dark"]), ("contrast", [False, True, "ready contrast"]), ("contrast", [True, False, "ready dark"])):
+        page.locator(f"#{button}").click()
+        assert page.evaluate(dark) == expected, page.evaluate(dark)
+
     # The picture of the fix by places and rules of others.
     page.locator("#coordinates summary").first.click()
     settle(page)
@@ -116,6 +123,28 @@ def check_tools(browser, path):
         read, *_ = cv2.QRCodeDetector().detectAndDecode(cv2.resize(image, None, fx=8, fy=8, interpolation=cv2.INTER_NEAREST))
         assert read == text, (read, text)
     context.close()
+
+
+def check_not_offered(browser, foxhunt, folder):
+    """Recordings with more than 10,000 receptions do not follow what is struck out: the page does not offer it."""
+    table, written = os.path.join(folder, "many.csv"), os.path.join(folder, "many.html")
+    with open(table, "w", encoding="utf-8") as file:
+        file.write("time_s,east_m,north_m,rss_dbm\n")
+        for row in range(12_000):
+            east, north = row % 600, 20.0 * (row // 600)
+            file.write(f"{row},{east},{north},{-30 - 25 * math.log10(math.hypot(east - 300, north - 200) + 1):.1f}\n")
+    subprocess.run([foxhunt, "locate", table, "--report", written], check=True, capture_output=True)
+    page = browser.new_context(offline=True).new_page()
+    page.goto("file://" + os.path.abspath(written))
+    wait_for(page, "document.querySelectorAll('#turn-body dl').length > 0")
+    assert page.locator("#strike").is_hidden() and page.locator("#strike-key").is_hidden()
+    page.evaluate("foxhunt.select(4)")
+    page.locator("#map").focus()
+    page.keyboard.press("x")
+    settle(page)
+    assert page.locator("#strike-one").count() == 0
+    assert page.evaluate("foxhunt.received.every((one) => !one.struck)")
+    page.context.close()
 
 
 def check_without_script(browser, path, folder):
@@ -154,6 +183,7 @@ def main():
             look(browser, axe, in_folder(f"{name}.html"), folder)
         check_tools(browser, in_folder("walk.html"))
         check_without_script(browser, in_folder("walk.html"), folder)
+        check_not_offered(browser, foxhunt, folder)
         check_embedded(browser, in_folder("hunt.html"))
         with Program(foxhunt, "hunt", "--live=127.0.0.1:0", "--pace", "1000", "--out", in_folder("live")) as program:
             wrong = []

@@ -98,7 +98,7 @@ impl Page<'_> {
     }
 
     /// Returns the keys of a transverse Mercator projection about the origin, with their numbers
-    /// and their text. Within 10 km its metres agree with the local frame's to millimetres, as it
+    /// and their text. Within 10 km its metres equal the local frame's to millimetres, as it
     /// has the scale of the origin's height.
     fn keys(&self) -> (Vec<u16>, Vec<f64>, String) {
         let Geodetic { lat_deg, lon_deg, alt_m } = self.origin;

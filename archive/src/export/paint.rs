@@ -10,10 +10,10 @@ use crate::{
     raster::{Raster, belief},
 };
 
-/// Cumulative probabilities, each with the opacity of its colour, as on the page.
+/// Cumulative probabilities, each with the opacity of its colour in the page.
 const CREDIBLE: [(f64, f64); 3] = [(0.5, 0.62), (0.8, 0.4), (0.95, 0.22)];
 
-/// Red, green and blue of the searches, in turn, as on the page by day.
+/// Red, green and blue of the searches, in turn, as in the page by day.
 const SEARCHES: [[u8; 3]; 4] =
     [[0xd5, 0x5e, 0x00], [0x7b, 0x32, 0x94], [0x00, 0x62, 0x4a], [0x8c, 0x51, 0x0a]];
 
@@ -39,7 +39,7 @@ enum Shade {
     Detection,
 }
 
-/// What is painted of an overview, each with its colour.
+/// Layers of an overview, each with its colour.
 pub(super) struct Paint {
     layers: Vec<(Raster, [u8; 3], Shade)>,
 }
@@ -66,6 +66,7 @@ impl Paint {
     }
 
     /// Returns the side of the smallest cell in metres.
+    #[cfg(feature = "sqlite")]
     pub(super) fn cell_m(&self) -> f64 {
         self.layers.iter().map(|(raster, ..)| raster.cell_m).fold(f64::INFINITY, f64::min)
     }
@@ -120,6 +121,7 @@ fn byte(value: f64) -> u8 {
 
 impl Picture {
     /// Returns true if nothing is painted on it.
+    #[cfg(feature = "sqlite")]
     pub(super) fn is_empty(&self) -> bool {
         self.pixels.chunks(4).all(|pixel| pixel.last() == Some(&0))
     }

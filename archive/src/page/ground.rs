@@ -141,6 +141,7 @@ pub(crate) fn mercator(place: &Geodetic) -> [f64; 2] {
 }
 
 /// Latitude and longitude in degrees of a place in Web Mercator.
+#[cfg(any(feature = "sqlite", test))]
 pub(crate) fn degrees([column, row]: [f64; 2]) -> [f64; 2] {
     let north = libm::sinh(std::f64::consts::TAU * (0.5 - row));
     [libm::atan(north).to_degrees(), column * 360.0 - 180.0]

@@ -174,6 +174,8 @@ function showSearched() {
   byId("searched-text").textContent = `${silences} silences: if the transmitter is in the area that is shown, they would have found it with ${percent(pos)} (POS)${ranges.length > 1 ? ", all ranges from 10 m to 10 km being as probable" : ""}. Point at the map for the probability of detection (POD) there.`;
   const shown = ranges.filter((_, i) => ranges.length === 1 || i % 4 === 0);
   filled(byId("searched-table"), ["heard as far as", "POS", "area with a POD of 95 %"], shown.map(([range, success, area]) => [metres(range), percent(success), percent(area)]));
+  // Three short columns fit on any screen.
+  byId("searched-table").className = "";
 }
 
 // The value of a grid at a place; undefined outside.

@@ -14,8 +14,7 @@ mod strikable;
 pub use data::{Live, LiveTiles, Mark};
 pub use ground::Ground;
 #[cfg(feature = "sqlite")]
-pub(crate) use ground::degrees;
-pub(crate) use ground::mercator;
+pub(crate) use ground::{degrees, mercator};
 pub use strikable::{NotStrikable, PageLog, page_line};
 
 use foxhunt_hunt::document;

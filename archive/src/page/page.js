@@ -1063,8 +1063,10 @@ function refresh() {
   redraw();
 }
 
-// Dark, or black, white and thick for a phone in the sun.
+// Dark, or black, white and thick for a phone in the sun, which is dark again afterwards.
+let wantsDark = false;
 function setLook(dark, contrast) {
+  wantsDark = dark;
   Object.assign(state, { dark: dark && !contrast, contrast });
   look = contrast ? IN_THE_SUN : dark ? AT_NIGHT : SHEET;
   const classes = document.documentElement.classList;
@@ -1083,12 +1085,12 @@ const wished = { dark: window.matchMedia("(prefers-color-scheme: dark)"), contra
 const asWished = () => setLook(wished.dark.matches, wished.contrast.matches);
 for (const wish of Object.values(wished)) wish.addEventListener("change", asWished);
 byId("dark").addEventListener("click", () => setLook(!state.dark, false));
-byId("contrast").addEventListener("click", () => setLook(state.dark, !state.contrast));
+byId("contrast").addEventListener("click", () => setLook(wantsDark, !state.contrast));
 // Paper is white.
 let beforePrint = null;
 window.addEventListener("beforeprint", () => {
   if (!state.dark) return;
-  beforePrint = [true, state.contrast];
+  beforePrint = [wantsDark, state.contrast];
   setLook(false, state.contrast);
   drawMap(); showTurn();
 });

@@ -15,7 +15,7 @@ const MOST: usize = 500;
 /// Width of the picture in its own units.
 const WIDTH: f64 = 900.0;
 
-/// Colours of fixes, one for each search, as on the page by day.
+/// Colours of fixes, one for each search, as in the page by day.
 const SEARCHES: [&str; 4] = ["#d55e00", "#7b3294", "#00624a", "#8c510a"];
 
 /// Returns the table of fixes and a picture of the end, as HTML.
@@ -23,8 +23,8 @@ pub(super) fn still(overview: &Overview) -> String {
     let rows: String =
         overview.searches.iter().map(|search| row(search, overview.frame.as_ref())).collect();
     let table = format!(
-        "<table class=\"reflow\"><thead><tr><th scope=\"col\">beacon</th><th scope=\"col\">place</th>\
-         <th scope=\"col\">95 % ellipse</th></tr></thead><tbody>{rows}</tbody></table>"
+        "<table class=\"reflow\"><thead><tr><th scope=\"col\">beacon</th>\
+         <th scope=\"col\">place</th><th scope=\"col\">95 % ellipse</th></tr></thead><tbody>{rows}</tbody></table>"
     );
     let notice = "<p>JavaScript is switched off here: this is the end of the hunt. With \
                   JavaScript the page plays it in time.</p>";
@@ -98,12 +98,8 @@ struct Drawing {
 }
 
 impl Drawing {
-    fn x(&self, place: &Vector2<f64>) -> f64 {
-        (place.x - self.low.x) * self.scale
-    }
-
-    fn y(&self, place: &Vector2<f64>) -> f64 {
-        (self.high.y - place.y) * self.scale
+    fn at(&self, place: &Vector2<f64>) -> [f64; 2] {
+        [(place.x - self.low.x) * self.scale, (self.high.y - place.y) * self.scale]
     }
 
     fn add(&mut self, text: std::fmt::Arguments<'_>) {
@@ -112,8 +108,11 @@ impl Drawing {
     }
 
     fn line(&mut self, places: impl Iterator<Item = Vector2<f64>>, style: &str) {
-        let points: Vec<String> =
-            places.map(|at| format!("{:.1},{:.1}", self.x(&at), self.y(&at))).collect();
+        let point = |place: Vector2<f64>| {
+            let [x, y] = self.at(&place);
+            format!("{x:.1},{y:.1}")
+        };
+        let points: Vec<String> = places.map(point).collect();
         self.add(format_args!("<polyline points=\"{}\" fill=\"none\" {style}/>", points.join(" ")));
     }
 }
@@ -125,9 +124,8 @@ fn picture(overview: &Overview) -> String {
     let scale = WIDTH / (2.0 * half.x);
     let height = (2.0 * half.y * scale).clamp(0.2 * WIDTH, 2.0 * WIDTH);
     let half = Vector2::new(half.x, 0.5 * height / scale);
-    let low = centre - half;
-    let high = centre + half;
-    let mut drawing = Drawing { low, high, scale, svg: String::new() };
+    let mut drawing =
+        Drawing { low: centre - half, high: centre + half, scale, svg: String::new() };
     for receiver in &overview.receivers {
         let every = receiver.path.len().div_ceil(10 * MOST).max(1);
         let places = receiver.path.iter().step_by(every).map(|knot| knot.place.xy());
@@ -157,26 +155,22 @@ fn reception(drawing: &mut Drawing, received: &Received, length_m: f64) {
         let style = format!("stroke=\"#009e73\" stroke-opacity=\"0.5\"{dash}");
         drawing.line([place, end].into_iter(), &style);
     }
-    let x = drawing.x(&place);
-    let y = drawing.y(&place);
+    let [x, y] = drawing.at(&place);
     drawing.add(format_args!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"#0072b2\"/>"));
 }
 
 fn fix(drawing: &mut Drawing, search: &SearchOverview, colour: &str) {
     if let Some(knot) = search.truth.last() {
-        let x = drawing.x(&knot.place.xy());
-        let y = drawing.y(&knot.place.xy());
+        let [x, y] = drawing.at(&knot.place.xy());
         drawing.add(format_args!(
             "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"7\" fill=\"none\" stroke=\"#000\" \
              stroke-width=\"3\"><title>truth</title></circle>"
         ));
     }
     let Some(last) = search.last() else { return };
-    let x = drawing.x(&last.estimate.mean);
-    let y = drawing.y(&last.estimate.mean);
+    let [x, y] = drawing.at(&last.estimate.mean);
     if let Some(Ellipse { semi_major, semi_minor, orientation }) = last.ellipse_95 {
-        let a = semi_major * drawing.scale;
-        let b = semi_minor * drawing.scale;
+        let [a, b] = [semi_major, semi_minor].map(|axis| axis * drawing.scale);
         let turn = -orientation.to_degrees();
         drawing.add(format_args!(
             "<ellipse rx=\"{a:.1}\" ry=\"{b:.1}\" fill=\"{colour}\" fill-opacity=\"0.2\" \

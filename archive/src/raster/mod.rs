@@ -222,7 +222,7 @@ pub fn level(_: &Overview, _: usize) -> Option<[Raster; 2]> {
     None
 }
 
-/// Returns empty cells over a rectangle, `side` of them along its longer side.
+/// Empty cells over a rectangle, `side` of them along its longer side.
 fn empty(low: Vector2<f64>, high: Vector2<f64>, side: f64) -> Option<Raster> {
     let size = high - low;
     let cell_m = size.max() / side;
@@ -231,8 +231,7 @@ fn empty(low: Vector2<f64>, high: Vector2<f64>, side: f64) -> Option<Raster> {
     }
     let cells = size.map(|metres| (metres / cell_m).ceil().clamp(1.0, side + 1.0));
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to side + 1")]
-    let columns = cells.x as usize;
-    let rows = cells.y as usize;
+    let (columns, rows) = (cells.x as usize, cells.y as usize);
     Some(Raster { corner: low, cell_m, columns, values: vec![0.0; columns * rows] })
 }
 
@@ -256,8 +255,8 @@ const LOOKS: usize = 32;
 /// power of −1/3 (Silverman 1986, eq. 4.14).
 const KERNEL: f64 = 3.0;
 
-/// Spreads places by Gaussian kernels of the shape that the cloud has about its places: of two parts
-/// each stays as narrow as it is, and so does a ridge.
+/// Spreads places by Gaussian kernels of the shape that the cloud has about its places: each of two
+/// parts stays as narrow as it is, and so does a ridge.
 fn kernels(places: &[Vector2<f64>]) -> Option<Raster> {
     let shape = local_covariance(places)?;
     let covariance = shape * (KERNEL * libm::pow(count(places.len()), -1.0 / 3.0));
@@ -293,8 +292,8 @@ fn kernels(places: &[Vector2<f64>]) -> Option<Raster> {
     Some(raster.map(|value| value / total))
 }
 
-/// Returns the mean covariance of the quarter of all places that is nearest to each of some, near by
-/// the covariance of all.
+/// Returns the covariance of the quarter of all places that is nearest to a place, near by the
+/// covariance of all; the mean about some places.
 fn local_covariance(places: &[Vector2<f64>]) -> Option<Matrix2<f64>> {
     let whole = covariance(places.iter());
     let least = Matrix2::identity() * (1e-6 + 1e-6 * whole.trace());
@@ -421,8 +420,7 @@ mod tests {
         let receiver = overview.receiver("walk");
         for step in 0..60_u8 {
             // Along three lanes, and stronger to the East.
-            let lane = f64::from(step / 20);
-            let along = f64::from(step % 20);
+            let (lane, along) = (f64::from(step / 20), f64::from(step % 20));
             overview.add(Received {
                 time: f64::from(step),
                 receiver,

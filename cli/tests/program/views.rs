@@ -136,6 +136,7 @@ fn a_search_in_silence_reports_where_it_is_not() {
     let known = ["--p0-dbm", "-30", "--exponent", "2.5"];
     let json = foxhunt([&["--json", "locate", &recording], &known[..]].concat()).json();
     assert_eq!(json["silences"], 40);
+    assert!(json["next"]["lat_deg"].is_number() && json["next"]["pod"].is_number(), "{json}");
     let [strong] = json["by_range"].as_array().expect("a list").as_slice() else {
         panic!("one range: {json}")
     };

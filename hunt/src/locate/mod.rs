@@ -59,7 +59,7 @@ pub(crate) use path::Paths;
 #[cfg(feature = "batch")]
 pub(crate) use ranges::Multilateration;
 pub use region::Region;
-pub use searched::{RangeSearched, Searched};
+pub use searched::{NextPlace, RangeSearched, Searched};
 pub(crate) use shadowing_grid::CorrelatedShadowing;
 pub(crate) use strongest::{Strongest, WeightedCentroid};
 #[cfg(feature = "batch")]

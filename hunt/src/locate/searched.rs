@@ -13,6 +13,12 @@ const MOST_SEGMENTS: usize = 400;
 /// Number of cells along a side of the area.
 const SIDE: u32 = 64;
 
+/// Number of blocks of cells along a side of the area.
+const BLOCKS: u32 = 16;
+
+/// Number of places along a side of the area among which the next one is chosen.
+const PLACES: u32 = 32;
+
 /// Ranges of an unknown power: the least and the largest in metres, and how many to a decade.
 const RANGES: (f64, f64, f64) = (10.0, 10_000.0, 8.0);
 
@@ -46,6 +52,24 @@ pub struct Searched {
     pub silences: usize,
     /// Number of segments that they count as.
     pub segments: usize,
+    /// Probability that the transmitter is in a block of cells, has a power and was missed: block
+    /// by block from the south-west, power by power.
+    missed: Vec<f64>,
+    /// Reference powers of a transmitter, in dBm.
+    powers_dbm: Vec<f64>,
+    /// Mean silence of the search.
+    like: Silent,
+    /// Height of a transmitter in metres.
+    target_up_m: f64,
+}
+
+/// Place where the next turn is worth most.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NextPlace {
+    /// East and North in metres.
+    pub place: Vector2<f64>,
+    /// Probability that a transmitter that was missed would be received there.
+    pub pod: f64,
 }
 
 /// Probability of success for a transmitter of a given power.
@@ -59,7 +83,8 @@ pub struct RangeSearched {
     pub searched_95: f64,
 }
 
-/// A silence: where, and how far above the floor a level of 0 dB at one metre would be.
+/// A silence.
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Silent {
     place: Vector3<f64>,
     floor_dbm: f64,
@@ -112,6 +137,9 @@ impl Searched {
             .map(|(range_m, _)| RangeSearched { range_m: *range_m, pos: 0.0, searched_95: 0.0 })
             .collect();
         let share = 1.0 / (f64::from(SIDE) * f64::from(SIDE));
+        let mut missed = vec![0.0; powers.len() * (BLOCKS * BLOCKS) as usize];
+        #[expect(clippy::cast_precision_loss, reason = "few powers")]
+        let of_power = share / powers.len() as f64;
         for row in 0..SIDE {
             for column in 0..SIDE {
                 let away = Vector2::new(f64::from(column) + 0.5, f64::from(row) + 0.5) * cell_m;
@@ -119,8 +147,12 @@ impl Searched {
                 let losses: Vec<f64> =
                     segments.iter().map(|s| exponent * loss_db(&(cell - s.place))).collect();
                 let mut sum = 0.0;
-                for (of_range, (_, power_dbm)) in by_range.iter_mut().zip(&powers) {
+                let block = row / (SIDE / BLOCKS) * BLOCKS + column / (SIDE / BLOCKS);
+                let of_block = missed.iter_mut().skip(block as usize * powers.len());
+                let of_powers = by_range.iter_mut().zip(&powers).zip(of_block);
+                for ((of_range, (_, power_dbm)), missed) in of_powers {
                     let detected = detected(&segments, &losses, *power_dbm);
+                    *missed += of_power * (1.0 - detected);
                     sum += detected;
                     of_range.pos += share * detected;
                     of_range.searched_95 += if detected >= 0.95 { share } else { 0.0 };
@@ -130,9 +162,25 @@ impl Searched {
             }
         }
         let pos = pod.iter().sum::<f64>() * share;
-        let silences = silences.len();
-        let segments = segments.len();
-        Some(Self { corner, cell_m, columns, pod, pos, by_range, exponent, silences, segments })
+        Some(Self {
+            corner,
+            cell_m,
+            columns,
+            pod,
+            pos,
+            by_range,
+            exponent,
+            silences: silences.len(),
+            segments: segments.len(),
+            missed,
+            powers_dbm: powers.iter().map(|(_, power_dbm)| *power_dbm).collect(),
+            like: Silent {
+                place: Vector3::new(0.0, 0.0, mean(segments.iter().map(|s| s.place.z))),
+                floor_dbm,
+                sigma_db: mean(segments.iter().map(|silent| silent.sigma_db)),
+            },
+            target_up_m: config.target_up_m,
+        })
     }
 
     /// Returns the probability that the transmitter is in each cell after the search, if it is in
@@ -141,6 +189,44 @@ impl Searched {
     pub fn poa(&self) -> Vec<f64> {
         let missed: f64 = self.pod.iter().map(|pod| 1.0 - pod).sum();
         self.pod.iter().map(|pod| (1.0 - pod) / missed.max(f64::MIN_POSITIVE)).collect()
+    }
+
+    /// Returns the probability that a transmitter that was missed would be received at a place, by a
+    /// receiver as in the search.
+    #[must_use]
+    pub fn pod_at(&self, place: &Vector2<f64>) -> f64 {
+        let receiver = place.push(self.like.place.z);
+        let block_m = self.cell_m * f64::from(SIDE / BLOCKS);
+        let blocks = self.missed.chunks(self.powers_dbm.len().max(1)).zip(0_u32..);
+        let mut sums = (0.0, 0.0);
+        for (missed, block) in blocks {
+            let [column, row] = [block % BLOCKS, block / BLOCKS].map(f64::from);
+            let centre = self.corner + Vector2::new(column + 0.5, row + 0.5) * block_m;
+            let loss = self.exponent * loss_db(&(centre.push(self.target_up_m) - receiver));
+            for (missed, power_dbm) in missed.iter().zip(&self.powers_dbm) {
+                let above = (power_dbm + loss - self.like.floor_dbm) / self.like.sigma_db;
+                sums.0 += missed * libm::exp(log_normal_cdf(above));
+                sums.1 += missed;
+            }
+        }
+        if sums.1 > 0.0 { sums.0 / sums.1 } else { 0.0 }
+    }
+
+    /// Returns the place in the area where a receiver as in the search would most probably
+    /// receive a transmitter that was missed.
+    #[must_use]
+    pub fn next_place(&self) -> NextPlace {
+        let step_m = self.cell_m * f64::from(SIDE) / f64::from(PLACES);
+        let mut best = NextPlace { place: self.corner, pod: 0.0 };
+        for number in 0..PLACES * PLACES {
+            let [column, row] = [number % PLACES, number / PLACES].map(f64::from);
+            let place = self.corner + Vector2::new(column + 0.5, row + 0.5) * step_m;
+            let pod = self.pod_at(&place);
+            if pod > best.pod {
+                best = NextPlace { place, pod };
+            }
+        }
+        best
     }
 
     /// Returns the area in square metres.
@@ -239,8 +325,7 @@ mod tests {
     fn at(searched: &Searched, east: f64, north: f64) -> f64 {
         let cell = (Vector2::new(east, north) - searched.corner) / searched.cell_m;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside")]
-        let column = cell.x as usize;
-        let row = cell.y as usize;
+        let (column, row) = (cell.x as usize, cell.y as usize);
         searched.pod[row * searched.columns + column]
     }
 
@@ -269,11 +354,25 @@ mod tests {
         assert!(near.map(|(_, poa)| poa).sum::<f64>() < 0.05);
         // Readings of one place are one.
         let twice = walk();
-        let twice = twice.iter().flat_map(|reception| [reception.clone(), reception]);
+        let twice = twice.iter().flat_map(|reception| [reception, reception]);
         let twice: Receptions = twice.collect();
         let twice = Searched::in_silence(&twice, &known()).expect("silence");
         assert_abs_diff_eq!(twice.pos, some.pos, epsilon = 1e-12);
         assert_eq!((twice.silences, twice.segments), (82, some.segments));
+    }
+
+    #[test]
+    fn the_next_place_is_away_from_what_was_searched() {
+        for config in [known(), LocateConfig::default()] {
+            let searched = Searched::in_silence(&walk(), &config).expect("silence");
+            let next = searched.next_place();
+            // The walk is along the East axis from 0 to 400 m.
+            let away_m = (next.place.x - next.place.x.clamp(0.0, 400.0)).hypot(next.place.y);
+            assert!(away_m > 100.0, "{next:?}");
+            assert_abs_diff_eq!(next.pod, searched.pod_at(&next.place), epsilon = 1e-12);
+            assert!(next.pod > searched.pod_at(&Vector2::new(200.0, 0.0)));
+            assert!((0.0..=1.0).contains(&next.pod));
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 use foxhunt::{
     core::Remark,
-    locate::{RangeSearched, Searched},
+    locate::{NextPlace, RangeSearched, Searched},
     overview::Overview,
     recording::Recording,
 };
@@ -26,7 +26,34 @@ struct Report {
     pos: f64,
     /// Probability of success by the range at which a level meets the receiver's floor.
     by_range: Vec<RangeSearched>,
+    /// Place where a transmitter that was missed would most probably be received.
+    next: Next,
     remarks: Vec<Remark>,
+}
+
+/// Place to listen at next, in JSON.
+#[derive(Debug, Serialize)]
+struct Next {
+    lat_deg: Option<f64>,
+    lon_deg: Option<f64>,
+    east_m: f64,
+    north_m: f64,
+    /// Probability that a transmitter that was missed would be received there.
+    pod: f64,
+}
+
+impl Next {
+    fn new(next: NextPlace, recordings: &[Recording]) -> Self {
+        let frame = recordings.iter().find_map(Recording::frame);
+        let on_earth = frame.map(|frame| frame.to_geodetic(&next.place.push(0.0)));
+        Self {
+            lat_deg: on_earth.map(|place| place.lat_deg),
+            lon_deg: on_earth.map(|place| place.lon_deg),
+            east_m: next.place.x,
+            north_m: next.place.y,
+            pod: next.pod,
+        }
+    }
 }
 
 /// Reports what a search has looked through in which nothing was received; `None` if something was.
@@ -49,6 +76,7 @@ pub(super) fn report(
         exponent: searched.exponent,
         pos: searched.pos,
         by_range: searched.by_range.clone(),
+        next: Next::new(searched.next_place(), prepared.recordings()),
         remarks: remarks.collect(),
     };
     output.result(&report, text)?;
@@ -71,13 +99,25 @@ fn text(report: &Report) -> String {
             format!("{:.0}", 100.0 * of.searched_95),
         ]);
     }
+    let Next { east_m, north_m, pod, .. } = report.next;
+    let on_earth = report.next.lat_deg.zip(report.next.lon_deg);
+    let on_earth = on_earth.map_or_else(String::new, |(lat, lon)| format!(" ({lat:.6}, {lon:.6})"));
+    let next = format!(
+        "{:.0} m {}, {:.0} m {}{on_earth}",
+        east_m.abs(),
+        if east_m < 0.0 { "W" } else { "E" },
+        north_m.abs(),
+        if north_m < 0.0 { "S" } else { "N" }
+    );
     let prior = if is_known { "" } else { ", every range from 10 m to 10 km being as probable" };
     format!(
         "Nothing was received: {} silences over {:.2} km². A transmitter in this area would have \
-         been found with {:.0} % (POS){prior}.\n{ranges}\nPOD is the probability of detection in a \
+         been found with {:.0} % (POS){prior}.\n{ranges}\nNext place: {next}. A transmitter that was \
+         missed would be received there with {:.0} %.\nPOD is the probability of detection in a \
          place, POS that of success over the area; --report and --export show where.",
         report.silences,
         report.area_m2 / 1e6,
         100.0 * report.pos,
+        100.0 * pod,
     )
 }

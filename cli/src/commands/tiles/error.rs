@@ -12,6 +12,7 @@ pub(super) enum TilesError {
     NoTiles,
     #[error("it is neither a folder of tiles z/x/y, nor MBTiles, nor PMTiles")]
     Unknown,
+    #[cfg(any(feature = "live", feature = "store"))]
     #[error("its tiles are {0}; images are needed: PNG, JPEG, WebP or AVIF")]
     NoImages(String),
     #[cfg(feature = "live")]
