@@ -47,8 +47,8 @@ impl Transmitters {
     /// transmitters, or is wrong. Receptions without a bearing take no part.
     ///
     /// The transmitters are looked for in the square about the receivers, with a margin of half
-    /// the receivers' extent and at least [`LocateConfig::margin_m`]. Each bearing counts with its σ,
-    /// so that too small ones make several transmitters of one. The draws are seeded by
+    /// the receivers' extent and at least [`LocateConfig::margin_m`]. Each bearing counts with its
+    /// σ: too small σ make several transmitters of one. The draws are seeded by
     /// [`LocateConfig::seed`].
     ///
     /// # Errors

@@ -1,5 +1,6 @@
-//! Flights about two, three and an unknown number of transmitters on one frequency: at each stop the
-//! receiver takes the bearings of those that send, in any order, with wrong ones among them.
+//! Flights about two, three and an unknown number of transmitters on one frequency: at each stop
+//! the receiver takes the bearings of transmitters that send, in any order, with wrong bearings
+//! among them.
 
 use core::f64::consts::TAU;
 
