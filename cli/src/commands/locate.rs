@@ -21,7 +21,7 @@ use foxhunt::{
 };
 use serde::Serialize;
 
-use self::found::{Estimated, Found, likeliest};
+use self::found::{Estimated, Found, Others, likeliest};
 use super::{
     cot::{CotArgs, Teams},
     fixes::doubts,
@@ -76,9 +76,9 @@ pub(crate) struct Args {
     #[cfg(feature = "batch")]
     #[command(flatten)]
     tracking: tracked::Tracking,
-    /// Locate an unknown number of transmitters on one frequency: each bearing is of one of them, or
-    /// wrong. Of a search that received nothing, states how strong a transmitter it would have
-    /// found
+    /// Find how many transmitters send on one frequency, and locate each: every bearing belongs to
+    /// one of them or is wrong; after a search that received nothing, state how strong a
+    /// transmitter is absent
     #[cfg(feature = "batch")]
     #[arg(long, conflicts_with_all = ["truth", "every_beacon", "track", "movebank_to",
           "conformal"])]
@@ -193,7 +193,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         }
         to_movebank(args, &prepared, &reports)?;
         output.result(&reports, |reports| places(reports))?;
-        return show(args, registry, &prepared, found, teams, output);
+        return show(args, registry, &prepared, (found, None), teams, output);
     }
     let beacon = args.locating.beacon(prepared.recordings())?;
     #[cfg(feature = "batch")]
@@ -201,13 +201,22 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         let (report, found) =
             tracked::report(&args.tracking, args.truth, &prepared, beacon, output)?;
         output.result(&report, tracked::text)?;
-        return show(args, registry, &prepared, vec![found], teams, output);
+        return show(args, registry, &prepared, (vec![found], None), teams, output);
     }
     #[cfg(feature = "batch")]
     if args.unknown_number {
-        let (several, found) = unknown_number::several(args, registry, &prepared, beacon)?;
-        output.result(&several, unknown_number::answer)?;
-        return show(args, registry, &prepared, found, teams, output);
+        let locate = |own| {
+            let (mut report, found) =
+                located(args, registry, &prepared, None, (beacon.clone(), own))?;
+            // A truth of the recording is the place of one transmitter.
+            report.truth = None;
+            report.error_m = None;
+            report.nees = None;
+            Ok((report, found))
+        };
+        let (several, found) = unknown_number::several(&prepared, beacon.clone(), locate)?;
+        output.result(&several, |several| unknown_number::answer(several, cells, details))?;
+        return show(args, registry, &prepared, (found, Some(several.others())), teams, output);
     }
     if silent::report(args, &prepared, beacon.as_deref(), output)?.is_some() {
         return Ok(());
@@ -215,19 +224,20 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let (report, found) = one(args, registry, &prepared, conformal.as_ref(), beacon)?;
     to_movebank(args, &prepared, std::slice::from_ref(&report))?;
     output.result(&report, |report| places(std::slice::from_ref(report)))?;
-    show(args, registry, &prepared, vec![found], teams, output)
+    show(args, registry, &prepared, (vec![found], None), teams, output)
 }
 
 /// Reason why there is no table for Movebank.
 const NOT_FOR_MOVEBANK: &str =
     "--movebank-to: Movebank takes only places in degrees and times in UTC";
 
-/// Writes the requested page and exports, and sends the places to teams.
+/// Writes the requested page and exports, and sends the places to teams. `others` are rows of no
+/// transmitter.
 fn show(
     args: &Args,
     registry: &Registry,
     prepared: &Prepared,
-    found: Vec<Found>,
+    (found, others): (Vec<Found>, Option<Others<'_>>),
     teams: Teams,
     output: Output,
 ) -> Result<(), CliError> {
@@ -247,6 +257,9 @@ fn show(
         overview.searches.push(search);
         beacons.push(beacon);
         tracks = tracks.or(again);
+    }
+    if let Some(Others { beacon, rows }) = others {
+        prepared.add_to(&mut overview, None, beacon, rows)?;
     }
     overview.mark_left_out();
     // A place from all receptions is known when the last of them has come.
@@ -449,20 +462,13 @@ fn places(reports: &[Report]) -> String {
     }
     let mut places = table(&columns).named_by(if named { 2 } else { 1 });
     for report in reports {
-        let axes = report.ellipse_95.map(|e| format!("{:.1} × {:.1}", e.semi_major, e.semi_minor));
-        let mut row = vec![
-            report.estimator.clone(),
-            number(report.estimate.lat_deg, 6),
-            number(report.estimate.lon_deg, 6),
-            number(report.estimate.east_m, 1),
-            number(report.estimate.north_m, 1),
-            text(axes),
-            number(report.ellipse_95.map(|e| e.orientation.to_degrees()), 0),
+        let mut row = cells(report);
+        row.extend([
             number(report.error_m, 1),
             number(report.nees, 2),
             report.observations.to_string(),
             report.rejected.to_string(),
-        ];
+        ]);
         if named {
             row.insert(0, report.beacon.clone().unwrap_or_else(|| NAMELESS.to_owned()));
         }
@@ -487,6 +493,20 @@ fn places(reports: &[Report]) -> String {
     };
     let details: String = reports.iter().map(of_beacon).collect();
     format!("{places}\n{legend}{ignored}{details}")
+}
+
+/// Returns the cells of a report in a table: estimator, place and ellipse.
+fn cells(report: &Report) -> Vec<String> {
+    let axes = report.ellipse_95.map(|e| format!("{:.1} × {:.1}", e.semi_major, e.semi_minor));
+    vec![
+        report.estimator.clone(),
+        number(report.estimate.lat_deg, 6),
+        number(report.estimate.lon_deg, 6),
+        number(report.estimate.east_m, 1),
+        number(report.estimate.north_m, 1),
+        text(axes),
+        number(report.ellipse_95.map(|e| e.orientation.to_degrees()), 0),
+    ]
 }
 
 /// Returns the details below the table: explanation of the levels, regions, rivals and so on.

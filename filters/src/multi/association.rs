@@ -201,7 +201,7 @@ impl Group {
             }
             backward = before;
             let total: f64 = sums.iter().sum();
-            if !(total >= f64::MIN_POSITIVE) {
+            if total < f64::MIN_POSITIVE {
                 return None;
             }
             let columns = core::iter::once(0).chain(row.candidates.iter().map(|c| c.column));

@@ -79,13 +79,13 @@ impl<E, const N: usize> Track<E, N> {
 /// The labelled multi-Bernoulli filter (Reuter, Vo, Vo & Dietmayer 2014): an unknown number of
 /// transmitters that appear and disappear, over any estimator.
 ///
-/// Each step adds a track for each birth density; [`add_births`](Self::add_births) adds one for each
-/// observation. Each scan multiplies the probability of
-/// existence of each track, and its density, by the marginals over all joint associations. These
-/// are summed exactly for groups of tracks that compete for up to some dozens of observations, and
-/// by loopy belief propagation beyond ([`Associations::is_exact`]), where the filter of 2014 lists
-/// the best ones. Tracks whose existence falls below 10⁻⁴ are dropped; of more than 200 the most
-/// probable are kept.
+/// Each step adds a track for each birth density; [`add_births`](Self::add_births) adds one for
+/// each observation. Each scan multiplies the probability of existence of each track, and its
+/// density, by the marginals over all joint associations. These are summed exactly for groups of
+/// tracks that compete for up to some dozens of observations, and by loopy belief propagation
+/// beyond ([`Associations::is_exact`]), where the filter of 2014 lists the best associations.
+/// Tracks whose existence falls below 10⁻⁴ are dropped; of more than 200 the most probable are
+/// kept.
 ///
 /// ```
 /// use foxhunt_core::{Estimate, MeasurementModel, Observation, Pose, Quantity, RandomWalk, State,

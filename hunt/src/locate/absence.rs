@@ -158,7 +158,7 @@ impl Silent {
                         log_normal_cdf((floor.rss_dbm - level_dbm) / floor.sigma_db)
                     })
                     .sum();
-                sum += weight * log.exp() / cells;
+                sum += weight * libm::exp(log) / cells;
             }
         }
         sum

@@ -526,6 +526,7 @@ def locate(
     window_s: float | None = None,
     correlation_s: float | None = None,
     speed_mps: float | Sequence[float] | None = None,
+    unknown_number: bool = False,
     ignore: Path | None = None,
     rows: int | None = None,
     movebank_to: Path | None = None,
@@ -611,6 +612,9 @@ def locate(
             stay alike; receptions within it count as one reading [default: 240]
         speed_mps: With --track: the speeds that the transmitter may have, in m/s [default: 0.3,
             1, 3, 10]
+        unknown_number: Find how many transmitters send on one frequency, and locate each: every
+            bearing belongs to one of them or is wrong; after a search that received nothing,
+            state how strong a transmitter is absent
         ignore: A list of receptions to leave out: saved by a page, or your own JSON lines
             (docs/report.md)
         rows: List the N rows that fit worst, 20 without N, with file, line and residual
@@ -726,6 +730,7 @@ def locate(
         "window-s": window_s,
         "correlation-s": correlation_s,
         "speed-mps": speed_mps,
+        "unknown-number": unknown_number,
         "ignore": ignore,
         "rows": rows,
         "movebank-to": movebank_to,

@@ -43,6 +43,12 @@ pub(super) struct Found {
     pub(super) rows: Option<Vec<RowId>>,
 }
 
+/// Rows that belong to no transmitter: some of a beacon, or all of them without a list.
+pub(super) struct Others<'a> {
+    pub(super) beacon: Option<&'a str>,
+    pub(super) rows: Option<&'a [RowId]>,
+}
+
 /// Returns the value with the largest probability, and that probability.
 pub(super) fn likeliest(values: &[(f64, f64)]) -> (f64, f64) {
     let best = values.iter().max_by(|a, b| a.1.total_cmp(&b.1)).copied();

@@ -2,26 +2,28 @@
 
 use foxhunt::{
     locate::{Absence, Transmitter, Transmitters},
-    registry::Registry,
+    overview::SearchOverview,
     struck::RowId,
 };
 use serde::Serialize;
 
-use super::{Args, Report, details, found::Found, located};
+use super::{
+    super::locating::{Prepared, Received, not_located},
+    found::{Found, Others},
+};
 use crate::{
-    commands::locating::{Prepared, Received, not_located},
     error::CliError,
-    table::{number, table, text},
+    table::{number, table},
 };
 
-/// Transmitters of an unknown number in JSON.
+/// Transmitters of an unknown number in JSON, each with a report of the type `R`.
 #[derive(Debug, Serialize)]
-pub(super) struct Several {
+pub(super) struct Several<R> {
     beacon: Option<String>,
     /// Distribution of the number of transmitters with two bearings or more; empty for a silent
     /// search.
     numbers: Vec<f64>,
-    transmitters: Vec<OneOfSeveral>,
+    transmitters: Vec<OneOfSeveral<R>>,
     /// Rows that belong to none of the transmitters.
     unassigned: Vec<RowId>,
     /// Statement of a search that received nothing.
@@ -30,12 +32,12 @@ pub(super) struct Several {
 
 /// One of several transmitters in JSON.
 #[derive(Debug, Serialize)]
-struct OneOfSeveral {
+struct OneOfSeveral<R> {
     existence: f64,
     /// Rows that belong to it.
     belonging: Vec<Belonging>,
     #[serde(flatten)]
-    report: Report,
+    report: R,
 }
 
 /// Row that belongs to a transmitter, with the probability that it does.
@@ -46,36 +48,41 @@ struct Belonging {
     probability: f64,
 }
 
-/// Sorts the receptions by transmitter, and locates each.
-pub(super) fn several(
-    args: &Args,
-    registry: &Registry,
+impl<R> Several<R> {
+    /// Returns the rows that belong to no transmitter: all of a silent search.
+    pub(super) fn others(&self) -> Others<'_> {
+        let rows = self.absence.is_none().then_some(&*self.unassigned);
+        Others { beacon: self.beacon.as_deref(), rows }
+    }
+}
+
+/// Sorts the receptions by transmitter, and locates each by `locate`.
+pub(super) fn several<R>(
     prepared: &Prepared,
     beacon: Option<String>,
-) -> Result<(Several, Vec<Found>), CliError> {
+    locate: impl Fn(Received) -> Result<(R, Found), CliError>,
+) -> Result<(Several<R>, Vec<Found>), CliError> {
     let received = prepared.received(beacon.as_deref())?;
     let config = prepared.config();
     if let Some(absence) = Absence::of(received.receptions(), config) {
-        let transmitters = Vec::new();
-        let absence = Some(absence);
-        let silent =
-            Several { beacon, numbers: Vec::new(), transmitters, unassigned: Vec::new(), absence };
+        let silent = Several {
+            beacon,
+            numbers: Vec::new(),
+            transmitters: Vec::new(),
+            unassigned: Vec::new(),
+            absence: Some(absence),
+        };
         return Ok((silent, Vec::new()));
     }
     let sorted = Transmitters::sort(received.receptions(), config).map_err(not_located)?;
     let mut transmitters = Vec::new();
     let mut found = Vec::new();
     for (number_of, transmitter) in (1..).zip(&sorted.found) {
-        let called = format!("transmitter {number_of}");
-        let own = received.only(&transmitter.receptions);
+        let name = format!("transmitter {number_of}");
         let belonging = belonging(transmitter, prepared, &received);
         let rows = belonging.iter().map(|of| of.row.clone()).collect();
-        let (mut report, place) = located(args, registry, prepared, None, (beacon.clone(), own))?;
-        // A truth of the recording is the place of one transmitter.
-        report.truth = None;
-        report.error_m = None;
-        report.nees = None;
-        let search = foxhunt::overview::SearchOverview { name: called, ..place.search };
+        let (report, place) = locate(received.only(&transmitter.receptions))?;
+        let search = SearchOverview { name, ..place.search };
         found.push(Found { search, rows: Some(rows), ..place });
         transmitters.push(OneOfSeveral { existence: transmitter.existence, belonging, report });
     }
@@ -97,8 +104,13 @@ fn belonging(
     .collect()
 }
 
-/// Returns the answer as text.
-pub(super) fn answer(several: &Several) -> String {
+/// Returns the answer as text: `cells` makes the cells of a report in the table, and `details` the
+/// text below it.
+pub(super) fn answer<R>(
+    several: &Several<R>,
+    cells: impl Fn(&R) -> Vec<String>,
+    details: impl Fn(&R, &str) -> String,
+) -> String {
     if let Some(absence) = &several.absence {
         return absent(absence);
     }
@@ -117,19 +129,10 @@ pub(super) fn answer(several: &Several) -> String {
     for (number_of, OneOfSeveral { existence, belonging, report }) in
         (1..).zip(&several.transmitters)
     {
-        let axes = report.ellipse_95.map(|e| format!("{:.1} × {:.1}", e.semi_major, e.semi_minor));
-        places.add_row([
-            i32::to_string(&number_of),
-            number(*existence, 2),
-            report.estimator.clone(),
-            number(report.estimate.lat_deg, 6),
-            number(report.estimate.lon_deg, 6),
-            number(report.estimate.east_m, 1),
-            number(report.estimate.north_m, 1),
-            text(axes),
-            number(report.ellipse_95.map(|e| e.orientation.to_degrees()), 0),
-            belonging.len().to_string(),
-        ]);
+        let mut row = vec![i32::to_string(&number_of), number(*existence, 2)];
+        row.extend(cells(report));
+        row.push(belonging.len().to_string());
+        places.add_row(row);
     }
     let probable = several.numbers.iter().enumerate().filter(|(_, p)| **p >= 0.005);
     let probable: Vec<String> =

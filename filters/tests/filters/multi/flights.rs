@@ -1,5 +1,6 @@
-//! Flights about two, three and an unknown number of transmitters on one frequency: at each stop the
-//! receiver takes the bearings of those that send, in any order, with wrong ones among them.
+//! Flights about two, three and an unknown number of transmitters on one frequency: at each stop
+//! the receiver takes the bearings of transmitters that send, in any order, with wrong bearings
+//! among them.
 
 use core::f64::consts::TAU;
 
@@ -116,14 +117,18 @@ fn flights(numbers: &[usize], seeds: core::ops::RangeInclusive<u64>) -> (f64, f6
 }
 
 /// Eight flights of each kind, seeds from 1. One transmitter that is missed or invented adds 35 m
-/// to GOSPA; the band is one such mistake in two flights.
+/// to GOSPA; the band is one such mistake in two flights or so. Over 200 flights of each kind
+/// (`measured`) the number was right in 556 of 600, which is 22 of 24; 16 is more than four
+/// standard deviations of a binomial number below.
 #[test]
 fn transmitters_on_one_frequency_are_found_in_flights() {
+    let mut all = 0.0;
     for numbers in [&[2][..], &[3], &[0, 1, 2, 3, 4]] {
         let (mean, error, right) = flights(numbers, 1..=8);
         assert!(mean < 30.0, "{numbers:?}: {mean} ± {error} m");
-        assert!(right > 0.6, "{numbers:?}: the number is right in {right}");
+        all += 8.0 * right;
     }
+    assert!(all >= 16.0, "the number is right in {all} of 24");
 }
 
 /// The figures of docs/estimators.md: 200 flights of each kind.

@@ -130,9 +130,9 @@ fn births() -> Vec<(f64, Moving)> {
 ///
 /// The number of transmitters minus its expectation has mean 0, given all scans; over runs its
 /// scatter is that of a sum of coins, Σ r (1 − r), for independent existences. Three standard
-/// deviations. GOSPA (c = 20 m, p = 2) of the last scan is at most what was measured, 7.7 m, and
-/// three standard errors of 0.8 m; without any filter, with every observation taken for a
-/// transmitter, it is above 30 m.
+/// deviations. The number is right in 48 of 60 runs; 36 is four standard deviations of a binomial
+/// number below. GOSPA (c = 20 m, p = 2) of the last scan is 4.3 m on average, and 7 m would be one
+/// more mistake in five runs; with every observation taken for a transmitter it is 33 m.
 #[test]
 fn numbers_and_places_are_right_over_draws_from_the_prior() {
     let (mut off, mut variance, mut distance, mut naive) = (0.0, 0.0, 0.0, 0.0);
@@ -174,10 +174,9 @@ fn numbers_and_places_are_right_over_draws_from_the_prior() {
         naive += gospa(&all, &truths, 20.0, 2.0).expect("proper").distance / 60.0;
     }
     let sigmas = off / f64::sqrt(variance);
-    eprintln!("MEASURED {sigmas} {right} {distance} {naive}");
     assert!(sigmas.abs() < 3.0, "{sigmas} standard deviations");
-    assert!(right >= 40, "the number is right in {right} of 60");
-    assert!(distance < 10.1, "GOSPA {distance} m");
+    assert!(right >= 36, "the number is right in {right} of 60");
+    assert!(distance < 7.0, "GOSPA {distance} m");
     assert!(naive > 30.0, "GOSPA {naive} m without a filter");
 }
 
