@@ -1,20 +1,17 @@
-use std::collections::BTreeMap;
-
-use foxhunt_core::{Level, Receptions, noise::log_normal_cdf};
-use nalgebra::{Vector2, Vector3};
+use foxhunt_core::Receptions;
+use nalgebra::Vector2;
 use serde::Serialize;
 
-use super::{Area, LocateConfig, Power, loss_db};
+use super::{
+    Area, LocateConfig, Power, loss_db,
+    searched::{Silent, detected, silences},
+};
 
 /// Prior probability that a transmitter is in the area.
 const PRIOR: f64 = 0.5;
 
 /// Probability of absence from which on a transmitter counts as absent.
 const CONFIDENCE: f64 = 0.95;
-
-/// Side of the squares within which silences count as one, in metres: shadowing is much the same
-/// there.
-const SQUARE_M: f64 = 25.0;
 
 /// Cells along each side of the area.
 const SIDE: u8 = 48;
@@ -67,33 +64,9 @@ impl Absence {
     /// lowest floor counts, because shadowing is common to them.
     #[must_use]
     pub fn of(receptions: &Receptions, config: &LocateConfig) -> Option<Self> {
-        let mut squares: BTreeMap<(i64, i64), (Vector3<f64>, Level)> = BTreeMap::new();
-        let mut silences = 0;
-        for reception in receptions.iter() {
-            if reception.level.is_some()
-                || reception.saturation.is_some()
-                || reception.has_bearing()
-            {
-                return None;
-            }
-            let Some(floor) = reception.silence else { continue };
-            silences += 1;
-            let place = reception.receiver.position;
-            #[expect(clippy::cast_possible_truncation, reason = "saturates far off")]
-            let square = {
-                let along = |metres: f64| (metres / SQUARE_M).floor() as i64;
-                (along(place.x), along(place.y))
-            };
-            let lower = |(_, known): &(Vector3<f64>, Level)| floor.rss_dbm < known.rss_dbm;
-            if squares.get(&square).is_none_or(lower) {
-                squares.insert(square, (place, floor));
-            }
-        }
-        if silences == 0 {
-            return None;
-        }
+        let (places, silences) = silences(receptions)?;
         let area = Area::about(receptions, config.margin_m);
-        let silent = Silent::new(&area, config, squares.into_values().collect());
+        let silent = Silence::new(&area, config, places);
         let [mut low, mut high] = POWERS_DBM;
         for _ in 0..HALVINGS {
             let middle = 0.5 * (low + high);
@@ -111,7 +84,7 @@ impl Absence {
             weakest_dbm: high,
             existence: stated.map(|power_dbm| silent.existence(power_dbm)),
             silences,
-            places: silent.floors.len(),
+            places: silent.places.len(),
             centre,
             side_m: 2.0 * half_side,
         })
@@ -119,49 +92,37 @@ impl Absence {
 }
 
 /// Silent receivers, and the losses to them from each cell of the area.
-struct Silent {
-    floors: Vec<Level>,
-    /// Loss in dB for an exponent of 1, to each receiver from each cell.
-    losses: Vec<Vec<f64>>,
-    exponents: Vec<(f64, f64)>,
+struct Silence {
+    places: Vec<Silent>,
+    /// Losses in dB to each receiver, from each cell and for each exponent, with the weight of both.
+    losses: Vec<(Vec<f64>, f64)>,
 }
 
-impl Silent {
-    fn new(area: &Area, config: &LocateConfig, silences: Vec<(Vector3<f64>, Level)>) -> Self {
-        let up = config.target_up_m;
-        let from = |cell: Vector2<f64>| {
-            silences.iter().map(|(place, _)| loss_db(&(cell.push(up) - place))).collect()
-        };
+impl Silence {
+    fn new(area: &Area, config: &LocateConfig, places: Vec<Silent>) -> Self {
         let exponents = match config.power {
             Power::Free => EXPONENTS.to_vec(),
             known => vec![(known.exponent(), 1.0)],
         };
-        Self {
-            losses: area.lattice(SIDE).map(from).collect(),
-            floors: silences.iter().map(|(_, floor)| *floor).collect(),
-            exponents,
+        let share = 1.0 / (f64::from(SIDE) * f64::from(SIDE));
+        let mut losses = Vec::new();
+        for cell in area.lattice(SIDE) {
+            let at = cell.push(config.target_up_m);
+            losses.extend(exponents.iter().map(|(exponent, weight)| {
+                let to = |silent: &Silent| exponent * loss_db(&(at - silent.place));
+                (places.iter().map(to).collect(), weight * share)
+            }));
         }
+        Self { places, losses }
     }
 
     /// Probability that every receiver stays below its floor, for a transmitter of this power at
     /// one metre somewhere in the area.
     fn silence(&self, power_dbm: f64) -> f64 {
-        let cells = f64::from(SIDE) * f64::from(SIDE);
-        let mut sum = 0.0;
-        for (exponent, weight) in &self.exponents {
-            for losses in &self.losses {
-                let log: f64 = losses
-                    .iter()
-                    .zip(&self.floors)
-                    .map(|(loss, floor)| {
-                        let level_dbm = power_dbm + exponent * loss;
-                        log_normal_cdf((floor.rss_dbm - level_dbm) / floor.sigma_db)
-                    })
-                    .sum();
-                sum += weight * libm::exp(log) / cells;
-            }
-        }
-        sum
+        let silent = |(losses, weight): &(Vec<f64>, f64)| {
+            weight * (1.0 - detected(&self.places, losses, power_dbm))
+        };
+        self.losses.iter().map(silent).sum()
     }
 
     /// Probability that a transmitter of this power is in the area, given the silence.
@@ -174,7 +135,7 @@ impl Silent {
 #[cfg(test)]
 mod tests {
     use approx::assert_abs_diff_eq;
-    use foxhunt_core::{Pose, Reception};
+    use foxhunt_core::{Level, Pose, Reception};
     use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
     use rand_distr::StandardNormal;
 

@@ -1,14 +1,16 @@
-use foxhunt_core::{Reception, Receptions, noise::log_normal_cdf};
+use std::collections::BTreeMap;
+
+use foxhunt_core::{Receptions, noise::log_normal_cdf};
 use nalgebra::{Vector2, Vector3};
 use serde::Serialize;
 
 use super::{LocateConfig, Power, area::Area, loss_db};
 
-/// Length of a path over which shadowing is common, in metres: its silences count as one.
-const SEGMENT_M: f64 = 25.0;
+/// Side of a square in which shadowing is common, in metres: its silences count as one.
+const SQUARE_M: f64 = 25.0;
 
-/// Number of segments; beyond, they are longer.
-const MOST_SEGMENTS: usize = 400;
+/// Number of squares; beyond, they are larger.
+const MOST_SQUARES: usize = 400;
 
 /// Number of cells along a side of the area.
 const SIDE: u32 = 64;
@@ -50,7 +52,7 @@ pub struct Searched {
     pub exponent: f64,
     /// Number of silences.
     pub silences: usize,
-    /// Number of segments that they count as.
+    /// Number of squares of 25 m that they count as.
     pub segments: usize,
     /// Probability that the transmitter is in a block of cells, has a power and was missed: block
     /// by block from the south-west, power by power.
@@ -83,10 +85,10 @@ pub struct RangeSearched {
     pub searched_95: f64,
 }
 
-/// A silence.
+/// Silence of a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Silent {
-    place: Vector3<f64>,
+pub(super) struct Silent {
+    pub(super) place: Vector3<f64>,
     floor_dbm: f64,
     sigma_db: f64,
 }
@@ -97,33 +99,10 @@ impl Searched {
     ///
     /// The transmitter may be anywhere within [`LocateConfig::margin_m`] of the receivers. A power
     /// that is not known is one of all ranges from 10 m to 10 km, each decade as probable as the
-    /// others. Levels fade by the σ of each silence, alike along 25 m of a path.
+    /// others. Levels fade by the σ of each silence, alike within squares of 25 m.
     #[must_use]
     pub fn in_silence(receptions: &Receptions, config: &LocateConfig) -> Option<Self> {
-        let is_silence = |r: &Reception| {
-            r.silence.is_some() && r.level.is_none() && r.saturation.is_none() && !r.has_bearing()
-        };
-        let silences: Vec<Silent> = (receptions.iter())
-            .filter(is_silence)
-            .filter_map(|reception| {
-                let floor = reception.silence?;
-                Some(Silent {
-                    place: reception.receiver.position,
-                    floor_dbm: floor.rss_dbm,
-                    sigma_db: floor.sigma_db.max(LEAST_SIGMA_DB),
-                })
-            })
-            .collect();
-        let mut others = receptions.iter().filter(|reception| !is_silence(reception));
-        let is_heard = others.any(|reception| {
-            reception.any_level().is_some()
-                || reception.has_bearing()
-                || !reception.measured.is_empty()
-        });
-        if silences.is_empty() || is_heard {
-            return None;
-        }
-        let segments = segments(&silences);
+        let (segments, silences) = silences(receptions)?;
         let (centre, half_side) = Area::about(receptions, config.margin_m).square();
         let columns = SIDE as usize;
         let cell_m = 2.0 * half_side / f64::from(SIDE);
@@ -170,7 +149,7 @@ impl Searched {
             pos,
             by_range,
             exponent,
-            silences: silences.len(),
+            silences,
             segments: segments.len(),
             missed,
             powers_dbm: powers.iter().map(|(_, power_dbm)| *power_dbm).collect(),
@@ -237,7 +216,7 @@ impl Searched {
 }
 
 /// Probability that any of the segments had a level above its floor.
-fn detected(segments: &[&Silent], losses: &[f64], power_dbm: f64) -> f64 {
+pub(super) fn detected(segments: &[Silent], losses: &[f64], power_dbm: f64) -> f64 {
     let mut log_silent = 0.0;
     for (silent, loss) in segments.iter().zip(losses) {
         let below = (silent.floor_dbm - power_dbm - loss) / silent.sigma_db;
@@ -275,30 +254,47 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
     sum / count
 }
 
-/// The first silence of each piece of the path.
-fn segments(silences: &[Silent]) -> Vec<&Silent> {
-    let mut length_m = SEGMENT_M;
-    loop {
-        let mut firsts: Vec<&Silent> = Vec::new();
-        for silent in silences {
-            let is_new =
-                firsts.last().is_none_or(|first| (first.place - silent.place).norm() >= length_m);
-            if is_new {
-                firsts.push(silent);
+/// Returns one silence for each square in which there are some, the one with the lowest floor, and
+/// the number of all; `None` if anything was received, or nothing was silent.
+pub(super) fn silences(receptions: &Receptions) -> Option<(Vec<Silent>, usize)> {
+    let mut silences = Vec::new();
+    for reception in receptions.iter() {
+        let is_heard = reception.level.is_some()
+            || reception.saturation.is_some()
+            || reception.has_bearing()
+            || !reception.measured.is_empty();
+        if is_heard {
+            return None;
+        }
+        silences.extend(reception.silence.map(|floor| Silent {
+            place: reception.receiver.position,
+            floor_dbm: floor.rss_dbm,
+            sigma_db: floor.sigma_db.max(LEAST_SIGMA_DB),
+        }));
+    }
+    let mut side_m = SQUARE_M;
+    while !silences.is_empty() {
+        let mut squares: BTreeMap<[i64; 2], Silent> = BTreeMap::new();
+        for silent in &silences {
+            #[expect(clippy::cast_possible_truncation, reason = "saturates far off")]
+            let square = [silent.place.x, silent.place.y].map(|m| (m / side_m).floor() as i64);
+            let lowest = squares.entry(square).or_insert(*silent);
+            if silent.floor_dbm < lowest.floor_dbm {
+                *lowest = *silent;
             }
         }
-        // Positions that jump to and fro may stay many however long a piece is.
-        if firsts.len() <= MOST_SEGMENTS || length_m > 1e6 {
-            return firsts;
+        if squares.len() <= MOST_SQUARES {
+            return Some((squares.into_values().collect(), silences.len()));
         }
-        length_m *= 1.5;
+        side_m *= 1.5;
     }
+    None
 }
 
 #[cfg(test)]
 mod tests {
     use approx::assert_abs_diff_eq;
-    use foxhunt_core::{Level, Pose};
+    use foxhunt_core::{Level, Pose, Reception};
 
     use super::*;
 
