@@ -192,7 +192,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         output.result(&report, tracked::text)?;
         return show(args, registry, &prepared, vec![found], teams, output);
     }
-    if silent::report(args, &prepared, beacon.as_deref(), output)?.is_some() {
+    if silent::report(&args.views, &prepared, beacon.as_deref(), output)?.is_some() {
         return Ok(());
     }
     let (report, found) = one(args, registry, &prepared, conformal.as_ref(), beacon)?;
