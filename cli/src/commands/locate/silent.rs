@@ -6,8 +6,12 @@ use foxhunt::{
 };
 use serde::Serialize;
 
-use super::{Args, Prepared};
-use crate::{error::CliError, output::Output, table::table};
+use crate::{
+    commands::{locating::Prepared, views::Views},
+    error::CliError,
+    output::Output,
+    table::table,
+};
 
 /// Rows of the table of ranges: every how manieth.
 const EVERY: usize = 4;
@@ -58,7 +62,7 @@ impl Next {
 
 /// Reports what a search has looked through in which nothing was received; `None` if something was.
 pub(super) fn report(
-    args: &Args,
+    views: &Views,
     prepared: &Prepared,
     beacon: Option<&str>,
     output: Output,
@@ -80,11 +84,11 @@ pub(super) fn report(
         remarks: remarks.collect(),
     };
     output.result(&report, text)?;
-    if args.views.any() {
+    if views.any() {
         let mut overview = Overview::of_recordings(prepared.recordings(), "searched");
         prepared.add_to(&mut overview, None, beacon, None)?;
         overview.searched = Some(searched);
-        args.views.write(&overview, None, output)?;
+        views.write(&overview, None, output)?;
     }
     Ok(Some(()))
 }
