@@ -1,11 +1,15 @@
 use alloc::vec::Vec;
 use foxhunt_core::{Pose, elementary};
 
-use super::{Censoring, NEIGHBOURS, Row, ShadowedReading, likelihood::NEGLIGIBLE};
+use super::{Censoring, NEIGHBOURS, Row, ShadowedReading};
 use crate::{
     vecchia::{Correlation, Neighbours, Receivers},
     vectorised::{Kernel, run},
 };
+
+/// Gap in the log-likelihood below the best beyond which an explanation is left out, where censored
+/// segments make it less probable still.
+pub(super) const NEGLIGIBLE: f64 = 25.0;
 
 /// Number of segments of one side that are weighed; of more, some stand for all beside them.
 const MOST: usize = 100;

@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 
 use super::{
     Intercept, LANES, Row, ShadowingGridConfig, ShadowingGridError,
-    censored::{Censored, Law, Scaled},
+    censored::{Censored, Law, NEGLIGIBLE, Scaled},
     coefficient::Coefficient,
     explanations::{Explanations, Sums},
     grid::{Grid, PosteriorMap},
@@ -14,10 +14,6 @@ use super::{
     regression::{Products, Regression},
 };
 use crate::vecchia::{Correlation, Neighbours, Receivers};
-
-/// Gap in the log-likelihood below the best beyond which an explanation is left out, where censored
-/// segments make it less probable still.
-pub(super) const NEGLIGIBLE: f64 = 25.0;
 
 /// Gap in the log-likelihood below the best at a sample of cells beyond which a correlation is
 /// left out of all cells.
