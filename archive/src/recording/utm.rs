@@ -184,8 +184,9 @@ fn grid_reference(text: &str) -> Option<[f64; 2]> {
     let row = ROWS.find(row)?;
     // Rows of zones with an even number begin at F.
     let row = if number.is_multiple_of(2) { (row + 15) % 20 } else { row };
-    let east_m = (columns.find(column)? + 1) as f64 * SQUARE_M + within(east)?;
-    let row_m = row as f64 * SQUARE_M;
+    let column = u8::try_from(columns.find(column)? + 1).ok()?;
+    let east_m = f64::from(column) * SQUARE_M + within(east)?;
+    let row_m = f64::from(u8::try_from(row).ok()?) * SQUARE_M;
     let circles = ((least_m - row_m) / CIRCLE_M).ceil().max(0.0);
     let north_m = row_m + circles * CIRCLE_M + within(north)?;
     Some(UtmZone { number, is_south: band < 'N' }.degrees(east_m, north_m))
