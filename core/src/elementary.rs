@@ -64,15 +64,16 @@ pub fn ln(x: f64) -> f64 {
     if x >= f64::MIN_POSITIVE { value } else { small }
 }
 
-/// ln Φ(x), Φ the distribution function of N(0, 1), to 5·10⁻⁹ of Φ and, above 0, of 1 − Φ.
+/// ln Φ(x), Φ the distribution function of N(0, 1), to 5·10⁻⁹ of Φ and, above 0, of 1 −
+/// Φ.
 #[inline(always)]
 #[must_use]
 pub fn ln_normal_cdf(x: f64) -> f64 {
     /// Squares of larger numbers overflow.
     const MOST: f64 = 1e154;
     let t = if x.abs() < MOST { x.abs() } else { MOST };
-    // (1 + 2 z) exp(z²) erfc(z) over (z − 3) / (z + 3) (the form of Shepherd & Laframboise 1981),
-    // interpolated at the Chebyshev nodes.
+    // (1 + 2 z) exp(z²) erfc(z) over (z − 3) / (z + 3) (the form of Shepherd & Laframboise
+    // 1981), interpolated at the Chebyshev nodes.
     let z = t * FRAC_1_SQRT_2;
     let u = (z - 3.0) / (z + 3.0);
     let w = u * u;

@@ -24,7 +24,8 @@ pub(super) fn still(overview: &Overview) -> String {
         overview.searches.iter().map(|search| row(search, overview.frame.as_ref())).collect();
     let table = format!(
         "<table class=\"reflow\"><thead><tr><th scope=\"col\">beacon</th>\
-         <th scope=\"col\">place</th><th scope=\"col\">95 % ellipse</th></tr></thead><tbody>{rows}</tbody></table>"
+         <th scope=\"col\">place</th><th scope=\"col\">95 % ellipse</th></tr></thead>\
+         <tbody>{rows}</tbody></table>"
     );
     let notice = "<p>JavaScript is switched off here: this is the end of the hunt. With \
                   JavaScript the page plays it in time.</p>";

@@ -231,7 +231,7 @@ fn empty(low: Vector2<f64>, high: Vector2<f64>, side: f64) -> Option<Raster> {
     }
     let cells = size.map(|metres| (metres / cell_m).ceil().clamp(1.0, side + 1.0));
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to side + 1")]
-    let (columns, rows) = (cells.x as usize, cells.y as usize);
+    let [columns, rows] = [cells.x, cells.y].map(|along| along as usize);
     Some(Raster { corner: low, cell_m, columns, values: vec![0.0; columns * rows] })
 }
 
@@ -420,7 +420,8 @@ mod tests {
         let receiver = overview.receiver("walk");
         for step in 0..60_u8 {
             // Along three lanes, and stronger to the East.
-            let (lane, along) = (f64::from(step / 20), f64::from(step % 20));
+            let lane = f64::from(step / 20);
+            let along = f64::from(step % 20);
             overview.add(Received {
                 time: f64::from(step),
                 receiver,

@@ -201,7 +201,8 @@ const NAMES: [(Column, &[&str]); 12] = [
 /// Common names of a day, which a time in another column is of.
 const DAYS: [&str; 4] = ["date", "datum", "fecha", "jour"];
 
-/// Common names of a latitude and a longitude, of a place of UTM or of a grid reference in one cell.
+/// Common names of a latitude and a longitude, of a place of UTM or of a grid reference in one
+/// cell.
 const PAIRS: [&str; 22] = [
     "latlon",
     "latlng",

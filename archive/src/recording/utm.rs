@@ -100,9 +100,9 @@ impl UtmZone {
     }
 }
 
-/// Reads latitude and longitude in degrees of a place that one cell holds with its zone: of UTM, such
-/// as `33U 601983 5339533`, or a grid reference of MGRS, such as `33U XP 01983 39533`. `None` for
-/// any other cell.
+/// Reads latitude and longitude in degrees of a place that one cell holds with its zone: of UTM,
+/// such as `33U 601983 5339533`, or a grid reference of MGRS, such as `33U XP 01983 39533`. `None`
+/// for any other cell.
 pub(super) fn place(text: &str) -> Option<Result<[f64; 2], FieldProblem>> {
     let is_between = |c: char| c.is_whitespace() || ",;/".contains(c);
     let words: Vec<&str> = text.split(is_between).filter(|word| !word.is_empty()).collect();
@@ -123,7 +123,8 @@ pub(super) fn place(text: &str) -> Option<Result<[f64; 2], FieldProblem>> {
     Some(zone.map(|zone| zone.degrees(east_m, north_m)))
 }
 
-/// Number of an easting or northing that may have its unit and its letter: 0601983, 601983mE, E601983.
+/// Number of an easting or northing that may have its unit and its letter: 0601983, 601983mE,
+/// E601983.
 fn metres(text: &str, letter: char) -> Option<f64> {
     let upper = text.to_ascii_uppercase();
     let bare = upper.trim_start_matches(letter).trim_end_matches(letter).trim_end_matches('M');
@@ -257,8 +258,8 @@ mod tests {
         assert!(matches!(unclear, Some(Err(FieldProblem::NotAZone(_)))), "{unclear:?}");
     }
 
-    /// Grid references with the places that the Python package `mgrs`, which is the library GEOTRANS,
-    /// has for them.
+    /// Grid references with the places that the Python package `mgrs`, which is the library
+    /// GEOTRANS, has for them.
     const REFERENCES: [(&str, f64, f64); 10] = [
         ("33U XP 01983 39533", 48.200_836_98, 16.372_503_43),
         ("56HLH3490052288", -33.856_802_27, 151.215_299_20),

@@ -655,7 +655,9 @@ fn a_range_difference_that_no_place_has_is_left_out() {
         received[wrong].measured = MeasuredList::new(&[impossible]).expect("one fits");
         let located = locate(&received, "range-differences", &config);
         let said = text(&located, "outlier");
-        assert!(said.contains(&format!("reception {}", wrong + 1)), "{said}");
+        assert!(said.contains(&format!("range difference {} of 7", wrong + 1)), "{said}");
+        assert_eq!(codes(&located), ["outlier"]);
+        assert_eq!((&located.left_out[..], located.rejected), (&[wrong][..], 1));
         assert!((located.estimate.mean - target).norm() < 20.0, "{}", located.estimate.mean);
     }
 }

@@ -9,15 +9,16 @@ use crate::support::{folder, foxhunt, has};
 /// Places of the transmitters, East and North in metres.
 const PLACES: [(f64, f64); 3] = [(-80.0, 60.0), (120.0, -30.0), (10.0, -140.0)];
 
-/// 60 bearings with σ of 4° from a walk around the first of the places, one in ten wrong. The seeds
-/// are such that the number is right, as it is in 777 of 800 draws
-/// (`locate::unknown_number` in foxhunt-hunt).
+/// 60 bearings with σ of 4° from a walk around the first of the places, one in ten wrong. The
+/// seeds are such that the number is right, as it is in 777 of 800 draws (`locate::unknown_number`
+/// in foxhunt-hunt).
 fn drawn(number: usize) -> String {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(20 + u64::try_from(number).expect("few"));
     let mut text = "time_s,east_m,north_m,bearing_deg_compass,bearing_sigma_deg\n".to_owned();
     for row in 0..60_u8 {
         let around = 6.0_f64.to_radians() * f64::from(row);
-        let (east, north) = (300.0 * around.cos(), 250.0 * around.sin());
+        let east = 300.0 * around.cos();
+        let north = 250.0 * around.sin();
         let wrong = number == 0 || rng.random::<f64>() < 0.1;
         let compass_deg = if wrong {
             360.0 * rng.random::<f64>()

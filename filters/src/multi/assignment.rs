@@ -19,8 +19,8 @@ pub struct Assignment {
 /// Shortest augmenting paths over reduced costs (Jonker & Volgenant 1987; the rectangular form is
 /// that of Crouse 2016), O(rows² columns).
 ///
-/// `None` if there are more rows than columns, if a cost is NaN or −∞, or if the forbidden pairs
-/// leave no complete assignment.
+/// `None` if there are more rows than columns, if a cost is NaN or −∞, or if the forbidden
+/// pairs leave no complete assignment.
 ///
 /// ```
 /// use foxhunt_core::nalgebra::DMatrix;

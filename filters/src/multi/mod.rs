@@ -7,7 +7,7 @@
 //! |-|-|-|
 //! | [`BernoulliFilter`] | one or none | Ristic, Vo, Vo & Farina 2013 |
 //! | [`Jpda`] | a known number | Fortmann, Bar-Shalom & Scheffe 1983 |
-//! | [`LabelledMultiBernoulli`] | an unknown number, each with a label | Reuter, Vo, Vo & Dietmayer 2014 |
+//! | [`LabelledMultiBernoulli`] | an unknown number, labelled | Reuter, Vo, Vo & Dietmayer 2014 |
 //!
 //! Each runs over any [`Estimator`](foxhunt_core::Estimator): Kalman filters, clouds, cells. The
 //! density of a track is a weighted sum of them, one for each association history ([`Reduction`]).

@@ -26,9 +26,9 @@ const TERMS: usize = 80;
 /// drawing from the posterior of all ways to sort them.
 ///
 /// The prior is a mixture of finite mixtures (Miller & Harrison 2018): k transmitters with the
-/// probability 2^−(k + 1), each equally likely to be anywhere in the area; their shares of the rows
-/// are evenly distributed, as is the share of clutter. The draws are Gibbs sweeps over the rows
-/// with places and shares summed out (Miller & Harrison 2018, §6).
+/// probability 2^−(k + 1), each equally likely to be anywhere in the area; their shares of the
+/// rows are evenly distributed, as is the share of clutter. The draws are Gibbs sweeps over the
+/// rows with places and shares summed out (Miller & Harrison 2018, §6).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sorting {
     /// Number of chains that begin from different orders of the rows; the most probable one goes
@@ -148,8 +148,8 @@ impl<'a> Table<'a> {
     }
 }
 
-/// ln Σ_k k (k − 1) … (k − t + 1) / (k (k + 1) … (k + n − 1)) 2^−(k + 1) (Miller & Harrison 2018,
-/// eq. 3.2 with γ = 1).
+/// ln Σ_k k (k − 1) … (k − t + 1) / (k (k + 1) … (k + n − 1)) 2^−(k + 1) (Miller &
+/// Harrison 2018, eq. 3.2 with γ = 1).
 fn log_coefficient(rows: usize, groups: usize) -> f64 {
     if rows == 0 {
         return if groups == 0 { 0.0 } else { f64::NEG_INFINITY };

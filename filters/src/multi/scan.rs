@@ -78,9 +78,9 @@ pub(super) struct After<E> {
 /// Conditions tracks on a scan, each observation of which is made by one track at most.
 ///
 /// The joint probability of existences and associations is a product of factors for each track:
-/// 1 − r for absence, r (1 − p_D) for a missed detection, r p_D ℓ(z) / κ(z) for observation z
-/// (Reuter, Vo, Vo & Dietmayer 2014, §IV). A track without an observation has the factor
-/// 1 − r p_D, so that the sums over existence are done before those over associations.
+/// 1 − r for absence, r (1 − p_D) for a missed detection, r p_D ℓ(z) / κ(z) for observation
+/// z (Reuter, Vo, Vo & Dietmayer 2014, §IV). A track without an observation has the factor 1 − r
+/// p_D, so that the sums over existence are done before those over associations.
 pub(super) fn condition<E, const N: usize, const M: usize>(
     tracks: &[Before<'_, E>],
     observations: &[Observation<M>],

@@ -172,9 +172,9 @@ impl Censored {
 
     /// Adds to the log-mass of each law the weighted log-probability that all segments lie on their
     /// sides of their limits under the law and a correlation, or −∞ if the sum is less than
-    /// `needed`, or negligible beside the largest. `beyond` are the segments' regressors beyond what
-    /// their neighbours tell, of which one column is read. Returns the largest log-mass, `peak` if
-    /// none is larger.
+    /// `needed`, or negligible beside the largest. `beyond` are the segments' regressors beyond
+    /// what their neighbours tell, of which one column is read. Returns the largest log-mass,
+    /// `peak` if none is larger.
     pub(super) fn add_to<'a>(
         &self,
         correlation: usize,

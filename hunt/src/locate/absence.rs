@@ -94,7 +94,8 @@ impl Absence {
 /// Silent receivers, and the losses to them from each cell of the area.
 struct Silence {
     places: Vec<Silent>,
-    /// Losses in dB to each receiver, from each cell and for each exponent, with the weight of both.
+    /// Losses in dB to each receiver, from each cell and for each exponent, with the weight of
+    /// both.
     losses: Vec<(Vec<f64>, f64)>,
 }
 

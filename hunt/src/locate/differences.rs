@@ -1,6 +1,6 @@
 use foxhunt_core::{
     Covariance, Estimate, Measured, MeasurementModel, Observation, Pose, Quantity, Receptions,
-    Remark, State,
+    State,
 };
 use foxhunt_filters::{BatchFix, BatchSolver, SlantRangeDifference, spherical_intersection};
 use foxhunt_sensors::RangeDifference;
@@ -39,14 +39,10 @@ impl Locator for RangeDifferences {
                 located = averaged(located, &near, probability);
             }
         }
-        let left_out: Vec<usize> = differences.impossible.iter().map(|(index, _)| *index).collect();
-        let mut remarks = located.remarks;
-        remarks.extend(differences.impossible.into_iter().map(|(_, remark)| remark));
         Ok(Located {
             observations: differences.measured.len(),
-            rejected: left_out.len(),
-            left_out,
-            remarks,
+            rejected: differences.impossible.len(),
+            left_out: differences.impossible,
             ..located
         })
     }
@@ -66,12 +62,12 @@ struct Differences {
     measured: Vec<SlantRangeDifference>,
     /// Index, time and receiver of each one's reception.
     from: Vec<(usize, f64, Pose)>,
-    /// Receptions whose difference no place has, with a remark on each.
-    impossible: Vec<(usize, Remark)>,
+    /// Receptions whose difference no place has, which the examination tells.
+    impossible: Vec<usize>,
 }
 
-/// Differences beyond the receiver's distance from the reference by more than this many σ are of no
-/// place.
+/// Differences beyond the receiver's distance from the reference by more than this many σ are of
+/// no place.
 const IMPOSSIBLE: f64 = 5.0;
 
 impl Differences {
@@ -86,15 +82,8 @@ impl Differences {
                 continue;
             };
             let receiver = reception.receiver.position;
-            let apart_m = (receiver - reference).norm();
-            if value.abs() > apart_m + IMPOSSIBLE * sigma {
-                let text = format!(
-                    "the range difference of reception {} ({value:.0} m) is larger than the \
-                     distance of its receiver from the reference, {apart_m:.0} m: no place has it, \
-                     and it is left out; check its unit, its sign and --reference-m",
-                    index + 1
-                );
-                impossible.push((index, Remark::new("outlier", text)));
+            if value.abs() > (receiver - reference).norm() + IMPOSSIBLE * sigma {
+                impossible.push(index);
                 continue;
             }
             measured.push(SlantRangeDifference { receiver, difference: value, sigma });
@@ -144,8 +133,8 @@ impl Differences {
         consistent(solve, residuals)
     }
 
-    /// Solves with half of the least σ² in common: the reference's. `None` for too few differences
-    /// to show that, and where there is no solution.
+    /// Solves with half of the least σ² in common: the reference's. `None` for too few
+    /// differences to show that, and where there is no solution.
     fn in_common(&self, starts: &[State<2>]) -> Option<Consistent<3>> {
         if self.measured.len() < LEAST_IN_COMMON {
             return None;

@@ -103,8 +103,8 @@ const SHARE_OF_BIASED: f64 = 0.3;
 /// Less probable explanations are left out of the average.
 pub(super) const LEAST_PROBABILITY: f64 = 0.01;
 
-/// Solution whose measurements scatter as their σ say, once these are widened by what is common to no two
-/// of them.
+/// Solution whose measurements scatter as their σ say, once these are widened by what is common to
+/// no two of them.
 pub(super) struct Consistent<const N: usize> {
     pub(super) fix: BatchFix<N>,
     /// Probability of the misfit before the ranges are widened.
@@ -145,8 +145,8 @@ impl<const N: usize> Consistent<N> {
 }
 
 /// Solves again with σ² + τ², τ² such that the misfit is what is expected of the measurements
-/// (Paule & Mandel 1982), where the misfit is improbable under their σ alone. `solve` takes τ², and
-/// `residuals` returns the residual and the σ² of each measurement.
+/// (Paule & Mandel 1982), where the misfit is improbable under their σ alone. `solve` takes τ²,
+/// and `residuals` returns the residual and the σ² of each measurement.
 pub(super) fn consistent<const N: usize, E>(
     solve: impl Fn(f64) -> Result<BatchFix<N>, E>,
     residuals: impl Fn(&State<N>) -> Vec<(f64, f64)>,
@@ -258,9 +258,9 @@ fn with_bias(ranges: &[SlantRange], up: f64, alone: &Consistent<2>) -> Option<Bi
     counts.then_some(Biased { solution, is_taken, probability })
 }
 
-/// Takes another explanation into account, with its probability: few measurements may fit the first,
-/// and come from a place far off all the same. The place is that of the more probable one, the
-/// covariance that of both about it.
+/// Takes another explanation into account, with its probability: few measurements may fit the
+/// first, and come from a place far off all the same. The place is that of the more probable one,
+/// the covariance that of both about it.
 pub(super) fn averaged(first: Located, second: &Estimate<2>, probability: f64) -> Located {
     let apart = second.mean - first.estimate.mean;
     let is_first = probability <= 0.5;

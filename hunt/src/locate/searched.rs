@@ -170,8 +170,8 @@ impl Searched {
         self.pod.iter().map(|pod| (1.0 - pod) / missed.max(f64::MIN_POSITIVE)).collect()
     }
 
-    /// Returns the probability that a transmitter that was missed would be received at a place, by a
-    /// receiver as in the search.
+    /// Returns the probability that a transmitter that was missed would be received at a place, by
+    /// a receiver as in the search.
     #[must_use]
     pub fn pod_at(&self, place: &Vector2<f64>) -> f64 {
         let receiver = place.push(self.like.place.z);
@@ -321,7 +321,7 @@ mod tests {
     fn at(searched: &Searched, east: f64, north: f64) -> f64 {
         let cell = (Vector2::new(east, north) - searched.corner) / searched.cell_m;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside")]
-        let (column, row) = (cell.x as usize, cell.y as usize);
+        let [column, row] = [cell.x, cell.y].map(|along| along as usize);
         searched.pod[row * searched.columns + column]
     }
 

@@ -341,7 +341,7 @@ fn with_cell(cell: &str) -> String {
     table
 }
 
-/// What receivers write where they have no reading is no level.
+/// A code that receivers write where they have no reading is no level.
 #[test]
 fn a_code_for_no_reading_is_left_out() {
     for code in ["127", "0", "99"] {

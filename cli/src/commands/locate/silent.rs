@@ -116,8 +116,8 @@ fn text(report: &Report) -> String {
     let prior = if is_known { "" } else { ", every range from 10 m to 10 km being as probable" };
     format!(
         "Nothing was received: {} silences over {:.2} km². A transmitter in this area would have \
-         been found with {:.0} % (POS){prior}.\n{ranges}\nNext place: {next}. A transmitter that was \
-         missed would be received there with {:.0} %.\nPOD is the probability of detection in a \
+         been found with {:.0} % (POS){prior}.\n{ranges}\nNext place: {next}. A transmitter that \
+         was missed would be received there with {:.0} %.\nPOD is the probability of detection in a \
          place, POS that of success over the area; --report and --export show where.",
         report.silences,
         report.area_m2 / 1e6,

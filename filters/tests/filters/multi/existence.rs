@@ -61,15 +61,20 @@ fn one_scan_is_the_formula_of_ristic_by_hand() {
 /// 300 searches, seeds from 1, each with a transmitter with the probability 0.5 that moves as the
 /// filter has it, over 8 scans with p_D = 0.5 and 3 false observations each.
 ///
-/// Given all scans, existence is a coin of the probability that the filter states. So Σ (e − r) has
-/// mean 0 and variance Σ r (1 − r); three of its standard deviations are exceeded in one of 370
-/// such tests. The squared error over all present ones has the mean that the filter states.
+/// Given all scans, existence is a coin of the probability that the filter states. So Σ (e − r)
+/// has mean 0 and variance Σ r (1 − r); three of its standard deviations are exceeded in one of
+/// 370 such tests. The squared error over all present ones has the mean that the filter states.
 #[test]
 fn existence_is_as_frequent_as_stated() {
     const DETECTED: f64 = 0.5;
     const CLUTTER: f64 = 3.0;
-    let (mut off, mut variance, mut decided, mut right) = (0.0, 0.0, 0, 0);
-    let (mut nees, mut squares, mut present) = (0.0, 0.0, 0.0);
+    let mut off = 0.0;
+    let mut variance = 0.0;
+    let mut decided = 0;
+    let mut right = 0;
+    let mut nees = 0.0;
+    let mut squares = 0.0;
+    let mut present = 0.0;
     for seed in 1..=300 {
         let mut rng = rng(seed);
         let prior = moving_prior(0.0, 0.0);

@@ -85,7 +85,8 @@ fn one_scan_of_two_tracks_is_the_sum_over_all_hypotheses() {
 /// places has other tails than χ², so coverage is not tested.
 #[test]
 fn joint_association_is_consistent_where_two_transmitters_meet() {
-    let (mut sum, mut squares) = (0.0, 0.0);
+    let mut sum = 0.0;
+    let mut squares = 0.0;
     for seed in 1..=150 {
         let mut rng = rng(seed);
         let priors = [moving_prior(-6.0, 0.0), moving_prior(6.0, 3.0)];
@@ -135,7 +136,10 @@ fn births() -> Vec<(f64, Moving)> {
 /// more mistake in five runs; with every observation taken for a transmitter it is 33 m.
 #[test]
 fn numbers_and_places_are_right_over_draws_from_the_prior() {
-    let (mut off, mut variance, mut distance, mut naive) = (0.0, 0.0, 0.0, 0.0);
+    let mut off = 0.0;
+    let mut variance = 0.0;
+    let mut distance = 0.0;
+    let mut naive = 0.0;
     let mut right = 0;
     for seed in 1..=60 {
         let mut rng = rng(seed);

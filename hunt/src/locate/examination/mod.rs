@@ -51,8 +51,9 @@ pub(crate) fn examine(
     uses: Uses,
     name: Name<'_>,
 ) -> Vec<usize> {
-    let data = data(receptions, config, uses, located.range_bias);
-    let mut remarks = Vec::new();
+    let mut data = data(receptions, config, uses, located.range_bias);
+    let mut remarks: Vec<Remark> = impossible(located, &data, name).collect();
+    data.retain(|datum| !is_impossible(located, datum));
     let mut left_out = Vec::new();
     let has_levels = uses.levels && receptions.iter().any(|r| r.level.is_some());
     if let Some(remark) = open::one_place(located, receptions, &data, config, has_levels) {
@@ -75,6 +76,27 @@ pub(crate) fn examine(
     remarks.extend(of_answer(located, receptions, config, uses));
     located.remarks.extend(remarks);
     left_out
+}
+
+/// Returns true for a difference that the estimator left out by itself, because no place has it.
+fn is_impossible(located: &Located, datum: &Datum) -> bool {
+    matches!(datum.kind, Kind::Difference(_)) && located.left_out.contains(&datum.reception)
+}
+
+/// Returns a remark on each difference that no place has.
+fn impossible(located: &Located, data: &[Datum], name: Name<'_>) -> impl Iterator<Item = Remark> {
+    data.iter().enumerate().filter_map(move |(position, datum)| {
+        let Kind::Difference(reference) = datum.kind else { return None };
+        let apart_m = (datum.receiver - reference).norm();
+        let subject = subject(data, position, name);
+        let text = format!(
+            "{subject} ({:.0} m) is larger than the distance of its receiver from the reference, \
+             {apart_m:.0} m: no place has it, and it was left out; check its unit, its sign and \
+             --reference-m",
+            datum.value
+        );
+        is_impossible(located, datum).then(|| Remark::new("outlier", text))
+    })
 }
 
 /// Returns the residual of every measurement that an answer depends on, in the order of the
