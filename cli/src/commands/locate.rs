@@ -218,7 +218,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         output.result(&several, |several| unknown_number::answer(several, cells, details))?;
         return show(args, registry, &prepared, (found, Some(several.others())), teams, output);
     }
-    if silent::report(&args.views, &prepared, beacon.as_deref(), output)?.is_some() {
+    if silent::report(&args.views, &prepared, beacon.as_deref(), output)? {
         return Ok(());
     }
     let (report, found) = one(args, registry, &prepared, conformal.as_ref(), beacon)?;

@@ -13,14 +13,14 @@ use crate::{
     table::table,
 };
 
-/// Rows of the table of ranges: every how manieth.
+/// Stride of the rows in the table of ranges.
 const EVERY: usize = 4;
 
 /// A search in which nothing was received, in JSON.
 #[derive(Debug, Serialize)]
 struct Report {
     beacon: Option<String>,
-    /// Number of silences, and of pieces of the path that they count as.
+    /// Number of silences, and of squares of 25 m that they count as.
     silences: usize,
     segments: usize,
     /// The area in which the transmitter is taken to be, in square metres.
@@ -60,16 +60,17 @@ impl Next {
     }
 }
 
-/// Reports what a search has looked through in which nothing was received; `None` if something was.
+/// Reports what a search has looked through in which nothing was received; returns false if
+/// anything was.
 pub(super) fn report(
     views: &Views,
     prepared: &Prepared,
     beacon: Option<&str>,
     output: Output,
-) -> Result<Option<()>, CliError> {
+) -> Result<bool, CliError> {
     let received = prepared.received(beacon)?;
     let Some(searched) = Searched::in_silence(received.receptions(), prepared.config()) else {
-        return Ok(None);
+        return Ok(false);
     };
     let remarks = prepared.recordings().iter().flat_map(Recording::remarks).cloned();
     let report = Report {
@@ -90,7 +91,7 @@ pub(super) fn report(
         overview.searched = Some(searched);
         views.write(&overview, None, output)?;
     }
-    Ok(Some(()))
+    Ok(true)
 }
 
 fn text(report: &Report) -> String {
@@ -117,8 +118,8 @@ fn text(report: &Report) -> String {
     format!(
         "Nothing was received: {} silences over {:.2} km². A transmitter in this area would have \
          been found with {:.0} % (POS){prior}.\n{ranges}\nNext place: {next}. A transmitter that \
-         was missed would be received there with {:.0} %.\nPOD is the probability of detection in a \
-         place, POS that of success over the area; --report and --export show where.",
+         was missed would be received there with {:.0} %.\nPOD is the probability of detection in \
+         a place, POS that of success over the area; --report and --export show where.",
         report.silences,
         report.area_m2 / 1e6,
         100.0 * report.pos,
