@@ -45,7 +45,8 @@ try {
 
   run("locate", recording, "--report", resolve(folder, "walk.html"));
   const [report, errors] = await open("walk.html");
-  await until(report, "window.foxhunt !== undefined && document.documentElement.className.includes('ready')");
+  // The first frame that is drawn fills the table.
+  await until(report, "window.foxhunt !== undefined && document.querySelector('#fixes tbody') !== null");
   const row = await report.evaluate("document.querySelector('#fixes tbody').textContent");
   const place = `${places[1].lat_deg.toFixed(6)}, ${places[1].lon_deg.toFixed(6)}`;
   if (!row.includes(place)) fail(`${row} without ${place}`);
