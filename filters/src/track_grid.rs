@@ -11,17 +11,15 @@ use crate::{
     BatchError, PlacePrior, PosteriorMap,
     grid::blur,
     shadowing_grid::{Grid, Search, bounds},
+    vectorised::{Largest, Map, Sum, run},
 };
 
-/// A model that explains what was received of a moving target.
+/// A model that explains what was received of a moving target, however the target walks.
 pub trait TrackModel {
     /// Prior weight of the model; the weights of all models need not sum to 1.
     fn weight(&self) -> f64 {
         1.0
     }
-
-    /// The variance of the target's displacement over some seconds, on each axis, in m².
-    fn variance(&self, seconds: f64) -> f64;
 
     /// Adds to `out`, for each place, the logarithm of the likelihood of what was received at a
     /// time, counted from 0.
@@ -55,8 +53,8 @@ impl Places<'_> {
 ///
 /// The target walks at random; at each time a place has the likelihood that a [`TrackModel`]
 /// gives it, of any shape. Filtered forwards and smoothed backwards, nothing is linearised and
-/// nothing drawn. Where several models may hold, the answer is their average by their evidence
-/// (Hoeting et al. 1999). At the first time the target may be anywhere between the receivers,
+/// nothing drawn. Where several models or walks may hold, the answer is their average by their
+/// evidence (Hoeting et al. 1999); a model's likelihoods are computed once for all walks. At the first time the target may be anywhere between the receivers,
 /// and beyond them with a Cauchy distribution of half their extent, or 1 km if that is more: one in
 /// ten is then ten times as far away.
 ///
@@ -83,16 +81,17 @@ impl Default for TrackGrid {
 pub struct TrackGridFix {
     /// The posterior at each time, given what was received at all of them.
     pub maps: Vec<PosteriorMap>,
-    /// The posterior probability of each model.
+    /// The posterior probability of each model with each walk: those of a model are beside each
+    /// other.
     pub probabilities: Vec<f64>,
     /// The probability of the outermost ring of all cells that were searched, averaged over time.
     pub border_mass: f64,
 }
 
-/// A model that is less probable does not move the answer.
+/// A model with a walk that is less probable does not move the answer.
 const NEGLIGIBLE: f64 = 1e-3;
 
-/// A model that is less probable is not looked at again.
+/// A model with a walk that is less probable is not looked at again.
 const UNLIKELY: f64 = 1e-4;
 
 /// Factor by which the search for the area has fewer cells among the receivers of a network. On
@@ -124,12 +123,13 @@ const NEAR_M: f64 = 1000.0;
 
 impl TrackGrid {
     /// The places at each of some times in seconds, ascending, from receivers that were at some
-    /// places. `common` adds the part of the log likelihoods that all models share, as
+    /// places. Each of the `walks`, equally likely before, has the variance of the target's
+    /// displacement over some seconds, on each axis, in m². `common` adds the part of the log likelihoods that all models share, as
     /// [`TrackModel::add_log_likelihoods`] does; it is evaluated once.
     ///
     /// # Errors
     ///
-    /// [`BatchError::TooFew`] without a receiver, a time or a model, [`BatchError::Order`] where
+    /// [`BatchError::TooFew`] without a receiver, a time, a model or a walk, [`BatchError::Order`] where
     /// times do not ascend, [`BatchError::Flat`] where no place fits under any model, and
     /// [`BatchError::Parameter`] for a setting that is out of range.
     pub fn smooth(
@@ -137,14 +137,15 @@ impl TrackGrid {
         receivers: &[Pose],
         times: &[f64],
         models: &[impl TrackModel],
+        walks: &[impl Fn(f64) -> f64],
         common: impl Fn(usize, &Places<'_>, &mut [f64]),
     ) -> Result<TrackGridFix, BatchError> {
-        self.smooth_watched(receivers, times, models, common, &|_, _| {})
+        self.smooth_watched(receivers, times, models, walks, common, &|_, _| {})
     }
 
     /// [`smooth`](Self::smooth) with a `watch` that is given how many steps are done, and how many
-    /// there are at most. A step is one model at one time on the fine cells, which is nearly all
-    /// of the work; models that turn out improbable take half as many.
+    /// there are at most. A step is one model with one walk at one time on the fine cells; those
+    /// that turn out improbable take half as many.
     ///
     /// # Errors
     ///
@@ -154,14 +155,18 @@ impl TrackGrid {
         receivers: &[Pose],
         times: &[f64],
         models: &[impl TrackModel],
+        walks: &[impl Fn(f64) -> f64],
         common: impl Fn(usize, &Places<'_>, &mut [f64]),
         watch: &dyn Fn(usize, usize),
     ) -> Result<TrackGridFix, BatchError> {
         positive("margin_m", self.margin_m)?;
         require(self.max_cells >= 100, "max_cells", self.max_cells.into(), "at least 100")?;
-        for (what, have) in
-            [("receivers", receivers.len()), ("times", times.len()), ("models", models.len())]
-        {
+        for (what, have) in [
+            ("receivers", receivers.len()),
+            ("times", times.len()),
+            ("models", models.len()),
+            ("walks", walks.len()),
+        ] {
             crate::batch::at_least(what, have, 1)?;
         }
         for (index, pair) in (1..).zip(times.windows(2)) {
@@ -186,13 +191,15 @@ impl TrackGrid {
             cell_m: side_m / 64.0,
             max_cells: (self.max_cells / searched).max(100),
         };
-        let every: Vec<usize> = (0..models.len()).collect();
+        let every: Vec<usize> = (0..models.len() * walks.len()).collect();
         let coarse = search.cover(
-            |grid| Passes::over(grid, &log_prior, times, models, &common, &|| {}).all(&every),
+            |grid| {
+                Passes::over(grid, &log_prior, times, models, walks, &common, &|| {}).all(&every)
+            },
             |smoothed| &smoothed.overall,
         )?;
         // What is far from likely on coarse cells is not on finer ones.
-        let likely = |m: &usize| coarse.probabilities[*m] > UNLIKELY;
+        let likely = |which: &usize| coarse.probabilities[*which] > UNLIKELY;
         let kept: Vec<usize> = every.into_iter().filter(likely).collect();
         let border_mass = coarse.overall.border_mass();
         let (from, to) = coarse.overall.without(0.0);
@@ -203,7 +210,8 @@ impl TrackGrid {
             done.set(done.get() + 1);
             watch(done.get(), most);
         };
-        let fine = Passes::over(grid, &log_prior, times, models, &common, &step).all(&kept)?;
+        let fine =
+            Passes::over(grid, &log_prior, times, models, walks, &common, &step).all(&kept)?;
         Ok(TrackGridFix { maps: fine.maps, probabilities: fine.probabilities, border_mass })
     }
 }
@@ -247,22 +255,24 @@ struct Smoothed {
 }
 
 /// Forward and backward passes over one grid.
-struct Passes<'a, M> {
+struct Passes<'a, M, W> {
     cells: Cells,
     times: &'a [f64],
     models: &'a [M],
+    walks: &'a [W],
     /// The part of the log likelihoods that all models share, time by time.
     common: Vec<f64>,
     /// Called after each time of each pass.
     step: &'a dyn Fn(),
 }
 
-impl<'a, M: TrackModel> Passes<'a, M> {
+impl<'a, M: TrackModel, W: Fn(f64) -> f64> Passes<'a, M, W> {
     fn over(
         grid: Grid,
         log_prior: &impl Fn(&Vector2<f64>) -> f64,
         times: &'a [f64],
         models: &'a [M],
+        walks: &'a [W],
         add_common: &impl Fn(usize, &Places<'_>, &mut [f64]),
         step: &'a dyn Fn(),
     ) -> Self {
@@ -271,15 +281,19 @@ impl<'a, M: TrackModel> Passes<'a, M> {
         for (time, common) in common.chunks_exact_mut(grid.len()).enumerate() {
             add_common(time, &cells.places(), common);
         }
-        Self { cells, times, models, common, step }
+        Self { cells, times, models, walks, common, step }
     }
 
-    /// The average over some models, the others having no weight.
+    /// The average over some models with some walks, the others having no weight. They count
+    /// walk by walk within each model, and ascend.
     fn all(&self, which: &[usize]) -> Result<Smoothed, BatchError> {
-        let mut log_weights = vec![f64::NEG_INFINITY; self.models.len()];
-        for &m in which {
-            let model = &self.models[m];
-            log_weights[m] = libm::log(model.weight()) + self.forwards(model, |_| {});
+        let count = self.walks.len();
+        let mut log_weights = vec![f64::NEG_INFINITY; self.models.len() * count];
+        for which in which.chunk_by(|a, b| a / count == b / count) {
+            let evidences = self.forwards(which, |_| {});
+            for (&which, evidence) in which.iter().zip(evidences) {
+                log_weights[which] = libm::log(self.models[which / count].weight()) + evidence;
+            }
         }
         let best = log_weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         if !best.is_finite() {
@@ -291,9 +305,9 @@ impl<'a, M: TrackModel> Passes<'a, M> {
         let cells = self.cells.grid.len();
         let mut sums = vec![0.0; cells * self.times.len()];
         let held: f64 = probabilities.iter().filter(|&&weight| weight >= NEGLIGIBLE).sum();
-        for (model, &probability) in self.models.iter().zip(&probabilities) {
+        for (which, &probability) in probabilities.iter().enumerate() {
             if probability >= NEGLIGIBLE {
-                self.add_smoothed(model, probability / held, &mut sums);
+                self.add_smoothed(which, probability / held, &mut sums);
             }
         }
         let mut overall = vec![0.0; cells];
@@ -306,43 +320,58 @@ impl<'a, M: TrackModel> Passes<'a, M> {
         Ok(Smoothed { maps, overall: map(overall), probabilities })
     }
 
-    /// The logarithm of the evidence of a model; `keep` is given the masses at each time, given
-    /// what was received until then.
-    fn forwards(&self, model: &M, mut keep: impl FnMut(&[f64])) -> f64 {
+    /// The variance of a walk's displacement from the time before.
+    fn variance(&self, which: usize, time: usize) -> f64 {
+        self.walks[which % self.walks.len()](self.times[time] - self.times[time - 1])
+    }
+
+    /// The logarithms of the evidence of one model with some walks; `keep` is given
+    /// the masses at each time, walk by walk, given what was received until then.
+    fn forwards(&self, which: &[usize], mut keep: impl FnMut(&[f64])) -> Vec<f64> {
+        let Some(first) = which.first() else { return Vec::new() };
+        let model = &self.models[first / self.walks.len()];
         let cells = &self.cells;
         let count = self.cells.grid.len();
-        let mut mass = cells.prior.clone();
+        let mut masses = vec![cells.prior.clone(); which.len()];
+        let mut before = vec![0.0; count];
         let mut scratch = vec![0.0; count];
-        let mut log = vec![0.0; count];
-        let mut evidence = 0.0;
-        for (time, &seconds) in self.times.iter().enumerate() {
-            if time > 0 {
-                let before = mass.clone();
-                let variance = model.variance(seconds - self.times[time - 1]);
-                cells.spread(&before, variance, &mut scratch, &mut mass);
+        let mut likelihood = vec![0.0; count];
+        let mut evidences = vec![0.0; which.len()];
+        for time in 0..self.times.len() {
+            likelihood.copy_from_slice(&self.common[time * count..][..count]);
+            model.add_log_likelihoods(time, &cells.places(), &mut likelihood);
+            let peak = run(Largest(&likelihood));
+            let relative = |[]: [f64; 0], log: f64| elementary::exp(log - peak);
+            run(Map { columns: [], of: relative, out: &mut likelihood });
+            for ((&which, mass), evidence) in which.iter().zip(&mut masses).zip(&mut evidences) {
+                if time > 0 {
+                    before.copy_from_slice(mass);
+                    cells.spread(&before, self.variance(which, time), &mut scratch, mass);
+                }
+                run(Map {
+                    columns: [&likelihood],
+                    of: |[factor]: [f64; 1], mass| mass * factor,
+                    out: mass,
+                });
+                let total = normalise(mass);
+                *evidence += if peak.is_finite() && total > 0.0 {
+                    peak + libm::log(total)
+                } else {
+                    f64::NEG_INFINITY
+                };
+                keep(mass);
+                (self.step)();
             }
-            log.copy_from_slice(&self.common[time * count..][..count]);
-            model.add_log_likelihoods(time, &cells.places(), &mut log);
-            let peak = log.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            let weigh = |(mass, log): (&mut f64, &f64)| *mass *= elementary::exp(log - peak);
-            mass.iter_mut().zip(&log).for_each(weigh);
-            let total = normalise(&mut mass);
-            if !(peak.is_finite() && total > 0.0) {
-                return f64::NEG_INFINITY;
-            }
-            evidence += peak + libm::log(total);
-            keep(&mass);
-            (self.step)();
         }
-        evidence
+        evidences
     }
 
     /// Adds to `sums`, time by time, the masses given what was received at all times.
-    fn add_smoothed(&self, model: &M, weight: f64, sums: &mut [f64]) {
+    fn add_smoothed(&self, which: usize, weight: f64, sums: &mut [f64]) {
         let cells = &self.cells;
         let count = self.cells.grid.len();
         let mut filtered = Vec::with_capacity(sums.len());
-        self.forwards(model, |mass| filtered.extend_from_slice(mass));
+        self.forwards(&[which], |mass| filtered.extend_from_slice(mass));
         let mut later = vec![1.0; count];
         let mut scratch = vec![0.0; count];
         let mut predicted = vec![0.0; count];
@@ -355,7 +384,7 @@ impl<'a, M: TrackModel> Passes<'a, M> {
             if time == 0 {
                 break;
             }
-            let variance = model.variance(self.times[time] - self.times[time - 1]);
+            let variance = self.variance(which, time);
             let before = &before[(time - 1) * count..];
             cells.spread(before, variance, &mut scratch, &mut predicted);
             for (mass, predicted) in mass.iter_mut().zip(&predicted) {
@@ -368,9 +397,9 @@ impl<'a, M: TrackModel> Passes<'a, M> {
 
 /// Divides by the sum, which it returns; leaves what sums to nothing.
 fn normalise(mass: &mut [f64]) -> f64 {
-    let total: f64 = mass.iter().sum();
+    let total = run(Sum(mass));
     if total > 0.0 {
-        mass.iter_mut().for_each(|mass| *mass /= total);
+        run(Map { columns: [], of: |[]: [f64; 0], mass| mass / total, out: mass });
     }
     total
 }

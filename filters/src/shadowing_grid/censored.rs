@@ -9,7 +9,7 @@ use crate::{
 
 /// Gap in the log-likelihood below the best beyond which an explanation is left out, where censored
 /// segments make it less probable still.
-pub(super) const NEGLIGIBLE: f64 = 25.0;
+pub(super) const NEGLIGIBLE: f64 = 18.0;
 
 /// Number of segments of one side that are weighed; of more, some stand for all beside them.
 const MOST: usize = 100;
@@ -45,8 +45,7 @@ struct Given {
     variance: f64,
 }
 
-/// Censored segments under one correlation, column by column, in whole blocks of [`BLOCK`]: the
-/// last segments of a block may have the exponent 0.
+/// Censored segments under one correlation, column by column.
 #[derive(Clone, Debug, Default)]
 struct Columns {
     /// The limit less the part of the mean that the neighbours' values make, in `scale`s.
@@ -60,8 +59,11 @@ struct Columns {
     exponents: Vec<f64>,
 }
 
-/// Segments that are weighed side by side.
-const BLOCK: usize = 8;
+/// Number of laws that are weighed side by side.
+const BESIDE: usize = 16;
+
+/// Number of segments after which laws that have become improbable are looked for.
+const CHECKED: usize = 8;
 
 /// Regressors of censored segments for one cell, in the scales of [`Columns`]: slopes and gains.
 #[derive(Debug, Default)]
@@ -99,6 +101,8 @@ impl Censored {
                 kept.push((from + (to - from) / 2, from..to));
             }
         }
+        // The first ones are from all over the path, and rule out most of what is improbable.
+        kept.sort_by_key(|(middle, _)| middle.reverse_bits());
         let all: Neighbours<NEIGHBOURS> =
             Neighbours::among(ordered.iter().map(|(reading, _)| &reading.receiver), received.poses);
         let near: Vec<&[u32]> = all.each().collect();
@@ -125,7 +129,6 @@ impl Censored {
                 columns.push(reading.value, own, sign / libm::sqrt(variance), exponent);
                 given.push(own.clone());
             }
-            columns.complete();
             (given, columns)
         };
         let (given, columns) = correlations.map(of_correlation).unzip();
@@ -190,7 +193,6 @@ impl Censored {
             let own = |rows: &[Row; 2]| rows.get(index)?.get(column).copied();
             let of = beyond.iter().zip(&columns.scales);
             scaled.extend(of.map(|(rows, scale)| scale * own(rows).unwrap_or(0.0)));
-            scaled.resize(columns.limits.len(), 0.0);
         }
         let [slopes, gains] = &scaled.0;
         run(Weighing { columns, slopes, gains, laws, needed, peak })
@@ -215,37 +217,81 @@ impl<'a, L: Iterator<Item = (Law, &'a mut f64)>> Kernel for Weighing<'_, L> {
 
     #[inline(always)]
     fn run(self) -> f64 {
-        let Self { columns, slopes, gains, laws, needed, mut peak } = self;
-        let (limits, _) = columns.limits.as_chunks::<BLOCK>();
-        let (ones, _) = columns.ones.as_chunks::<BLOCK>();
-        let (exponents, _) = columns.exponents.as_chunks::<BLOCK>();
-        let ((slopes, _), (gains, _)) = (slopes.as_chunks::<BLOCK>(), gains.as_chunks::<BLOCK>());
-        for (Law { intercept, coefficients: [b, c], variance }, log_mass) in laws {
+        let Self { columns, slopes, gains, mut laws, needed, mut peak } = self;
+        loop {
             // A censored segment makes nothing more probable.
             let least = needed.max(peak - NEGLIGIBLE);
-            let per_sigma = 1.0 / elementary::sqrt(variance);
-            let blocks = limits.iter().zip(ones).zip(slopes).zip(gains).zip(exponents);
-            for ((((limits, ones), slopes), gains), exponents) in blocks {
-                if *log_mass <= least {
-                    break;
+            let mut block = Block::default();
+            let mut log_masses: [Option<&mut f64>; BESIDE] = [const { None }; BESIDE];
+            let mut count = 0;
+            while count < BESIDE {
+                let Some((law, log_mass)) = laws.next() else { break };
+                if *log_mass > least {
+                    block.set(count, law, *log_mass);
+                    log_masses[count] = Some(log_mass);
+                    count += 1;
+                } else {
+                    *log_mass = f64::NEG_INFINITY;
                 }
-                let mut sum = 0.0;
-                let mut parts = [0.0; BLOCK];
-                for k in 0..BLOCK {
-                    let beside = limits[k] - intercept * ones[k] - b * slopes[k] - c * gains[k];
-                    parts[k] = exponents[k] * elementary::ln_normal_cdf(beside * per_sigma);
-                }
-                for part in parts {
-                    sum += part;
-                }
-                *log_mass += sum;
             }
-            if *log_mass <= least || log_mass.is_nan() {
-                *log_mass = f64::NEG_INFINITY;
+            if count == 0 {
+                return peak;
             }
-            peak = peak.max(*log_mass);
+            block.weigh(columns, slopes, gains, least);
+            for (log_mass, weighed) in log_masses.into_iter().flatten().zip(block.log_masses) {
+                *log_mass = if weighed > least { weighed } else { f64::NEG_INFINITY };
+                peak = peak.max(*log_mass);
+            }
         }
-        peak
+    }
+}
+
+/// Laws that are weighed side by side, column by column; those after the last have no mass.
+struct Block {
+    intercepts: [f64; BESIDE],
+    slopes: [f64; BESIDE],
+    gains: [f64; BESIDE],
+    /// 1 / σ.
+    per_sigmas: [f64; BESIDE],
+    log_masses: [f64; BESIDE],
+}
+
+impl Default for Block {
+    #[inline(always)]
+    fn default() -> Self {
+        let none = [0.0; BESIDE];
+        let log_masses = [f64::NEG_INFINITY; BESIDE];
+        Self { intercepts: none, slopes: none, gains: none, per_sigmas: none, log_masses }
+    }
+}
+
+impl Block {
+    #[inline(always)]
+    fn set(&mut self, index: usize, law: Law, log_mass: f64) {
+        let Law { intercept, coefficients: [slope, gain], variance } = law;
+        self.intercepts[index] = intercept;
+        self.slopes[index] = slope;
+        self.gains[index] = gain;
+        self.per_sigmas[index] = 1.0 / elementary::sqrt(variance);
+        self.log_masses[index] = log_mass;
+    }
+
+    /// Adds the log-probabilities of the segments, until no law has more than `least`.
+    #[inline(always)]
+    fn weigh(&mut self, columns: &Columns, slopes: &[f64], gains: &[f64], least: f64) {
+        let Columns { limits, ones, exponents, .. } = columns;
+        let segments = limits.iter().zip(ones).zip(exponents).zip(slopes).zip(gains);
+        for (index, ((((limit, one), exponent), slope), gain)) in segments.enumerate() {
+            if index % CHECKED == 0 && self.log_masses.iter().all(|log_mass| *log_mass <= least) {
+                return;
+            }
+            for k in 0..BESIDE {
+                let expected =
+                    self.intercepts[k] * one + self.slopes[k] * slope + self.gains[k] * gain;
+                let beside = (limit - expected) * self.per_sigmas[k];
+                self.log_masses[k] += exponent * elementary::ln_normal_cdf(beside);
+            }
+        }
     }
 }
 
@@ -256,14 +302,6 @@ impl Columns {
         self.ones.push(scale * given.ones);
         self.scales.push(scale);
         self.exponents.push(exponent);
-    }
-
-    /// Completes the last block by segments without weight.
-    fn complete(&mut self) {
-        let length = self.limits.len().next_multiple_of(BLOCK);
-        for column in [&mut self.limits, &mut self.ones, &mut self.exponents] {
-            column.resize(length, 0.0);
-        }
     }
 }
 

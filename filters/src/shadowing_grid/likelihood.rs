@@ -225,8 +225,8 @@ impl Likelihood {
         // Readings without a word on the gain leave its prior.
         let held = (!self.gain_matters(grid, regressors)).then(|| self.gain.held());
         let gain = held.as_ref().unwrap_or(&self.gain);
-        let probable = self.probable(grid, gain, regressors, log_prior);
-        let mut cells = self.conditionals(grid, 1, &probable, gain, regressors, log_prior);
+        let sampled = self.probable(grid, gain, regressors, log_prior);
+        let mut cells = self.conditionals(grid, 1, &sampled, gain, regressors, log_prior);
         if held.is_some() {
             let prior = self.gain.prior();
             cells.iter_mut().for_each(|cell| cell.gain = prior);
@@ -255,21 +255,22 @@ impl Likelihood {
         matters || !self.intercept_is_flat || self.calibration.is_some()
     }
 
-    /// The correlations that matter, by a sample of the cells.
+    /// The correlations that matter, and the largest log-mass, by a sample of the cells.
     fn probable(
         &self,
         grid: &Grid,
         gain: &Coefficient,
         regressors: &impl Fn(&Vector2<f64>, &Pose) -> [f64; 2],
         log_prior: &impl Fn(&Vector2<f64>) -> f64,
-    ) -> Vec<usize> {
-        let all: Vec<usize> = (0..self.regressions.len()).collect();
+    ) -> Sampled {
+        let correlations = (0..self.regressions.len()).collect();
+        let all = Sampled { correlations, best: f64::NEG_INFINITY };
         let stride = grid.len() / (SAMPLED_BLOCKS * LANES);
-        if stride < 2 || all.len() < 2 {
+        if stride < 2 || (all.correlations.len() < 2 && self.censored.is_empty()) {
             return all;
         }
         let sample = self.conditionals(grid, stride, &all, gain, regressors, log_prior);
-        let mut best = vec![f64::NEG_INFINITY; all.len()];
+        let mut best = vec![f64::NEG_INFINITY; self.regressions.len()];
         for cell in &sample {
             for (best, share) in best.iter_mut().zip(&cell.shares.correlations) {
                 *best = best.max(cell.log_mass + libm::log(*share));
@@ -280,7 +281,8 @@ impl Likelihood {
             return all;
         }
         let matters = best.iter().enumerate().filter(|(_, best)| **best - peak > -IMPROBABLE);
-        matters.map(|(correlation, _)| correlation).collect()
+        let correlations = matters.map(|(correlation, _)| correlation).collect();
+        Sampled { correlations, best: peak }
     }
 
     /// Some correlations, each with its number.
@@ -291,13 +293,13 @@ impl Likelihood {
         correlations.iter().filter_map(|number| Some((*number, self.regressions.get(*number)?)))
     }
 
-    /// One cell in `stride`, given that the target is there, under the probable correlations; its
+    /// One cell in `stride`, given that the target is there, under the sampled correlations; its
     /// mass is with the prior.
     fn conditionals(
         &self,
         grid: &Grid,
         stride: usize,
-        probable: &[usize],
+        sampled: &Sampled,
         gain: &Coefficient,
         regressors: &impl Fn(&Vector2<f64>, &Pose) -> [f64; 2],
         log_prior: &impl Fn(&Vector2<f64>) -> f64,
@@ -315,11 +317,12 @@ impl Likelihood {
         let mut received: Vec<[Row; 2]> = Vec::new();
         let mut silent: Vec<[Row; 2]> = Vec::new();
         let mut beyond: Vec<[Row; 2]> = Vec::new();
-        let mut best = f64::NEG_INFINITY;
-        let sampled = grid.len().div_ceil(stride);
-        for begin in (0..sampled).step_by(LANES) {
+        let probable = &sampled.correlations;
+        let mut best = sampled.best;
+        let count = grid.len().div_ceil(stride);
+        for begin in (0..count).step_by(LANES) {
             // Past the last cell the lanes repeat it; their results are not read.
-            let lanes = LANES.min(sampled - begin);
+            let lanes = LANES.min(count - begin);
             let places: [_; LANES] =
                 core::array::from_fn(|k| grid.centre((begin + k.min(lanes - 1)) * stride));
             let both = |receiver: &Pose| -> [Row; 2] {
@@ -531,6 +534,15 @@ impl Likelihood {
             self.prior_square + regression.residual_square(products, slope, gain.clamped(c));
         gain.around(c, libm::sqrt(square / self.freedom * variance), nodes)
     }
+}
+
+/// What a sample of the cells shows before all are looked at.
+#[derive(Clone, Debug)]
+struct Sampled {
+    /// The numbers of the correlations that matter.
+    correlations: Vec<usize>,
+    /// The largest log-mass; no more than that of all cells.
+    best: f64,
 }
 
 /// One cell under one correlation.

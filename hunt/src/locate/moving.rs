@@ -91,21 +91,21 @@ pub fn track_watched(
     share_out(&mut windows, config.correlation_s, repeated);
     let receivers: Vec<Pose> = receptions.iter().map(|r| r.receiver).collect();
     let laws = laws(&windows, locate.power, extent_m(receptions));
-    let walk = |speed_mps: f64| {
-        let up = locate.target_up_m;
-        laws.iter().map({
-            let windows = &windows;
-            move |&(weight, law)| Walk { speed_mps, weight, law, up, windows }
-        })
-    };
-    let walks: Vec<Walk<'_>> = config.speeds_mps.iter().copied().flat_map(walk).collect();
+    let up = locate.target_up_m;
+    let models: Vec<Model<'_>> = laws
+        .into_iter()
+        .map(|(weight, law)| Model { weight, law, up, windows: &windows })
+        .collect();
+    let speeds_mps = &config.speeds_mps;
+    let walks: Vec<_> =
+        speeds_mps.iter().map(|&speed_mps| move |seconds| walked_m2(speed_mps, seconds)).collect();
     let times: Vec<f64> = windows.iter().map(|window| window.time).collect();
     let grid = TrackGrid { margin_m: locate.margin_m, ..TrackGrid::default() };
     let bearings = |time: usize, places: &Places<'_>, out: &mut [f64]| {
         windows[time].add_bearings(places, out);
     };
     let fix = grid
-        .smooth_watched(&receivers, &times, &walks, bearings, watch)
+        .smooth_watched(&receivers, &times, &models, &walks, bearings, watch)
         .map_err(LocateError::Track)?;
     let located = |((time, map), window): ((f64, &PosteriorMap), &Window)| {
         let place = Located {
@@ -117,10 +117,12 @@ pub fn track_watched(
         (time, place)
     };
     let maps = times.iter().copied().zip(&fix.maps);
-    let share = |of: &dyn Fn(&Walk<'_>) -> Option<f64>| {
+    let pairs =
+        || models.iter().flat_map(|model| speeds_mps.iter().map(move |speed| (model, speed)));
+    let share = |of: &dyn Fn(&Model<'_>, f64) -> Option<f64>| {
         let mut shares: Vec<(f64, f64)> = Vec::new();
-        for (walk, probability) in walks.iter().zip(&fix.probabilities) {
-            let Some(value) = of(walk) else { continue };
+        for ((model, speed_mps), probability) in pairs().zip(&fix.probabilities) {
+            let Some(value) = of(model, *speed_mps) else { continue };
             match shares.iter_mut().find(|share| share.0.total_cmp(&value).is_eq()) {
                 Some(share) => share.1 += probability,
                 None => shares.push((value, *probability)),
@@ -130,8 +132,8 @@ pub fn track_watched(
     };
     Ok(Tracked {
         places: maps.zip(&windows).map(located).collect(),
-        speeds_mps: share(&|walk| Some(walk.speed_mps)),
-        exponents: share(&|walk| walk.law.map(|law| law.exponent)),
+        speeds_mps: share(&|_, speed_mps| Some(speed_mps)),
+        exponents: share(&|model, _| model.law.map(|law| law.exponent)),
         border_mass: fix.border_mass,
     })
 }
@@ -499,25 +501,25 @@ fn laws(windows: &[Window], power: Power, extent_m: f64) -> Vec<(f64, Option<Law
     laws.collect()
 }
 
-/// A target that walks with a speed, and a law that its levels follow.
+/// The variance in m² of the way on each axis after some seconds, at a root mean square speed: a
+/// velocity that forgets itself (Uhlenbeck & Ornstein 1930; for animals Johnson et al. 2008).
+fn walked_m2(speed_mps: f64, seconds: f64) -> f64 {
+    let forgotten = -libm::expm1(-seconds / PERSISTENCE_S);
+    speed_mps.powi(2) * PERSISTENCE_S * (seconds - PERSISTENCE_S * forgotten)
+}
+
+/// A law that the levels of some windows may follow.
 #[derive(Clone, Copy, Debug)]
-struct Walk<'a> {
-    speed_mps: f64,
+struct Model<'a> {
     weight: f64,
     law: Option<Law>,
     up: f64,
     windows: &'a [Window],
 }
 
-impl TrackModel for Walk<'_> {
+impl TrackModel for Model<'_> {
     fn weight(&self) -> f64 {
         self.weight
-    }
-
-    /// A velocity that forgets itself (Uhlenbeck & Ornstein 1930; for animals Johnson et al. 2008).
-    fn variance(&self, seconds: f64) -> f64 {
-        let forgotten = -libm::expm1(-seconds / PERSISTENCE_S);
-        self.speed_mps.powi(2) * PERSISTENCE_S * (seconds - PERSISTENCE_S * forgotten)
     }
 
     fn add_log_likelihoods(&self, time: usize, places: &Places<'_>, out: &mut [f64]) {
@@ -592,13 +594,15 @@ impl Kernel for OfLevel<'_, '_> {
 
     #[inline(always)]
     fn run(self) {
+        let half_share = 0.5 * self.share;
         let places = self.places.east.iter().zip(self.places.north);
         for (out, (east, north)) in self.out.iter_mut().zip(places) {
             let (residual, widened) = self.law.residual(self.level_dbm, *east, *north);
-            // Of t = residual / √widened, with the density's own 1 / √widened.
+            // Of t = residual / √widened, with the density's own 1 / √widened: a power of
+            // squares⁵ / widened⁴.
             let squares = widened + 0.25 * residual * residual;
-            let logs = 2.5 * elementary::ln(squares) - 2.0 * elementary::ln(widened);
-            *out -= self.share * logs;
+            let ratio = (squares / widened) * (squares / widened);
+            *out -= half_share * elementary::ln(ratio * ratio * squares);
         }
     }
 }
@@ -880,6 +884,6 @@ mod tests {
         assert!(refused(&[], &speed).contains("speed_mps"));
         let none = TrackingConfig { speeds_mps: Vec::new(), ..config };
         let (received, _) = walk(1, 1.0);
-        assert!(refused(&received, &none).contains("0 models"));
+        assert!(refused(&received, &none).contains("0 walks"));
     }
 }

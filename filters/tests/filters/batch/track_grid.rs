@@ -15,15 +15,10 @@ const SIGMA: f64 = 25.0;
 
 /// Places measured of a target that walks at random.
 struct Measured {
-    walk: f64,
     places: Vec<Vector2<f64>>,
 }
 
 impl TrackModel for Measured {
-    fn variance(&self, seconds: f64) -> f64 {
-        self.walk * self.walk * seconds
-    }
-
     fn add_log_likelihoods(&self, time: usize, places: &Places<'_>, out: &mut [f64]) {
         let z = self.places[time];
         let variance = SIGMA * SIGMA + places.variance_m2();
@@ -32,6 +27,11 @@ impl TrackModel for Measured {
             *out -= off / (2.0 * variance) + variance.ln();
         }
     }
+}
+
+/// The variance of a target that walks by `walk` in a square root of a second.
+fn walking(walk: f64) -> impl Fn(f64) -> f64 {
+    move |seconds| walk * walk * seconds
 }
 
 fn normal(rng: &mut Xoshiro256PlusPlus, sigma: f64) -> Vector2<f64> {
@@ -85,9 +85,9 @@ fn a_linear_gaussian_track_is_the_smoothers() {
     };
     let motion = RandomWalk::uniform(WALK);
     let expected = rauch_tung_striebel(&motion, &filtered).expect("times ascend");
-    let model = Measured { walk: WALK, places };
+    let model = Measured { places };
     let fix = TrackGrid { max_cells: 40_000, ..TrackGrid::default() }
-        .smooth(&receivers(), &times, &[model], nothing_in_common)
+        .smooth(&receivers(), &times, &[model], &[walking(WALK)], nothing_in_common)
         .expect("a track");
     for ((_, expected), map) in expected.iter().zip(&fix.maps) {
         let got = map.estimate();
@@ -104,17 +104,16 @@ fn a_linear_gaussian_track_is_the_smoothers() {
 }
 
 #[test]
-fn models_are_weighed_by_their_evidence_and_tracks_are_consistent() {
+fn walks_are_weighed_by_their_evidence_and_tracks_are_consistent() {
     const TRACKS: u32 = 40;
     let mut nees = 0.0;
     let mut count = 0.0;
     let mut right = 0.0;
     for seed in 0..TRACKS {
         let (times, truths, places) = walk(100 + u64::from(seed));
-        let models =
-            [0.25, 1.0, 4.0].map(|factor| Measured { walk: WALK * factor, places: places.clone() });
+        let walks = [0.25, 1.0, 4.0].map(|factor| walking(WALK * factor));
         let fix = TrackGrid::default()
-            .smooth(&receivers(), &times, &models, nothing_in_common)
+            .smooth(&receivers(), &times, &[Measured { places }], &walks, nothing_in_common)
             .expect("a track");
         right += fix.probabilities[1];
         for (truth, map) in truths.iter().zip(&fix.maps) {
@@ -125,26 +124,30 @@ fn models_are_weighed_by_their_evidence_and_tracks_are_consistent() {
     // 1000 places, of which a few in a row depend on each other: two standard errors of 0.1.
     let nees: f64 = nees / count;
     assert_abs_diff_eq!(nees, 2.0, epsilon = 0.4);
-    assert!(right > 0.8 * f64::from(TRACKS), "the true model has {right} of {TRACKS}");
+    assert!(right > 0.8 * f64::from(TRACKS), "the true walk has {right} of {TRACKS}");
 }
 
 #[test]
 fn bad_input_is_named() {
-    let model = || Measured { walk: 1.0, places: vec![Vector2::zeros(); 3] };
+    let model = || Measured { places: vec![Vector2::zeros(); 3] };
+    let walks = [walking(1.0)];
     let grid = TrackGrid::default();
     let smooth = |times: &[f64]| {
-        grid.smooth(&receivers(), times, &[model()], nothing_in_common).expect_err("refused")
+        grid.smooth(&receivers(), times, &[model()], &walks, nothing_in_common)
+            .expect_err("refused")
     };
     assert_eq!(smooth(&[0.0, 1.0, 1.0]), BatchError::Order { index: 2, seconds: 0.0 });
     assert!(smooth(&[0.0, f64::NAN]).to_string().contains("time 1: NaN s"));
     assert!(smooth(&[]).to_string().contains("0 times"));
     let none: [Measured; 0] = [];
-    let error = grid.smooth(&receivers(), &[0.0], &none, nothing_in_common).expect_err("no model");
+    let error = grid.smooth(&receivers(), &[0.0], &none, &walks, nothing_in_common);
+    let error = error.expect_err("no model");
     assert!(error.to_string().contains("0 models"), "{error}");
     let small = TrackGrid { max_cells: 10, ..grid };
-    let error = small.smooth(&receivers(), &[0.0], &[model()], nothing_in_common);
+    let error = small.smooth(&receivers(), &[0.0], &[model()], &walks, nothing_in_common);
     assert!(error.expect_err("too few").to_string().contains("max_cells"));
     let nowhere = |_: usize, _: &Places<'_>, out: &mut [f64]| out.fill(f64::NEG_INFINITY);
-    let error = grid.smooth(&receivers(), &[0.0], &[model()], nowhere).expect_err("no place fits");
+    let error =
+        grid.smooth(&receivers(), &[0.0], &[model()], &walks, nowhere).expect_err("no place fits");
     assert_eq!(error, BatchError::Flat { rcond: 0.0 });
 }
