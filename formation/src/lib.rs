@@ -9,10 +9,11 @@
 //! | [`SurgeCast`] | along the bearings while the level rises, else across | the same |
 //! | `Information` | where the ellipse is expected to be small soonest | when it is small |
 //! | `SteepestDescent` | each drone down the gradient of the posterior bound | when it is small |
+//! | `Detection` | where a missed target is received soonest, then as another planner | as the other |
 //! | [`Hold`] | nowhere | after a number of turns |
 //!
-//! `Information` and `SteepestDescent` need the feature `alloc`, as do `Coverage`, which lays out
-//! the places of a sweep over a polygon, and `Emulate`, which has few drones fly a formation of
+//! `Information`, `SteepestDescent` and `Detection` need the feature `alloc`, as do `Coverage`,
+//! which lays out the places of a sweep over a polygon, and `Emulate`, which has few drones fly a formation of
 //! many. Shapes are [`Polygon`], [`Line`], [`Offsets`], each of them [`Scaled`], or a closure
 //! through [`shape_fn`].
 //!

@@ -53,7 +53,7 @@ fn each_finds_the_beacons_of_the_references_simulation() {
         let outcomes: &[Outcome] = match &*planner.name {
             "waypoints" | "lawn-mower" => &[Outcome::PathDone],
             "hold" => &[Outcome::MoveLimit],
-            "information" => &[Outcome::EllipseReached, Outcome::LittleToLearn],
+            "information" | "detection" => &[Outcome::EllipseReached, Outcome::LittleToLearn],
             _ => &[Outcome::Converged, Outcome::EllipseReached, Outcome::MoveLimit],
         };
         assert_eq!(hunt.found.len(), 2, "{}", planner.name);

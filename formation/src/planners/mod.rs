@@ -3,6 +3,8 @@
 #[cfg(feature = "alloc")]
 mod coverage;
 #[cfg(feature = "alloc")]
+mod detection;
+#[cfg(feature = "alloc")]
 mod emulate;
 #[cfg(test)]
 mod fake;
@@ -15,6 +17,8 @@ mod waypoints;
 
 #[cfg(feature = "alloc")]
 pub use coverage::{Coverage, CoverageConfig, CoverageError};
+#[cfg(feature = "alloc")]
+pub use detection::{Detection, DetectionConfig};
 #[cfg(feature = "alloc")]
 pub use emulate::Emulate;
 pub use follow_estimate::{FollowConfig, FollowEstimate};

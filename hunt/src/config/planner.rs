@@ -2,9 +2,9 @@ use std::iter::repeat_n;
 
 use foxhunt_core::{FormationPlanner, PlanError, parameter::ParameterError};
 use foxhunt_formation::{
-    Arcs, ArcsConfig, Coverage, CoverageConfig, CoverageError, Emulate, FollowConfig,
-    FollowEstimate, Hold, Information, InformationConfig, Orbit, OrbitConfig, SteepestDescent,
-    SteepestDescentConfig, SurgeCast, SurgeCastConfig, Waypoints,
+    Arcs, ArcsConfig, Coverage, CoverageConfig, CoverageError, Detection, DetectionConfig, Emulate,
+    FollowConfig, FollowEstimate, Hold, Information, InformationConfig, Orbit, OrbitConfig,
+    SteepestDescent, SteepestDescentConfig, SurgeCast, SurgeCastConfig, Waypoints,
 };
 use nalgebra::{Vector2, Vector3};
 use serde::{Deserialize, Serialize};
@@ -66,6 +66,17 @@ pub enum PlannerConfig {
         /// Number of sweeps of the area; 1 unless given.
         #[serde(default = "once")]
         rounds: u16,
+    },
+    /// Goals where a transmitter that was missed would be received soonest, until it is; then those
+    /// of another planner.
+    Detection {
+        /// East and North of each corner of the area, in their order.
+        corners_m: Vec<[f64; 2]>,
+        /// Parameters of the search; the defaults unless given.
+        #[serde(default)]
+        detection: DetectionConfig,
+        /// Planner for a transmitter that was received.
+        then: Box<PlannerConfig>,
     },
     /// Goals where the next turns are expected to shrink the ellipse most.
     Information {
@@ -201,6 +212,10 @@ impl PlannerConfig {
                 let places: Vec<_> = repeat_n(round, rounds).flatten().collect();
                 let shape = shape_or_polygon(shape.as_ref(), reference_circumradius())?;
                 Box::new(Waypoints::new(places, shape, 0.0)?)
+            }
+            Self::Detection { corners_m, detection, then } => {
+                let corners: Vec<_> = corners_m.iter().map(|p| Vector2::from(*p)).collect();
+                Box::new(Detection::new(&corners, *detection, then.build()?)?)
             }
             Self::Information { information } => Box::new(Information::new(*information)?),
             Self::SteepestDescent(config) => Box::new(SteepestDescent::new(*config)?),

@@ -862,7 +862,10 @@ impl Hunt {
         let unheard = search.is_some_and(|search| search.measured == 0);
         match decided {
             Ok(Decision::Finish(_)) if unheard => {
-                let reason = "nothing was received of it on the whole path".to_owned();
+                let mut reason = "nothing was received of it on the whole path: ".to_owned();
+                if self.planner.explain(&mut reason).is_err() || reason.ends_with(": ") {
+                    "nothing was received of it on the whole path".clone_into(&mut reason);
+                }
                 self.give_up_without_signal(time, reason)
             }
             decided => self.decided(time, decided),

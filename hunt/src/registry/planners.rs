@@ -1,8 +1,8 @@
 use std::mem::discriminant;
 
 use foxhunt_formation::{
-    AltitudeRule, ArcsConfig, CoverageConfig, FollowConfig, InformationConfig, OrbitConfig,
-    SettlingRule, SteepestDescentConfig, SurgeCastConfig,
+    AltitudeRule, ArcsConfig, CoverageConfig, DetectionConfig, FollowConfig, InformationConfig,
+    OrbitConfig, SettlingRule, SteepestDescentConfig, SurgeCastConfig,
 };
 use nalgebra::Vector2;
 
@@ -43,6 +43,9 @@ const VIRTUAL_DRONES: u16 = 3;
 /// Number of places per side of the area that is swept where the scenario has no path of its own,
 /// as in the reference's sweep (Pritzl 2018, §7.4).
 const PLACES_A_SIDE: f64 = 4.0;
+
+/// Number of places per side of the area that `detection` searches.
+const SEARCHED_A_SIDE: f64 = 16.0;
 
 /// Half the width of a box that holds a Gaussian of two equal, independent coordinates with 95 %,
 /// in standard deviations: the quantile of (1 + √0.95) / 2.
@@ -88,6 +91,12 @@ pub(super) fn builtin() -> Vec<PlannerEntry> {
             "a sweep in rows, back and forth, of the area where the beacon is believed to be",
             "Pritzl 2018, §7.4; Choset & Pignon 1998",
             lawn_mower,
+        ),
+        named(
+            "detection",
+            "where a beacon that was missed would be received soonest, then as information",
+            "Koopman 1980; Stone 1975",
+            detection,
         ),
         named(
             "orbit",
@@ -172,18 +181,42 @@ fn waypoints(field: &Field) -> PlannerConfig {
     }
 }
 
-/// Returns a lawn mower over the fence, or else over a box that holds the beacon with 95 %.
-fn lawn_mower(field: &Field) -> PlannerConfig {
+/// Returns the corners of the fence, or else of a box that holds the beacon with 95 %, and the side
+/// of a square as large.
+fn searched_area(field: &Field) -> (Vec<[f64; 2]>, f64) {
     let fence = &field.hunt.airspace.fence_m;
-    let (corners_m, spacing, inside) = if fence.is_empty() {
-        let half = BOX_95 * field.hunt.prior_sigma_m;
-        let centre = prior_centre(field);
-        let corner = |east: f64, north: f64| [centre.x + east * half, centre.y + north * half];
-        let square = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
-        (square.to_vec(), 2.0 * half / PLACES_A_SIDE, false)
-    } else {
-        (fence.clone(), area_m2(fence).sqrt() / PLACES_A_SIDE, true)
+    if !fence.is_empty() {
+        return (fence.clone(), area_m2(fence).sqrt());
+    }
+    let half = BOX_95 * field.hunt.prior_sigma_m;
+    let centre = prior_centre(field);
+    let corner = |east: f64, north: f64| [centre.x + east * half, centre.y + north * half];
+    let square = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
+    (square.to_vec(), 2.0 * half)
+}
+
+/// Returns a search of the area, and the information planner for what was received.
+fn detection(field: &Field) -> PlannerConfig {
+    let information = information(field);
+    let (corners_m, side_m) = searched_area(field);
+    let detection = DetectionConfig {
+        spacing_m: side_m / SEARCHED_A_SIDE,
+        exponent: field.exponent,
+        up_m: altitude(field).most_m,
+        speed_mps: information.speed_mps,
+        turn_s: information.turn_s,
+        separation_m: information.separation_m,
+        ..DetectionConfig::default()
     };
+    let then = Box::new(PlannerConfig::Information { information });
+    PlannerConfig::Detection { corners_m, detection, then }
+}
+
+/// Returns a lawn mower over the area.
+fn lawn_mower(field: &Field) -> PlannerConfig {
+    let (corners_m, side_m) = searched_area(field);
+    let spacing = side_m / PLACES_A_SIDE;
+    let inside = !field.hunt.airspace.fence_m.is_empty();
     let circumradius_m = FollowConfig::pritzl2018().circumradius_m.min(0.25 * spacing);
     // Each place is the middle of its share of the box; inside a fence, the drones are.
     let margin_m = if inside { circumradius_m } else { 0.5 * spacing };

@@ -53,6 +53,7 @@ PlannerName = Literal[
     "pritzl2018-emulated",
     "waypoints",
     "lawn-mower",
+    "detection",
     "orbit",
     "arcs",
     "surge-cast",

@@ -28,6 +28,8 @@ fn files_name_shapes_and_keep_their_old_keys() {
         "kind = \"lawn-mower\"\ncorners_m = [[0, 0], [65, 0], [65, 50]]\nup_m = 4\n\
          coverage = { margin_m = 2 }\nshape = { kind = \"scaled\", scale = 2, shape = \
          { kind = \"polygon\", circumradius_m = 3 } }",
+        "kind = \"detection\"\ncorners_m = [[0, 0], [65, 0], [65, 50]]\ndetection = { success = 0.8 \
+         }\nthen = { kind = \"orbit\" }",
         "kind = \"orbit\"\nradius_m = 12\naltitude = { elevation_limit_rad = 0.4 }",
         "kind = \"arcs\"\nshrink = 0.5\nsettling = { laps = 2 }",
         "kind = \"surge-cast\"\ncast_m = 5",
@@ -66,6 +68,16 @@ fn what_is_out_of_range_is_named_with_its_value() {
              coverage = { row_spacing_m = 1, along_spacing_m = 1, margin_m = 0 }\nrounds = \
              65535",
             "rounds in all is ",
+        ),
+        (
+            "kind = \"detection\"\ncorners_m = [[0, 0], [65, 0], [65, 50]]\ndetection = { spacing_m \
+             = 1 }\nthen = { kind = \"orbit\" }",
+            "spacing_m is 1;",
+        ),
+        (
+            "kind = \"detection\"\ncorners_m = [[0, 0], [65, 0], [65, 50]]\nthen = { kind = \
+             \"orbit\", radius_m = -7 }",
+            "radius_m is -7;",
         ),
         ("kind = \"orbit\"\nradius_m = -7", "radius_m is -7;"),
         ("kind = \"orbit\"\naltitude = { most_m = 1 }", "most_m is 1;"),
