@@ -81,8 +81,7 @@ impl Default for TrackGrid {
 pub struct TrackGridFix {
     /// The posterior at each time, given what was received at all of them.
     pub maps: Vec<PosteriorMap>,
-    /// The posterior probability of each model with each walk: those of a model are beside each
-    /// other.
+    /// The posterior probability of each model with each walk, model by model.
     pub probabilities: Vec<f64>,
     /// The probability of the outermost ring of all cells that were searched, averaged over time.
     pub border_mass: f64,

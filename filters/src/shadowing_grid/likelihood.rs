@@ -536,7 +536,7 @@ impl Likelihood {
     }
 }
 
-/// What a sample of the cells shows before all are looked at.
+/// Result of a sample of the cells, before all are looked at.
 #[derive(Clone, Debug)]
 struct Sampled {
     /// The numbers of the correlations that matter.

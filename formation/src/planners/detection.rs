@@ -29,9 +29,10 @@ const MOST: f64 = 400.0;
 pub struct DetectionConfig {
     /// The most from one place of the area to the next.
     pub spacing_m: f64,
-    /// Range at which the level of the weakest transmitter meets the receiver's floor …
+    /// Range at which the level of the weakest transmitter meets the receiver's floor.
     pub least_range_m: f64,
-    /// … and that of the strongest one. Equal ratios of ranges are equally likely.
+    /// Range at which the level of the strongest transmitter meets the floor; equal ratios of ranges
+    /// are equally likely.
     pub most_range_m: f64,
     /// The path-loss exponent.
     pub exponent: f64,
@@ -53,7 +54,7 @@ pub struct DetectionConfig {
 }
 
 impl Default for DetectionConfig {
-    /// Places 10 m apart; ranges from 10 m to 10 km; exponent, altitude, speed and turn as those of
+    /// Places 10 m apart; ranges from 10 m to 10 km; exponent, altitude, speed and turn of
     /// [`InformationConfig`](super::InformationConfig), σ 6 dB; the search ends at 95 % or after 60
     /// positions.
     fn default() -> Self {

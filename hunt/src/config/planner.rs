@@ -67,8 +67,8 @@ pub enum PlannerConfig {
         #[serde(default = "once")]
         rounds: u16,
     },
-    /// Goals where a transmitter that was missed would be received soonest, until it is; then those
-    /// of another planner.
+    /// Goals where a transmitter that was missed would be received soonest. Another planner has the
+    /// goals once it is received.
     Detection {
         /// East and North of each corner of the area, in their order.
         corners_m: Vec<[f64; 2]>,
