@@ -1,8 +1,13 @@
 //! The page in which the program runs without an installation.
 
-use std::{fs, path::PathBuf};
+use std::{collections::BTreeMap, fs, path::PathBuf};
 
-use foxhunt::{document, recording::Column};
+use foxhunt::{
+    document,
+    recording::Column,
+    scenario::{builtin_scenarios, builtin_text},
+    sensors::AntennaConfig,
+};
 use serde::Serialize;
 
 use crate::{context::Context, error::CliError};
@@ -10,6 +15,8 @@ use crate::{context::Context, error::CliError};
 const HTML: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
+const FIELD: &str = include_str!("field.js");
+const SIMULATE: &str = include_str!("simulate.js");
 const WASI: &str = include_str!("wasi.js");
 const WORKER: &str = include_str!("worker.js");
 
@@ -20,8 +27,8 @@ const PROGRAM: &str = include_str!("program.wasm.gz.base64");
 ///
 /// The page is one file that works from a disk, without a network. It holds this program as
 /// WebAssembly: recordings that are dropped on it get the answers and the report page of `locate`,
-/// `judge`, `bearing`, `pulses` and `replay`. Simulated hunts fly in it, too. Nothing leaves the
-/// computer.
+/// `judge`, `bearing`, `pulses` and `replay`. Simulated hunts fly in it, too. On a phone it takes
+/// levels and bearings in the field. Nothing leaves the computer.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt page --out foxhunt.html")]
 pub(crate) struct Args {
@@ -38,29 +45,50 @@ struct Written {
 }
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
-    let text = page().map_err(CliError::failure)?;
+    let text = page()?;
     fs::write(&args.out, &text).map_err(|error| CliError::writing(&args.out, error))?;
     let written = Written { page: args.out.clone(), bytes: text.len() };
     context.output.result(&written, |written| format!("page: {}", written.page.display()))
 }
 
 /// Returns the text of the page.
-fn page() -> Result<String, serde_json::Error> {
+fn page() -> Result<String, CliError> {
     let columns: Vec<&str> = Column::ALL.into_iter().map(Column::name).collect();
-    let columns = document::to_json(&columns)?;
+    let columns = json(&columns)?;
+    let antennas = json(&AntennaConfig::NAMES)?;
+    let scenarios = json(&scenarios()?)?;
     let mut page = HTML.to_owned();
     for (mark, text) in [
         ("/* page.css */", STYLE),
         ("/* columns */", &columns),
+        ("/* antennas */", &antennas),
+        ("/* scenarios */", &scenarios),
         ("/* wasi.js */", WASI),
         ("/* worker.js */", WORKER),
         ("/* version */", env!("CARGO_PKG_VERSION")),
         ("/* page.js */", SCRIPT),
+        ("/* simulate.js */", SIMULATE),
+        ("/* field.js */", FIELD),
         ("/* program */", PROGRAM.trim_end()),
     ] {
         page = page.replacen(mark, text, 1);
     }
     Ok(page)
+}
+
+/// Writes a value so that a script element of the page can hold it.
+fn json(value: &impl Serialize) -> Result<String, CliError> {
+    let text = document::to_json(value).map_err(CliError::failure)?;
+    Ok(text.replace('<', "\\u003c"))
+}
+
+/// Returns the built-in scenarios by name, with the keys of their files alone.
+fn scenarios() -> Result<BTreeMap<String, toml::Table>, CliError> {
+    builtin_scenarios()
+        .into_iter()
+        .filter_map(|scenario| builtin_text(&scenario.name).map(|text| (scenario.name, text)))
+        .map(|(name, text)| Ok((name, text.parse().map_err(CliError::failure)?)))
+        .collect()
 }
 
 #[cfg(test)]
@@ -74,11 +102,12 @@ mod tests {
     fn it_is_whole() {
         let page = page().expect("its columns are texts");
         assert!(page.len() <= MOST, "{} bytes", page.len());
-        for part in [STYLE, WASI, WORKER, SCRIPT, PROGRAM.trim_end()] {
+        for part in [STYLE, WASI, WORKER, SCRIPT, SIMULATE, FIELD, PROGRAM.trim_end()] {
             assert_eq!(page.matches(part).count(), 1, "{}", part.get(..40).unwrap_or(part));
         }
         assert!(page.contains("\"bearing_deg_compass\""), "the names of columns");
         assert!(page.contains(env!("CARGO_PKG_VERSION")));
+        assert!(page.contains("\"one-drone\":{"), "the scenarios");
         assert!(!page.contains("/* "), "a mark is left");
     }
 
@@ -96,7 +125,7 @@ mod tests {
     /// Scripts in a page end at the first closing tag, wherever it stands.
     #[test]
     fn its_scripts_do_not_end_early() {
-        for script in [SCRIPT, WASI, WORKER] {
+        for script in [SCRIPT, SIMULATE, FIELD, WASI, WORKER] {
             assert!(!script.to_lowercase().contains("</script"));
         }
     }
