@@ -173,7 +173,9 @@ function addEntry(entry) {
 function levelHere(level) {
   const entry = level === null ? null : entryHere();
   if (level === null) say("Enter a level first.");
-  if (entry) addEntry({ ...entry, level });
+  if (!entry) return;
+  byId("level").value = "";
+  addEntry({ ...entry, level });
 }
 
 async function bearingHere() {
@@ -210,7 +212,7 @@ async function locateEntries() {
       again = false;
       if (!field.entries.some((entry) => !entry.struck)) { field.fix = null; byId("field-fix").replaceChildren("No fix yet."); break; }
       const given = [[LIST, new TextEncoder().encode(listTable())]];
-      await runAll([{ work: "locate", names: [LIST], args: ["locate", LIST, "--every-beacon", "--report", REPORT], given, stays: true }]);
+      await runAll([{ work: "locate", names: [LIST], args: ["locate", LIST, "--every-beacon", "--report", REPORT], given, panel: "field", stays: true }]);
       const [one] = runs;
       // Another computation may have come between.
       if (one?.given !== given) continue;
@@ -238,12 +240,15 @@ function way(from, to) {
 function showFix() {
   const { fix } = field, here = placeNow();
   if (!fix) return;
-  const way_ = here && way(here, fix);
-  const direction = way_ && `${fixed(way_.degrees, 0)}° from true North${field.declination === null ? "" : `, ${fixed((way_.degrees - field.declination + 360) % 360, 0)}° by the compass`}`;
+  const path = here && way(here, fix);
+  const byCompass = field.declination === null ? "" : `, ${fixed((path?.degrees - field.declination + 360) % 360, 0)}° by the compass`;
   const doubts = fix.remarks.filter(({ note }) => !note);
-  const text = [way_ && `${said(Math.round(way_.metres))} m from here, ${direction}`, `${fixed(fix.lat, 6)}, ${fixed(fix.lon, 6)}`, `95 % ellipse ${fixed(fix.ellipse.semi_major, 0)} × ${fixed(fix.ellipse.semi_minor, 0)} m`];
-  byId("field-fix").replaceChildren(...text.filter(Boolean).map((line, index) => element("p", index ? {} : { class: "first" }, line)),
-    ...(doubts.length ? [element("ul", { class: "doubts", "aria-label": "Remarks on the fix" }, ...doubts.map((remark) => element("li", {}, remark.text)))] : []));
+  const lines = [path && `${said(Math.round(path.metres))} m from here, ${fixed(path.degrees, 0)}° from true North${byCompass}`, `${fixed(fix.lat, 6)}, ${fixed(fix.lon, 6)}`, `95 % ellipse ${fixed(fix.ellipse.semi_major, 0)} × ${fixed(fix.ellipse.semi_minor, 0)} m`];
+  const parts = [...lines.filter(Boolean).map((line, index) => element("p", index ? {} : { class: "first" }, line)),
+    ...(doubts.length ? [element("ul", { class: "doubts", "aria-label": "Remarks on the fix" }, ...doubts.map((remark) => element("li", {}, remark.text)))] : [])];
+  // A screen reader says what is put here, so it is put here only when it is new.
+  const text = parts.map((part) => part.textContent).join("");
+  if (byId("field-fix").textContent !== text) byId("field-fix").replaceChildren(...parts);
 }
 
 // ---------------------------------------------------------------- receivers that send lines

@@ -137,6 +137,8 @@ async function take(list) {
 // ---------------------------------------------------------------- what is run
 
 let busy = false, stopped = false, ending = Promise.resolve();
+// The panel whose answers are shown; another panel hides them.
+let resultsOf = null;
 
 // The words of a line as a shell has them: quotes hold spaces together, also within a word.
 const words = (text) => [...text.matchAll(/(?:"[^"]*"|'[^']*'|\S)+/g)].map(([word]) => word.replace(/"([^"]*)"|'([^']*)'/g, (_, double, single) => double ?? single));
@@ -191,6 +193,7 @@ function runAll(list = jobs()) {
 
 async function runJobs(list) {
   busy = true;
+  resultsOf = list[0].panel ?? "recordings";
   stopped = false;
   byId("stop").disabled = byId("simulate-stop").disabled = false;
   byId("simulate").disabled = true;
@@ -500,6 +503,7 @@ function choose(tab) {
     one.tabIndex = isChosen ? 0 : -1;
     byId(one.getAttribute("aria-controls")).hidden = !isChosen;
   }
+  byId("results").hidden = !busy && resultsOf !== null && resultsOf !== tab.getAttribute("aria-controls");
   tab.dispatchEvent(new Event("chosen"));
 }
 for (const tab of tabs) {

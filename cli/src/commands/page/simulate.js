@@ -67,7 +67,7 @@ function simulated() {
 
 function simulation() {
   const { name, args, given } = simulated();
-  return { work: "hunt", names: [name], args: args(seed()), given };
+  return { work: "hunt", names: [name], args: args(seed()), given, panel: "simulation" };
 }
 
 // ---------------------------------------------------------------- the map
@@ -100,14 +100,15 @@ function showScene() {
   const toScreen = ({ east_m, north_m }) => [width / 2 + (east_m - middle[0]) * perMetre, height / 2 - (north_m - middle[1]) * perMetre];
   const step = roundStep(70 / perMetre), digits = perMetre > 20 ? 2 : 1;
   const lines = [];
+  const gridLabel = (at, positive, negative) => `${Math.abs(at).toFixed(decimals(step))} m ${at < 0 ? negative : positive}`;
   const through = (centre, half) => { const found = []; for (let at = Math.ceil((centre - half) / step); at * step <= centre + half; at += 1) found.push(at * step); return found; };
   for (const at of through(middle[0], width / 2 / perMetre)) {
     const [x] = toScreen({ east_m: at, north_m: 0 });
-    lines.push(shape("line", { x1: x, x2: x, y1: 0, y2: height }), shape("text", { x: x + 3, y: height - 4 }, `${at.toFixed(decimals(step))} m E`));
+    lines.push(shape("line", { x1: x, x2: x, y1: 0, y2: height }), shape("text", { x: x + 3, y: height - 4 }, gridLabel(at, "E", "W")));
   }
   for (const at of through(middle[1], height / 2 / perMetre)) {
     const [, y] = toScreen({ east_m: 0, north_m: at });
-    lines.push(shape("line", { x1: 0, x2: width, y1: y, y2: y }), shape("text", { x: 3, y: y - 3 }, `${at.toFixed(decimals(step))} m N`));
+    lines.push(shape("line", { x1: 0, x2: width, y1: y, y2: y }), shape("text", { x: 3, y: y - 3 }, gridLabel(at, "N", "S")));
   }
   const movable = (one, id, name, form) => {
     const mark = shape("g", { id, class: "movable", tabindex: 0, role: "button" }, shape("circle", { r: 18, class: "grip" }), form, shape("text", { x: 11, y: -8 }, name));
@@ -116,12 +117,12 @@ function showScene() {
       mark.setAttribute("transform", `translate(${x} ${y})`);
       mark.setAttribute("aria-label", `${name}, ${sided(one.east_m, "East", "West")}, ${sided(one.north_m, "North", "South")}`);
     };
-    const moveTo = (east_m, north_m) => { one.east_m = Number(east_m.toFixed(digits)); one.north_m = Number(north_m.toFixed(digits)); place(); };
+    const moveTo = (east_m, north_m, digits) => { one.east_m = Number(east_m.toFixed(digits)); one.north_m = Number(north_m.toFixed(digits)); place(); };
     mark.addEventListener("pointerdown", (event) => { mark.setPointerCapture(event.pointerId); });
     mark.addEventListener("pointermove", (event) => {
       if (!mark.hasPointerCapture(event.pointerId)) return;
       const { left, top } = scene.getBoundingClientRect();
-      moveTo(middle[0] + (event.clientX - left - width / 2) / perMetre, middle[1] - (event.clientY - top - height / 2) / perMetre);
+      moveTo(middle[0] + (event.clientX - left - width / 2) / perMetre, middle[1] - (event.clientY - top - height / 2) / perMetre, digits);
     });
     mark.addEventListener("pointerup", () => { showScene(); byId(id).focus(); });
     mark.addEventListener("keydown", (event) => {
@@ -129,7 +130,8 @@ function showScene() {
       if (!right && !up) return;
       event.preventDefault();
       const by = event.shiftKey ? 10 : 1;
-      moveTo(one.east_m + by * right, one.north_m + by * up);
+      // Six decimals: a sum such as 0.1 + 0.2 has the digits of its parts.
+      moveTo(one.east_m + by * right, one.north_m + by * up, 6);
       showScene();
       byId(id).focus();
     });
@@ -213,19 +215,19 @@ function histogram(title, unit, values) {
   const median = quantile(sorted, 0.5), most = quantile(sorted, 0.9), top = Math.min(sorted.at(-1), 2.5 * most) || 1;
   const step = roundStep(top / 24), first = Math.floor(Math.min(sorted[0], top) / step), bars = new Array(Math.max(1, Math.ceil(top / step) - first)).fill(0);
   for (const value of sorted) bars[Math.min(bars.length - 1, Math.floor(value / step) - first)] += 1;
-  const width = 480, height = 190, floor = 160, highest = Math.max(...bars), x = (value) => 10 + ((value / step - first) / bars.length) * (width - 20);
-  const marks = bars.map((count, index) => shape("rect", { x: x((first + index) * step) + 0.5, width: Math.max(1, (width - 20) / bars.length - 1), y: floor - (count / highest) * 120, height: (count / highest) * 120, class: "bar" }));
-  const every = Math.ceil(bars.length / 7), ticks = [];
+  const width = 480, height = 180, side = 18, floor = 160, highest = Math.max(...bars), x = (value) => side + ((value / step - first) / bars.length) * (width - 2 * side);
+  const marks = bars.map((count, index) => shape("rect", { x: x((first + index) * step) + 0.5, width: Math.max(1, (width - 2 * side) / bars.length - 1), y: floor - (count / highest) * 120, height: (count / highest) * 120, class: "bar" }));
+  const every = Math.ceil(bars.length / 6), ticks = [];
   for (let index = 0; index <= bars.length; index += every) ticks.push(shape("text", { x: x((first + index) * step), y: floor + 16, "text-anchor": "middle" }, ((first + index) * step).toFixed(decimals(step))));
   // The labels are on two lines, as the two quantiles may be near each other.
   const line = (value, name, y) => {
-    const at = Math.min(x(value), width - 10), left = at > width / 2;
+    const at = Math.min(x(value), width - side), left = at > width / 2;
     return [shape("line", { x1: at, x2: at, y1: y - 10, y2: floor, class: "quantile" }), shape("text", { x: at + (left ? -4 : 4), y, "text-anchor": left ? "end" : "start" }, `${name} ${said(Number(value.toPrecision(3)))} ${unit}`)];
   };
   const text = `${title}: median ${said(Number(median.toPrecision(3)))} ${unit}, 90 % below ${said(Number(most.toPrecision(3)))} ${unit}, ${sorted.length} values`;
   return element("figure", {}, shape("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": text, class: "histogram" },
-    ...marks, shape("line", { x1: 10, x2: width - 10, y1: floor, y2: floor, class: "axis" }), ...ticks, shape("text", { x: width - 10, y: height - 2, "text-anchor": "end" }, unit),
-    ...line(median, "median", 14), ...line(most, "90 %", 32)), element("figcaption", { class: "hint" }, title));
+    ...marks, shape("line", { x1: side, x2: width - side, y1: floor, y2: floor, class: "axis" }), ...ticks,
+    ...line(median, "median", 14), ...line(most, "90 %", 32)), element("figcaption", { class: "hint" }, `${title}, ${unit}`));
 }
 
 function showDistributions() {
