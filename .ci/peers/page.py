@@ -6,12 +6,15 @@ FOLDER holds foxhunt.html, and gets screenshots.
 """
 
 import csv
+import functools
+import http.server
 import json
 import math
 import os
 import re
 import subprocess
 import sys
+import threading
 import time
 
 from playwright.sync_api import sync_playwright
@@ -350,7 +353,7 @@ def check_field(browser, foxhunt, folder):
     wait_for(page, "foxhunt.field.located >= 5")
     assert page.evaluate("foxhunt.field.entries[4].level") == -71
     lines = {"-71": -71, "RSSI=-92.5dBm snr 3": -92.5, "t 1200 ms, -70": -70, "2026-11-28 61 dB": 61, "nothing": None, "−63 dBm": -63}
-    assert page.evaluate("(lines) => lines.map(foxhunt.levelIn)", list(lines)) == list(lines.values())
+    assert page.evaluate("(lines) => lines.map(foxhunt.field.levelIn)", list(lines)) == list(lines.values())
     page.locator("#each").uncheck()
 
     # One is struck out, one deleted and put back.
@@ -419,6 +422,43 @@ def check_field(browser, foxhunt, folder):
     assert "refuses to keep the list" in page.locator("#kept").text_content()
     assert not page.wrong, page.wrong
     page.context.close()
+
+
+class Quiet(http.server.SimpleHTTPRequestHandler):
+    def log_message(self, *_):
+        pass
+
+
+def check_installable(playwright, chromium, foxhunt, folder):
+    """A page from a server may be installed, and opens and locates when the server is gone."""
+    site = os.path.join(folder, "site")
+    os.mkdir(site)
+    subprocess.run([foxhunt, "page", "--out", os.path.join(site, "index.html"), "--installable"], check=True, capture_output=True)
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=site))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    # Chromium installs nothing in its private mode, which a new context is.
+    context = playwright.chromium.launch_persistent_context(os.path.join(folder, "profile"), executable_path=chromium, args=["--no-sandbox"])
+    page = context.new_page()
+    wrong = []
+    page.on("console", lambda message: wrong.append(message.text))
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    address = f"http://127.0.0.1:{server.server_address[1]}/"
+    page.goto(address)
+    wait_for(page, "foxhunt.ready")
+    session = context.new_cdp_session(page)
+    assert session.send("Page.getAppManifest")["errors"] == []
+    assert session.send("Page.getInstallabilityErrors")["installabilityErrors"] == []
+    page.evaluate("navigator.serviceWorker.ready.then(() => true)")
+    server.shutdown()
+    server.server_close()
+    for where in (address, f"{address}index.html"):
+        page.goto(where)
+        wait_for(page, "foxhunt.ready")
+    [run] = drop(page, ["docs/walk.csv"])
+    assert run["code"] == 0, run["errors"]
+    assert not wrong, wrong
+    print("from a server it is installable, and works when the server is gone")
+    context.close()
 
 
 def many(path, rows, more_names="", more_cells=""):
@@ -613,6 +653,7 @@ def main():
         check_simulation(page, foxhunt, folder)
         check_edited(page, foxhunt, folder)
         check_field(browser, foxhunt, folder)
+        check_installable(playwright, chromium, foxhunt, folder)
 
         path = os.path.join(folder, "many.csv")
         many(path, 100_000)

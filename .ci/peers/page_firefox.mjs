@@ -1,7 +1,7 @@
 // Drops a recording on the page of `foxhunt page` in Firefox, over WebDriver BiDi, and opens a report page there:
 // node page_firefox.mjs FIREFOX NODE_MODULES FOXHUNT FOLDER, which holds foxhunt.html.
 import { execFileSync } from "node:child_process";
-import { readFileSync } from "node:fs";
+import { readFileSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { resolve } from "node:path";
 import { pathToFileURL } from "node:url";
@@ -43,6 +43,34 @@ try {
   const places = [here.text, there].map((text) => JSON.parse(text)[0].estimate);
   if (JSON.stringify(places[0]) !== JSON.stringify(places[1])) fail(`${JSON.stringify(places)}`);
 
+  // In the field: a place by hand, a bearing by the compass, one that is typed, and their list as the program locates it.
+  await page.evaluate(() => {
+    const put = (id, value) => { document.getElementById(id).value = value; document.getElementById(id).dispatchEvent(new Event("change")); };
+    window.bearing = (lat, lon, typed) => {
+      put("hand-lat", lat);
+      put("hand-lon", lon);
+      put("bearing", typed);
+      document.getElementById("bearing-here").click();
+    };
+    document.getElementById("tab-field").click();
+    document.getElementById("watch").click();
+  });
+  // It listens when the press has been dealt with.
+  await until(page, `(() => {
+    dispatchEvent(new DeviceOrientationEvent("deviceorientationabsolute", { alpha: 315, beta: 0, gamma: 0, absolute: true }));
+    return !document.getElementById("hold").disabled;
+  })()`);
+  await page.evaluate("bearing(50.0755, 14.4378, '')");
+  await until(page, "foxhunt.field.located === 1");
+  await page.evaluate("bearing(50.0755, 14.4398, 315)");
+  await until(page, "foxhunt.field.located === 2");
+  const list = await page.evaluate("({ table: foxhunt.field.table(), text: foxhunt.runs[0].text, entries: foxhunt.field.entries, kept: document.getElementById('kept').textContent })");
+  if (JSON.stringify(list.entries.map(({ magnetic }) => magnetic)) !== "[45,315]") fail(JSON.stringify(list.entries));
+  if (!list.kept.includes("keeps the list")) fail(list.kept);
+  writeFileSync(resolve(folder, "field.csv"), list.table);
+  const fix = execFileSync(resolve(foxhunt), ["locate", "field.csv", "--every-beacon", "--json=lines"], { cwd: folder, encoding: "utf8", stdio: ["ignore", "pipe", "ignore"] });
+  if (!fix.includes(list.text)) fail(`${list.text} instead of ${fix}`);
+
   run("locate", recording, "--report", resolve(folder, "walk.html"));
   const [report, errors] = await open("walk.html");
   // The first frame that is drawn fills the table.
@@ -56,7 +84,7 @@ try {
   await report.evaluate("document.getElementById('strike-one').click()");
   await until(report, "document.getElementById('strike-status').textContent.includes('struck out: ')");
   if (wrong.length || errors.length) fail(`console: ${[...wrong, ...errors]}`);
-  console.log(`${await browser.version()}: the fix is the program's to the bit, ${(here.firstMs / 1000).toFixed(2)} s after the drop; its report page follows what is struck out`);
+  console.log(`${await browser.version()}: the fixes of a recording and of a list in the field are the program's to the bit, the first ${(here.firstMs / 1000).toFixed(2)} s after the drop; its report page follows what is struck out`);
 } finally {
   await browser.close();
 }

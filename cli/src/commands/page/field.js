@@ -260,7 +260,6 @@ function levelIn(line) {
   const found = line.match(/([-−]?\d+(?:\.\d+)?)\s*dB/i) ?? line.match(/(?<![\d.])([-−]\d+(?:\.\d+)?)/) ?? line.match(/(\d+(?:\.\d+)?)/);
   return found ? Number(found[1].replace("−", "-")) : null;
 }
-window.foxhunt.levelIn = levelIn;
 
 function heard(line) {
   const level = levelIn(line);
@@ -333,6 +332,9 @@ const opens = (open) => () => open().catch((error) => { if (error.name !== "NotF
 // A browser reads the manifest of a page from a server alone, and its addresses have to be whole.
 function offerInstallation() {
   if (!location.protocol.startsWith("http")) return;
+  const { offline } = document.documentElement.dataset;
+  // Without it the page works as before, with a network.
+  if (offline) navigator.serviceWorker?.register(offline).catch(() => {});
   const canvas = element("canvas", { width: 192, height: 192 }), pen = canvas.getContext("2d");
   pen.fillStyle = "#005f96";
   pen.fillRect(0, 0, 192, 192);
@@ -350,6 +352,8 @@ function offerInstallation() {
 }
 
 // ---------------------------------------------------------------- hands of the field
+
+Object.assign(field, { levelIn, table: listTable });
 
 byId("watch").addEventListener("click", watch);
 for (const id of ["hand-lat", "hand-lon"]) byId(id).addEventListener("change", () => { showPlace(); if (placeByHand()) findDeclination(); });

@@ -1,6 +1,11 @@
 //! The page in which the program runs without an installation.
 
-use std::{collections::BTreeMap, fs, path::PathBuf};
+use std::{
+    collections::BTreeMap,
+    fs,
+    hash::{DefaultHasher, Hash, Hasher},
+    path::{Path, PathBuf},
+};
 
 use foxhunt::{
     document,
@@ -16,6 +21,7 @@ const HTML: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 const FIELD: &str = include_str!("field.js");
+const OFFLINE: &str = include_str!("offline.js");
 const SIMULATE: &str = include_str!("simulate.js");
 const WASI: &str = include_str!("wasi.js");
 const WORKER: &str = include_str!("worker.js");
@@ -30,11 +36,16 @@ const PROGRAM: &str = include_str!("program.wasm.gz.base64");
 /// `judge`, `bearing`, `pulses` and `replay`. Simulated hunts fly in it, too. On a phone it takes
 /// levels and bearings in the field. Nothing leaves the computer.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  foxhunt page --out foxhunt.html")]
+#[command(after_help = "Examples:\n  foxhunt page --out foxhunt.html\n  \
+                        foxhunt page --out site/index.html --installable")]
 pub(crate) struct Args {
     /// The page to write
     #[arg(long, value_name = "HTML", default_value = "foxhunt.html")]
     out: PathBuf,
+    /// Also write a service worker beside the page: from a server with https a phone can then
+    /// install the page and open it without a network
+    #[arg(long)]
+    installable: bool,
 }
 
 /// Result in JSON.
@@ -42,13 +53,47 @@ pub(crate) struct Args {
 struct Written {
     page: PathBuf,
     bytes: usize,
+    service_worker: Option<PathBuf>,
 }
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
-    let text = page()?;
+    let mut text = page()?;
+    let service_worker = args.installable.then(|| args.out.with_extension("js"));
+    if let Some(path) = &service_worker {
+        text = with_service_worker(&text, &file_name(path));
+        let script = service_worker_of(&text, &file_name(&args.out));
+        fs::write(path, script).map_err(|error| CliError::writing(path, error))?;
+    }
     fs::write(&args.out, &text).map_err(|error| CliError::writing(&args.out, error))?;
-    let written = Written { page: args.out.clone(), bytes: text.len() };
-    context.output.result(&written, |written| format!("page: {}", written.page.display()))
+    let written = Written { page: args.out.clone(), bytes: text.len(), service_worker };
+    context.output.result(&written, |written| {
+        let page = format!("page: {}", written.page.display());
+        match &written.service_worker {
+            Some(path) => format!("{page}\nservice worker: {}", path.display()),
+            None => page,
+        }
+    })
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// Returns the page with the name of its service worker, which its policy then allows.
+fn with_service_worker(page: &str, name: &str) -> String {
+    let name = name.replace('&', "&amp;").replace('"', "&quot;");
+    page.replacen("<html lang=\"en\">", &format!("<html lang=\"en\" data-offline=\"{name}\">"), 1)
+        .replacen("worker-src blob:;", "worker-src blob: 'self';", 1)
+}
+
+/// Returns the service worker of a page. A browser takes the page anew when the worker has changed,
+/// so the worker holds the page's hash.
+fn service_worker_of(page: &str, name: &str) -> String {
+    let mut hasher = DefaultHasher::new();
+    page.hash(&mut hasher);
+    OFFLINE
+        .replacen("/* page */", &name.replace('\\', "\\\\").replace('"', "\\\""), 1)
+        .replacen("/* hash */", &format!("{:016x}", hasher.finish()), 1)
 }
 
 /// Returns the text of the page.
@@ -120,6 +165,15 @@ mod tests {
             assert!(!own.contains(outside), "{outside}");
         }
         assert!(own.contains("content=\"default-src 'none';"));
+    }
+
+    #[test]
+    fn a_service_worker_knows_its_page() {
+        let page = with_service_worker(&page().expect("its columns are texts"), "index.js");
+        assert!(page.contains("data-offline=\"index.js\"") && page.contains("blob: 'self';"));
+        let script = service_worker_of(&page, "index.html");
+        assert!(script.contains("\"index.html\"") && !script.contains("/* "), "{script}");
+        assert_ne!(script, service_worker_of(&format!("{page} "), "index.html"));
     }
 
     /// Scripts in a page end at the first closing tag, wherever it stands.
