@@ -12,7 +12,10 @@ const recording = "docs/walk.csv";
 const fail = (text) => { throw new Error(text); };
 const run = (...args) => execFileSync(resolve(foxhunt), args, { encoding: "utf8", stdio: ["ignore", "pipe", "ignore"] });
 
-const browser = await puppeteer.launch({ browser: "firefox", executablePath: firefox, headless: true });
+// A place without a network, and without a question.
+const place = { location: { lat: 50.0755, lng: 14.4378 }, accuracy: 6 };
+const extraPrefsFirefox = { "geo.prompt.testing": true, "geo.prompt.testing.allow": true, "geo.provider.testing": true, "geo.provider.use_geoclue": false, "geo.provider.network.url": `data:application/json,${JSON.stringify(place)}` };
+const browser = await puppeteer.launch({ browser: "firefox", executablePath: firefox, headless: true, extraPrefsFirefox });
 try {
   const open = async (name) => {
     const page = await browser.newPage(), wrong = [];
@@ -43,12 +46,13 @@ try {
   const places = [here.text, there].map((text) => JSON.parse(text)[0].estimate);
   if (JSON.stringify(places[0]) !== JSON.stringify(places[1])) fail(`${JSON.stringify(places)}`);
 
-  // In the field: a place by hand, a bearing by the compass, one that is typed, and their list as the program locates it.
+  // In the field: a bearing by the compass at the place of the browser, one that is typed at a typed place, and their list as
+  // the program locates it.
   await page.evaluate(() => {
     const put = (id, value) => { document.getElementById(id).value = value; document.getElementById(id).dispatchEvent(new Event("change")); };
     window.bearing = (lat, lon, typed) => {
-      put("hand-lat", lat);
-      put("hand-lon", lon);
+      if (lat) put("hand-lat", lat);
+      if (lon) put("hand-lon", lon);
       put("bearing", typed);
       document.getElementById("bearing-here").click();
     };
@@ -60,12 +64,14 @@ try {
     dispatchEvent(new DeviceOrientationEvent("deviceorientationabsolute", { alpha: 315, beta: 0, gamma: 0, absolute: true }));
     return !document.getElementById("hold").disabled;
   })()`);
-  await page.evaluate("bearing(50.0755, 14.4378, '')");
+  await until(page, "foxhunt.field.place !== null");
+  await page.evaluate("bearing(null, null, '')");
   await until(page, "foxhunt.field.located === 1");
   await page.evaluate("bearing(50.0755, 14.4398, 315)");
   await until(page, "foxhunt.field.located === 2");
   const list = await page.evaluate("({ table: foxhunt.field.table(), text: foxhunt.runs[0].text, entries: foxhunt.field.entries, kept: document.getElementById('kept').textContent })");
   if (JSON.stringify(list.entries.map(({ magnetic }) => magnetic)) !== "[45,315]") fail(JSON.stringify(list.entries));
+  if (JSON.stringify(list.entries.map(({ lat, lon, sigma }) => [lat, lon, sigma])) !== "[[50.0755,14.4378,4],[50.0755,14.4398,null]]") fail(JSON.stringify(list.entries));
   if (!list.kept.includes("keeps the list")) fail(list.kept);
   writeFileSync(resolve(folder, "field.csv"), list.table);
   const fix = execFileSync(resolve(foxhunt), ["locate", "field.csv", "--every-beacon", "--json=lines"], { cwd: folder, encoding: "utf8", stdio: ["ignore", "pipe", "ignore"] });

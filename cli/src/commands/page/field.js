@@ -15,7 +15,7 @@ let converter = null;
 function restoreEntries() {
   try {
     const kept = JSON.parse(localStorage.getItem(KEPT) ?? "null");
-    if (!kept) return;
+    if (!Array.isArray(kept?.entries)) return;
     field.entries = kept.entries;
     byId("level-unit").value = kept.unit;
   } catch {
@@ -214,8 +214,8 @@ async function locateEntries() {
       const given = [[LIST, new TextEncoder().encode(listTable())]];
       await runAll([{ work: "locate", names: [LIST], args: ["locate", LIST, "--every-beacon", "--report", REPORT], given, panel: "field", stays: true }]);
       const [one] = runs;
-      // Another computation may have come between.
-      if (one?.given !== given) continue;
+      // Another computation may have come between and taken the answer's place.
+      if (one?.given !== given) { again = true; continue; }
       field.fix = rowsOf([one])[0] ?? null;
       if (field.fix) showFix();
       // Too few entries are no error yet.
