@@ -213,7 +213,7 @@ function histogram(title, unit, values) {
   const sorted = ascending(values);
   if (sorted.length < 2) return null;
   const median = quantile(sorted, 0.5), most = quantile(sorted, 0.9), top = Math.min(sorted.at(-1), 2.5 * most) || 1;
-  const step = roundStep(top / 24), first = Math.floor(Math.min(sorted[0], top) / step), bars = new Array(Math.max(1, Math.ceil(top / step) - first)).fill(0);
+  const step = roundStep((top - Math.min(sorted[0], top)) / 30 || top), first = Math.floor(Math.min(sorted[0], top) / step), bars = new Array(Math.max(1, Math.ceil(top / step) - first)).fill(0);
   for (const value of sorted) bars[Math.min(bars.length - 1, Math.floor(value / step) - first)] += 1;
   const width = 480, height = 180, side = 18, floor = 160, highest = Math.max(...bars), x = (value) => side + ((value / step - first) / bars.length) * (width - 2 * side);
   const marks = bars.map((count, index) => shape("rect", { x: x((first + index) * step) + 0.5, width: Math.max(1, (width - 2 * side) / bars.length - 1), y: floor - (count / highest) * 120, height: (count / highest) * 120, class: "bar" }));
