@@ -61,7 +61,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let service_worker = args.installable.then(|| args.out.with_extension("js"));
     if let Some(path) = &service_worker {
         text = with_service_worker(&text, &file_name(path));
-        let script = service_worker_of(&text, &file_name(&args.out));
+        let script = service_worker_of(&text, &file_name(&args.out))?;
         fs::write(path, script).map_err(|error| CliError::writing(path, error))?;
     }
     fs::write(&args.out, &text).map_err(|error| CliError::writing(&args.out, error))?;
@@ -86,14 +86,13 @@ fn with_service_worker(page: &str, name: &str) -> String {
         .replacen("worker-src blob:;", "worker-src blob: 'self';", 1)
 }
 
-/// Returns the service worker of a page. A browser takes the page anew when the worker has changed,
+/// Returns the service worker of a page. Browsers fetch the page again when its worker has changed,
 /// so the worker holds the page's hash.
-fn service_worker_of(page: &str, name: &str) -> String {
+fn service_worker_of(page: &str, name: &str) -> Result<String, CliError> {
     let mut hasher = DefaultHasher::new();
     page.hash(&mut hasher);
-    OFFLINE
-        .replacen("/* page */", &name.replace('\\', "\\\\").replace('"', "\\\""), 1)
-        .replacen("/* hash */", &format!("{:016x}", hasher.finish()), 1)
+    let hash = format!("{:016x}", hasher.finish());
+    Ok(OFFLINE.replacen("/* page */", &json(&name)?, 1).replacen("/* hash */", &hash, 1))
 }
 
 /// Returns the text of the page.
@@ -171,9 +170,10 @@ mod tests {
     fn a_service_worker_knows_its_page() {
         let page = with_service_worker(&page().expect("its columns are texts"), "index.js");
         assert!(page.contains("data-offline=\"index.js\"") && page.contains("blob: 'self';"));
-        let script = service_worker_of(&page, "index.html");
+        let script = service_worker_of(&page, "index.html").expect("the name is a text");
         assert!(script.contains("\"index.html\"") && !script.contains("/* "), "{script}");
-        assert_ne!(script, service_worker_of(&format!("{page} "), "index.html"));
+        let other = service_worker_of(&format!("{page} "), "index.html");
+        assert_ne!(script, other.expect("the name is a text"));
     }
 
     /// Scripts in a page end at the first closing tag, wherever it stands.

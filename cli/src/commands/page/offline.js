@@ -1,5 +1,5 @@
 // Keeps the page for a phone without a network; `foxhunt page --installable` writes this beside it.
-const PAGE = new URL("/* page */", location.href).href, OURS = `foxhunt ${PAGE} `, KEPT = `${OURS}/* hash */`;
+const PAGE = new URL(/* page */, location.href).href, OURS = `foxhunt ${PAGE} `, KEPT = `${OURS}/* hash */`;
 // A server shows index.html at the address of its folder, too.
 const ADDRESSES = PAGE.endsWith("/index.html") ? [PAGE, PAGE.slice(0, -"index.html".length)] : [PAGE];
 
