@@ -7,7 +7,9 @@ const RADII = Math.sqrt(-2 * Math.log(1 - 0.68));
 // A place that is older than this is said to be old.
 const OLD_S = 15;
 
-const field = { entries: [], place: null, heading: null, declination: null, deleted: null, fix: null, keeps: true };
+// The list, what the sensors have last told, the entry that was last deleted with its index, and the fix as a row of the results.
+// `heading` is magnetic, `declination` and it are in degrees, and `keeps` is false if the browser refuses to keep the list.
+const field = { entries: [], place: null, heading: null, declination: null, deleted: null, fix: null, keeps: true, watched: null, located: 0, isSteep: false };
 window.foxhunt.field = field;
 // Conversions of bearings wait for no other computation.
 let converter = null;
@@ -34,14 +36,14 @@ function keepEntries() {
 
 const COLUMNS_OF_LIST = ["time_utc", "lat_deg", "lon_deg", "receiver_sigma_m", "level", "bearing_deg_compass", "bearing_sigma_deg"];
 
-function rowOf({ time, lat, lon, sigma, level, bearing, bearingSigma }) {
+function lineOf({ time, lat, lon, sigma, level, bearing, bearingSigma }) {
   return [time, lat, lon, sigma, level, bearing, bearingSigma].map((value) => value ?? "").join(",");
 }
 
 // The list as `foxhunt locate` reads it. Entries that are struck out are comments.
 function listTable() {
   const header = COLUMNS_OF_LIST.map((name) => (name === "level" ? byId("level-unit").value : name)).join(",");
-  return `${[header, ...field.entries.map((entry) => (entry.struck ? `# struck out: ${rowOf(entry)}` : rowOf(entry)))].join("\n")}\n`;
+  return `${[header, ...field.entries.map((entry) => (entry.struck ? `# struck out: ${lineOf(entry)}` : lineOf(entry)))].join("\n")}\n`;
 }
 
 const clock = (time) => new Date(time).toLocaleTimeString([], { hour: "2-digit", minute: "2-digit", second: "2-digit" });
@@ -116,7 +118,10 @@ function turned(event) {
 // The sensors start by a press, as browsers ask for it.
 async function watch() {
   if (!navigator.geolocation) say("This browser has no place: enter it by hand.");
-  else navigator.geolocation.watchPosition(located, notLocated, { enableHighAccuracy: true });
+  else {
+    if (field.watched !== null) navigator.geolocation.clearWatch(field.watched);
+    field.watched = navigator.geolocation.watchPosition(located, notLocated, { enableHighAccuracy: true });
+  }
   if (typeof DeviceOrientationEvent === "undefined") { byId("compass").textContent = "none in this browser"; return; }
   const allowed = await (DeviceOrientationEvent.requestPermission?.().catch(() => "denied") ?? "granted");
   if (field.heading === null) byId("compass").textContent = allowed === "granted" ? "no reading yet" : "not allowed by the browser";
@@ -220,7 +225,7 @@ async function locateEntries() {
       if (field.fix) showFix();
       // Too few entries are no error yet.
       else { byId("field-fix").replaceChildren(`No fix yet: ${one.errors.join(" ")}`); errors([]); }
-      field.located = (field.located ?? 0) + 1;
+      field.located += 1;
     }
   } finally {
     locating = false;
