@@ -5,11 +5,16 @@ usage: page.py CHROMIUM FOXHUNT AXE FOLDER FILE...
 FOLDER holds foxhunt.html, and gets screenshots.
 """
 
+import csv
+import functools
+import http.server
 import json
 import math
 import os
+import re
 import subprocess
 import sys
+import threading
 import time
 
 from playwright.sync_api import sync_playwright
@@ -22,14 +27,20 @@ FIRST_S, MANY_S, MOST_BYTES = 2.0, 10.0, 6_000_000
 # calls functions that the C library and WebAssembly round differently in the last bit.
 TOLERANCE = 1e-15
 SIZES = {"desk": (1400, 900), "phone": (390, 844)}
+# Where the phone is at first.
+HERE = {"latitude": 50.0755, "longitude": 14.4378, "accuracy": 6}
+SENSORS = ["geolocation", "accelerometer", "gyroscope", "magnetometer"]
 
 
-def open_page(browser, folder, size="desk", scheme="light"):
+def open_page(browser, folder, size="desk", scheme="light", permissions=SENSORS, before=None):
     width, height = SIZES[size]
     context = browser.new_context(
-        viewport={"width": width, "height": height}, color_scheme=scheme, has_touch=size == "phone", offline=True, accept_downloads=True
+        viewport={"width": width, "height": height}, color_scheme=scheme, has_touch=size == "phone", offline=True, accept_downloads=True,
+        geolocation=HERE, permissions=permissions,
     )
     page = context.new_page()
+    if before:
+        page.add_init_script(before)
     page.wrong, page.requests = [], []
     page.on("console", lambda message: page.wrong.append(message.text))
     page.on("pageerror", lambda error: page.wrong.append(str(error)))
@@ -178,6 +189,278 @@ def check_simulation(page, foxhunt, folder):
     assert page.locator("#drop").is_visible() and page.locator("#simulated").is_hidden()
 
 
+def drag(page, mark, by):
+    """Drags a mark of the map by so many pixels, as a hand does."""
+    page.locator(mark).scroll_into_view_if_needed()
+    box = page.locator(f"{mark} .grip").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + by[0], y + by[1], steps=4)
+    page.mouse.up()
+
+
+def download(page, button, path):
+    """Presses a button that saves a file, and keeps the file."""
+    with page.expect_download() as saved:
+        page.locator(button).click()
+    saved.value.save_as(path)
+    return path
+
+
+def check_edited(page, foxhunt, folder):
+    """A scenario with dragged places, another antenna, noise, estimator and planner: its hunt and its many hunts are the program's."""
+    page.locator("#tab-simulation").click()
+    page.locator("#scenario").select_option("one-drone")
+    label = page.locator("#beacon-0").get_attribute("aria-label")
+    drag(page, "#beacon-0", (-40, 30))
+    page.locator("#drone-0").press("Shift+ArrowRight")
+    assert page.locator("#beacon-0").get_attribute("aria-label") != label
+    assert page.evaluate("document.activeElement.id") == "drone-0"
+    page.locator("#antenna").select_option("patch")
+    page.locator("#simulated-estimator").select_option("ukf")
+    page.locator("#planner").select_option("orbit")
+    page.locator("#pattern-sigma").fill("3")
+    page.locator("#shadowing-sigma").fill("2.5")
+    page.locator("#seed").fill("3")
+    saved = download(page, "#scenario-save", os.path.join(folder, "one-drone-edited.toml"))
+    with open(saved, encoding="utf-8") as file:
+        text = file.read()
+    assert 'antenna = "patch"' in text and "sigma_db = 2.5" in text and "east_m = 16.17" in text, text
+    before = page.evaluate("foxhunt.done")
+    page.locator("#simulate").click()
+    wait_for(page, f"foxhunt.done > {before}", 300)
+    here, errors, args = page.evaluate("[foxhunt.runs[0].text, foxhunt.runs[0].errors, foxhunt.runs[0].args]")
+    assert not errors, errors
+    # The command line is the first line of the file.
+    flags = ["--seed", "3", "--planner", "orbit"]
+    assert args[:6] == ["hunt", "one-drone-edited.toml", *flags] and text.startswith(f"# foxhunt hunt one-drone-edited.toml {' '.join(flags)}\n"), (args, text)
+    there, _, _ = answer(foxhunt, ["hunt", saved, *flags, "--out", os.path.join(folder, "edited")], folder)
+    by = difference(json.loads(here), json.loads(there))
+    print(f"the hunt of an edited scenario differs by {by:.1e} of its size")
+    assert by <= 1e-6, (here, there)
+
+    page.locator("#hunts").fill("8")
+    page.locator("#many").click()
+    wait_for(page, "!document.getElementById('many').disabled", 300)
+    status = page.locator("#many-status").text_content()
+    assert status.startswith("one-drone-edited.toml: 8 of 8 hunts in "), status
+    [row] = page.evaluate("foxhunt.many.rows")
+    there, _, _ = answer(foxhunt, ["campaign", saved, "--runs", "8", "--jobs", "1", *flags], folder)
+    [[beacon]] = [one["beacons"] for one in json.loads(there)["estimators"]]
+    mine = [*row["error"], *row["steps"], *row["path"], int(row["inside"].split()[0]) / row["hunts"]]
+    theirs = [beacon[key][p] for key in ("error_m", "steps", "path_m") for p in ("p50", "p90")] + [beacon["coverage_95"]]
+    by = difference(mine, theirs)
+    print(f"the distributions of its 8 hunts differ by {by:.1e} of the campaign's size")
+    assert by <= 1e-6, (mine, theirs)
+    assert page.locator("#distributions svg").count() == 2
+    with open(download(page, "#many-save", os.path.join(folder, "hunts.csv")), encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["seed"]) for row in rows] == list(range(3, 11)), rows
+
+    # A hunt that cannot be flown says so, and the rest is not tried; the others can be stopped.
+    page.locator("#simulated-flags").fill("--extractor nothing")
+    page.locator("#hunts").fill("200")
+    page.locator("#many").click()
+    wait_for(page, "!document.getElementById('many').disabled", 60)
+    assert page.evaluate("foxhunt.many.failures.length") < 20
+    assert "could not go on" in page.locator("#distributions .error").text_content()
+    page.locator("#simulated-flags").fill("")
+    page.locator("#many").click()
+    wait_for(page, "foxhunt.many.hunts.length > 1")
+    page.locator("#many-stop").click()
+    wait_for(page, "!document.getElementById('many').disabled", 10)
+    assert 2 <= page.evaluate("foxhunt.many.hunts.length") < 200 and page.evaluate("foxhunt.many.failures.length") == 0
+    page.locator("#scenario-reset").click()
+    assert page.locator("#beacon-0").get_attribute("aria-label") == label
+    page.locator("#tab-recordings").click()
+
+
+# A receiver behind Web Serial and one behind Web Bluetooth, which send these pieces.
+RECEIVERS = """(() => {
+    const pieces = ["RSSI: -7", "1 dBm\\n", "12345 -64.5\\r\\n"].map((piece) => new TextEncoder().encode(piece));
+    const port = {
+        open: async () => {}, close: async () => {},
+        readable: { getReader: () => { let at = 0; return { read: () => (at < pieces.length ? Promise.resolve({ value: pieces[at++], done: false }) : new Promise(() => {})), cancel: async () => {}, releaseLock() {} }; } },
+    };
+    Object.defineProperty(navigator, "serial", { value: { requestPort: async () => port } });
+    const channel = Object.assign(new EventTarget(), { properties: { notify: true }, startNotifications: async () => setTimeout(() => { channel.value = new TextEncoder().encode("level -80"); channel.dispatchEvent(new Event("characteristicvaluechanged")); }, 100) });
+    const server = { getPrimaryService: async () => ({ getCharacteristics: async () => [channel] }), disconnect() {} };
+    const device = Object.assign(new EventTarget(), { gatt: { connect: async () => server } });
+    Object.defineProperty(navigator, "bluetooth", { value: { requestDevice: async () => device } });
+})()"""
+
+
+def turn_phone(page, heading, beta=0):
+    """Turns the phone's upper edge to a magnetic heading."""
+    page.evaluate(
+        "([alpha, beta]) => { dispatchEvent(new DeviceOrientationEvent('deviceorientationabsolute', { alpha, beta, gamma: 0, absolute: true })); }",
+        [(360 - heading) % 360, beta],
+    )
+
+
+def go(page, latitude, longitude):
+    page.context.set_geolocation({"latitude": latitude, "longitude": longitude, "accuracy": 6})
+    wait_for(page, f"foxhunt.field.place.lat === {latitude} && foxhunt.field.place.lon === {longitude}")
+
+
+def take_bearings(page):
+    """Starts the sensors and takes two bearings by the compass, one of them held."""
+    page.locator("#tab-field").click()
+    page.locator("#watch").click()
+    wait_for(page, "foxhunt.field.declination !== null")
+    turn_phone(page, 45)
+    assert page.locator("#compass").text_content().startswith("45°, "), page.locator("#compass").text_content()
+    page.locator("#bearing-here").click()
+    wait_for(page, "foxhunt.field.located === 1")
+    go(page, 50.0755, 14.4398)
+    turn_phone(page, 315)
+    page.locator("#hold").click()
+    turn_phone(page, 100)
+    page.locator("#bearing-here").click()
+    wait_for(page, "foxhunt.field.located === 2")
+
+
+def check_field(browser, foxhunt, folder):
+    """A list that is taken with a phone is located as the program locates it, and stays in the browser."""
+    page = open_page(browser, folder, "phone", before=RECEIVERS)
+    entries = page.locator("#entries li")
+    turn_phone(page, 0)
+    assert page.locator("#compass").text_content() == "not known", "the sensors start by a press"
+    take_bearings(page)
+    assert [entry["magnetic"] for entry in page.evaluate("foxhunt.field.entries")] == [45, 315]
+    # A phone that stands upright has no heading; a typed bearing is from the North that is chosen.
+    turn_phone(page, 10, beta=80)
+    page.locator("#bearing-here").click()
+    assert "Hold the phone flat" in page.locator("#field-status").text_content() and entries.count() == 2
+    go(page, 50.0775, 14.4390)
+    page.locator("#bearing").fill("181")
+    page.locator("#north").select_option("true")
+    page.locator("#bearing-sigma-deg").fill("8")
+    page.locator("#bearing-here").click()
+    wait_for(page, "foxhunt.field.located === 3")
+    # Levels, typed and of receivers that send lines.
+    go(page, 50.0765, 14.4388)
+    page.locator("#level").fill("-55")
+    page.locator("#level-here").click()
+    wait_for(page, "foxhunt.field.located === 4")
+    page.locator("#each").check()
+    page.locator("#serial").click()
+    wait_for(page, "foxhunt.field.entries.length === 5 && document.getElementById('level').value === '-64.5'")
+    page.locator("#disconnect").click()
+    page.locator("#bluetooth").click()
+    wait_for(page, "document.getElementById('received').textContent.includes('level -80')")
+    wait_for(page, "foxhunt.field.located >= 5")
+    assert page.evaluate("foxhunt.field.entries[4].level") == -71
+    lines = {"-71": -71, "RSSI=-92.5dBm snr 3": -92.5, "t 1200 ms, -70": -70, "2026-11-28 61 dB": 61, "nothing": None, "−63 dBm": -63}
+    assert page.evaluate("(lines) => lines.map(foxhunt.field.levelIn)", list(lines)) == list(lines.values())
+    page.locator("#each").uncheck()
+
+    # One is struck out, one deleted and put back.
+    located = page.evaluate("foxhunt.field.located")
+    entries.nth(3).get_by_role("button", name="Strike out").click()
+    wait_for(page, f"foxhunt.field.located > {located}")
+    count = entries.count()
+    entries.nth(0).get_by_role("button", name="Delete").click()
+    assert entries.count() == count - 1
+    page.locator("#entries-undo").click()
+    assert entries.count() == count
+    wait_for(page, "document.getElementById('status').textContent.startsWith('Done')")
+    page.wait_for_timeout(1500)
+    wait_for(page, "document.getElementById('status').textContent.startsWith('Done')")
+    saved = download(page, "#entries-save", os.path.join(folder, "field.csv"))
+    here, args = page.evaluate("[foxhunt.runs[0].text, foxhunt.runs[0].args]")
+    there, errors, code = answer(foxhunt, args, folder)
+    assert (errors, code) == ([], 0), errors
+    assert here == there, (here, there)
+    [fix] = json.loads(here)
+    print(f"in the field: the fix of {count} entries is the program's to the bit")
+    assert fix["observations"] == count - 1, fix
+    # Distance and direction, beside the program's own frame: the origin is the first entry.
+    go(page, 50.0795, 14.4350)
+    text = page.locator("#field-fix").text_content()
+    metres, degrees, by_compass = map(float, re.match(r"(\d+) m from here, (\d+)° from true North, (\d+)° by the compass", text).groups())
+    me = page.evaluate("foxhunt.field.place")
+    east = fix["estimate"]["east_m"] - math.radians(me["lon"] - HERE["longitude"]) * 6.3781e6 * math.cos(math.radians(HERE["latitude"]))
+    north = fix["estimate"]["north_m"] - math.radians(me["lat"] - HERE["latitude"]) * 6.37e6
+    assert abs(metres - math.hypot(east, north)) <= 1 + 0.01 * metres, (metres, east, north)
+    assert abs((degrees - math.degrees(math.atan2(east, north)) + 180) % 360 - 180) <= 3, (degrees, east, north)
+    declination = page.evaluate("foxhunt.field.declination")
+    assert abs((degrees - by_compass - declination + 180) % 360 - 180) <= 1.01 and 4.5 < declination < 6, declination
+    assert report_frame(page)
+
+    # The list is there again in a page that is opened again, and gone when it is cleared.
+    page.reload()
+    wait_for(page, "foxhunt.ready")
+    assert entries.count() == count
+    page.locator("#tab-field").click()
+    wait_for(page, "foxhunt.field.located === 1")
+    assert page.evaluate("foxhunt.runs[0].text") == here
+    page.once("dialog", lambda dialog: dialog.dismiss())
+    page.locator("#entries-clear").click()
+    assert entries.count() == count
+    page.once("dialog", lambda dialog: dialog.accept())
+    page.locator("#entries-clear").click()
+    assert entries.count() == 0
+    assert not page.wrong, page.wrong
+    page.context.close()
+
+    # A browser that allows no place and keeps nothing says so; the place is then entered.
+    page = open_page(browser, folder, "phone", permissions=[], before="Storage.prototype.setItem = () => { throw new Error('no'); };")
+    page.locator("#tab-field").click()
+    page.locator("#watch").click()
+    wait_for(page, "document.getElementById('field-status').textContent.includes('may not use the place')")
+    page.get_by_text("Place by hand", exact=True).click()
+    page.locator("#hand-lat").fill("50.0755")
+    page.locator("#hand-lon").fill("14.4378")
+    # The compass of an iPhone.
+    page.evaluate("dispatchEvent(Object.assign(new Event('deviceorientation'), { webkitCompassHeading: 90, beta: 5 }))")
+    page.locator("#bearing-here").click()
+    wait_for(page, "foxhunt.field.entries.length === 1")
+    entry = page.evaluate("foxhunt.field.entries[0]")
+    assert entry["sigma"] is None and entry["magnetic"] == 90 and 94 < entry["bearing"] < 96, entry
+    assert "refuses to keep the list" in page.locator("#kept").text_content()
+    assert not page.wrong, page.wrong
+    page.context.close()
+
+
+class Quiet(http.server.SimpleHTTPRequestHandler):
+    def log_message(self, *_):
+        pass
+
+
+def check_installable(playwright, chromium, foxhunt, folder):
+    """A page from a server may be installed, and opens and locates when the server is gone."""
+    site = os.path.join(folder, "site")
+    os.mkdir(site)
+    subprocess.run([foxhunt, "page", "--out", os.path.join(site, "index.html"), "--installable"], check=True, capture_output=True)
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=site))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    # Chromium installs nothing in its private mode, which a new context is.
+    context = playwright.chromium.launch_persistent_context(os.path.join(folder, "profile"), executable_path=chromium, args=["--no-sandbox"])
+    page = context.new_page()
+    wrong = []
+    page.on("console", lambda message: wrong.append(message.text))
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    address = f"http://127.0.0.1:{server.server_address[1]}/"
+    page.goto(address)
+    wait_for(page, "foxhunt.ready")
+    session = context.new_cdp_session(page)
+    assert session.send("Page.getAppManifest")["errors"] == []
+    assert session.send("Page.getInstallabilityErrors")["installabilityErrors"] == []
+    page.evaluate("navigator.serviceWorker.ready.then(() => true)")
+    server.shutdown()
+    server.server_close()
+    for where in (address, f"{address}index.html"):
+        page.goto(where)
+        wait_for(page, "foxhunt.ready")
+    [run] = drop(page, ["docs/walk.csv"])
+    assert run["code"] == 0, run["errors"]
+    assert not wrong, wrong
+    print("from a server it is installable, and works when the server is gone")
+    context.close()
+
+
 def many(path, rows, more_names="", more_cells=""):
     """Levels along a path over a field, of a transmitter at (300, 200)."""
     state = 1
@@ -245,6 +528,25 @@ def contrasts(page):
     )
 
 
+def check_width_and_names(page, size, scheme):
+    wide = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+    assert wide <= 0, f"{size}: {wide} pixels wider than the screen"
+    assert not names_of_controls(page), names_of_controls(page)
+    assert not contrasts(page), (scheme, contrasts(page))
+
+
+def use_tabs(page):
+    """Uses the other tabs, and stops at each for a look."""
+    take_bearings(page)
+    yield "field"
+    page.locator("#tab-simulation").click()
+    page.locator("#scenario").select_option("one-drone")
+    page.locator("#hunts").fill("4")
+    page.locator("#many").click()
+    wait_for(page, "foxhunt.many.hunts.length === 4 && !document.getElementById('many').disabled", 120)
+    yield "simulation"
+
+
 def check_look(browser, folder):
     """No size scrolls sideways; every control has a name; text can be read in light and dark."""
     for size in SIZES:
@@ -260,10 +562,10 @@ def check_look(browser, folder):
             page.screenshot(path=os.path.join(folder, f"{size}-{scheme}.png"), full_page=True)
             page.evaluate("document.getElementById('map-columns').click()")
             page.screenshot(path=os.path.join(folder, f"{size}-{scheme}-mapping.png"), full_page=True)
-            wide = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
-            assert wide <= 0, f"{size}: {wide} pixels wider than the screen"
-            assert not names_of_controls(page), names_of_controls(page)
-            assert not contrasts(page), (scheme, contrasts(page))
+            check_width_and_names(page, size, scheme)
+            for tab in use_tabs(page):
+                page.screenshot(path=os.path.join(folder, f"{size}-{scheme}-{tab}.png"), full_page=True)
+                check_width_and_names(page, size, scheme)
             assert not page.wrong, page.wrong
             page.context.close()
 
@@ -316,6 +618,8 @@ def check_axe(browser, folder, axe):
             found = examined(page, axe)
             drop(page, ["docs/walk.csv"])
             found += examined(page, axe)
+            for _ in use_tabs(page):
+                found += examined(page, axe)
             assert not found, f"{size}, {scheme}: {found}"
             page.context.close()
 
@@ -347,6 +651,9 @@ def main():
         check_works(page, foxhunt, folder)
         check_replay(page, foxhunt, folder)
         check_simulation(page, foxhunt, folder)
+        check_edited(page, foxhunt, folder)
+        check_field(browser, foxhunt, folder)
+        check_installable(playwright, chromium, foxhunt, folder)
 
         path = os.path.join(folder, "many.csv")
         many(path, 100_000)

@@ -1,7 +1,7 @@
 // Drops a recording on the page of `foxhunt page` in Firefox, over WebDriver BiDi, and opens a report page there:
 // node page_firefox.mjs FIREFOX NODE_MODULES FOXHUNT FOLDER, which holds foxhunt.html.
 import { execFileSync } from "node:child_process";
-import { readFileSync } from "node:fs";
+import { readFileSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { resolve } from "node:path";
 import { pathToFileURL } from "node:url";
@@ -12,7 +12,10 @@ const recording = "docs/walk.csv";
 const fail = (text) => { throw new Error(text); };
 const run = (...args) => execFileSync(resolve(foxhunt), args, { encoding: "utf8", stdio: ["ignore", "pipe", "ignore"] });
 
-const browser = await puppeteer.launch({ browser: "firefox", executablePath: firefox, headless: true });
+// A place without a network, and without a question.
+const place = { location: { lat: 50.0755, lng: 14.4378 }, accuracy: 6 };
+const extraPrefsFirefox = { "geo.prompt.testing": true, "geo.prompt.testing.allow": true, "geo.provider.testing": true, "geo.provider.use_geoclue": false, "geo.provider.network.url": `data:application/json,${JSON.stringify(place)}` };
+const browser = await puppeteer.launch({ browser: "firefox", executablePath: firefox, headless: true, extraPrefsFirefox });
 try {
   const open = async (name) => {
     const page = await browser.newPage(), wrong = [];
@@ -43,6 +46,37 @@ try {
   const places = [here.text, there].map((text) => JSON.parse(text)[0].estimate);
   if (JSON.stringify(places[0]) !== JSON.stringify(places[1])) fail(`${JSON.stringify(places)}`);
 
+  // In the field: a bearing by the compass at the place of the browser, one that is typed at a typed place, and their list as
+  // the program locates it.
+  await page.evaluate(() => {
+    const put = (id, value) => { document.getElementById(id).value = value; document.getElementById(id).dispatchEvent(new Event("change")); };
+    window.bearing = (lat, lon, typed) => {
+      if (lat) put("hand-lat", lat);
+      if (lon) put("hand-lon", lon);
+      put("bearing", typed);
+      document.getElementById("bearing-here").click();
+    };
+    document.getElementById("tab-field").click();
+    document.getElementById("watch").click();
+  });
+  // It listens when the press has been dealt with.
+  await until(page, `(() => {
+    dispatchEvent(new DeviceOrientationEvent("deviceorientationabsolute", { alpha: 315, beta: 0, gamma: 0, absolute: true }));
+    return !document.getElementById("hold").disabled;
+  })()`);
+  await until(page, "foxhunt.field.place !== null");
+  await page.evaluate("bearing(null, null, '')");
+  await until(page, "foxhunt.field.located === 1");
+  await page.evaluate("bearing(50.0755, 14.4398, 315)");
+  await until(page, "foxhunt.field.located === 2");
+  const list = await page.evaluate("({ table: foxhunt.field.table(), text: foxhunt.runs[0].text, entries: foxhunt.field.entries, kept: document.getElementById('kept').textContent })");
+  if (JSON.stringify(list.entries.map(({ magnetic }) => magnetic)) !== "[45,315]") fail(JSON.stringify(list.entries));
+  if (JSON.stringify(list.entries.map(({ lat, lon, sigma }) => [lat, lon, sigma])) !== "[[50.0755,14.4378,4],[50.0755,14.4398,null]]") fail(JSON.stringify(list.entries));
+  if (!list.kept.includes("keeps the list")) fail(list.kept);
+  writeFileSync(resolve(folder, "field.csv"), list.table);
+  const fix = execFileSync(resolve(foxhunt), ["locate", "field.csv", "--every-beacon", "--json=lines"], { cwd: folder, encoding: "utf8", stdio: ["ignore", "pipe", "ignore"] });
+  if (!fix.includes(list.text)) fail(`${list.text} instead of ${fix}`);
+
   run("locate", recording, "--report", resolve(folder, "walk.html"));
   const [report, errors] = await open("walk.html");
   // The first frame that is drawn fills the table.
@@ -56,7 +90,7 @@ try {
   await report.evaluate("document.getElementById('strike-one').click()");
   await until(report, "document.getElementById('strike-status').textContent.includes('struck out: ')");
   if (wrong.length || errors.length) fail(`console: ${[...wrong, ...errors]}`);
-  console.log(`${await browser.version()}: the fix is the program's to the bit, ${(here.firstMs / 1000).toFixed(2)} s after the drop; its report page follows what is struck out`);
+  console.log(`${await browser.version()}: the fixes of a recording and of a list in the field are the program's to the bit, the first ${(here.firstMs / 1000).toFixed(2)} s after the drop; its report page follows what is struck out`);
 } finally {
   await browser.close();
 }

@@ -28,7 +28,10 @@ const TEXTS: [(&str, &str); 21] = [
     ("tdoa", include_str!("../../scenarios/tdoa.toml")),
 ];
 
-pub(super) fn text_of(name: &str) -> Option<&'static str> {
+/// Returns the file of a built-in scenario, as TOML.
+#[must_use]
+#[inline]
+pub fn builtin_text(name: &str) -> Option<&'static str> {
     TEXTS.iter().find(|(known, _)| *known == name).map(|(_, text)| *text)
 }
 

@@ -2,7 +2,7 @@ use std::{fs, path::Path};
 
 use super::{
     Scenario, ScenarioError,
-    builtin::{builtin_scenarios, text_of},
+    builtin::{builtin_scenarios, builtin_text},
     random_fleet::{random_fleet, seed_in},
 };
 
@@ -14,7 +14,7 @@ impl Scenario {
     /// [`ScenarioError`] names the file, the line and the field.
     #[inline]
     pub fn find(name_or_path: &str) -> Result<Self, ScenarioError> {
-        if let Some(text) = text_of(name_or_path) {
+        if let Some(text) = builtin_text(name_or_path) {
             return Self::parse(text, name_or_path);
         }
         if let Some(seed) = seed_in(name_or_path) {

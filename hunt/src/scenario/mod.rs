@@ -8,7 +8,7 @@ mod find;
 mod keys;
 mod random_fleet;
 
-pub use builtin::{DEFAULT_SCENARIO, builtin_scenarios};
+pub use builtin::{DEFAULT_SCENARIO, builtin_scenarios, builtin_text};
 pub use definition::{Scenario, SimulationConfig, SourcesError};
 pub use error::ScenarioError;
 pub use keys::{Key, KeyTable, scenario_keys};

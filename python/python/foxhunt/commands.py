@@ -2799,19 +2799,23 @@ def list_(
 def page(
     *,
     out: Path | None = None,
+    installable: bool = False,
 ) -> Any:
     """Write a page that locates without an installation: ``foxhunt page``.
 
     The page is one file that works from a disk, without a network. It holds this program as
     WebAssembly: recordings that are dropped on it get the answers and the report page of
-    `locate`, `judge`, `bearing`, `pulses` and `replay`. Simulated hunts fly in it, too. Nothing
-    leaves the computer.
+    `locate`, `judge`, `bearing`, `pulses` and `replay`. Simulated hunts fly in it, too. On a
+    phone it takes levels and bearings in the field. Nothing leaves the computer.
 
     Args:
         out: The page to write [default: foxhunt.html]
+        installable: Also write a service worker beside the page: from a server with https a phone
+            can then install the page and open it without a network
     """
     flags: dict[str, Any] = {
         "out": out,
+        "installable": installable,
     }
     return _program.command(["page"], flags)
 

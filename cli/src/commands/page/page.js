@@ -23,8 +23,6 @@ function save(name, contents, type) {
 
 // ---------------------------------------------------------------- the program, in a worker
 
-let worker = null, number = 0, listener = null, last = Promise.resolve();
-
 // The program as it stands in the page: WebAssembly, compressed, in base64.
 async function compile() {
   const bytes = Uint8Array.from(atob(byId("program").textContent), (letter) => letter.charCodeAt(0));
@@ -34,38 +32,55 @@ async function compile() {
 }
 const program = compile();
 
-function startWorker() {
-  const address = URL.createObjectURL(new Blob([byId("worker").textContent], { type: "text/javascript" }));
-  worker = new Worker(address);
-  URL.revokeObjectURL(address);
-  worker.onmessage = ({ data }) => { if (listener && data.number === number) listener(data.kind, data.value); };
-  worker.onerror = (event) => { if (listener) listener("broken", event.message || "the worker failed"); };
+// A worker with the program. `run` gives it files as [name, bytes], and `hear` its notes, progress and result as they
+// come; it returns the exit code, or null if it was stopped, and the contents of `wanted` files that it wrote.
+function startEngine() {
+  let worker = null, number = 0, listener = null, last = Promise.resolve();
+  const start = () => {
+    const address = URL.createObjectURL(new Blob([byId("worker").textContent], { type: "text/javascript" }));
+    worker = new Worker(address);
+    URL.revokeObjectURL(address);
+    worker.onmessage = ({ data }) => { if (listener && data.number === number) listener(data.kind, data.value); };
+    worker.onerror = (event) => { if (listener) listener("broken", event.message || "the worker failed"); };
+  };
+  const restart = () => { worker.terminate(); start(); };
+  async function runNow(args, given, wanted, hear) {
+    const module = await program;
+    number += 1;
+    return new Promise((done) => {
+      listener = (kind, value) => {
+        if (kind === "end") { listener = null; done({ code: value.code, written: new Map(value.written) }); }
+        else if (kind === "broken") { hear("note", `error: the program broke off: ${value}`); listener = null; restart(); done({ code: 1, written: new Map() }); }
+        else if (kind === "stopped") { listener = null; done({ code: null, written: new Map() }); }
+        else hear(kind, value);
+      };
+      worker.postMessage({ module, number, args, given, wanted });
+    });
+  }
+  start();
+  return {
+    run(...asked) {
+      const mine = last.then(() => runNow(...asked));
+      last = mine.catch(() => {});
+      return mine;
+    },
+    stop() { if (listener) { restart(); listener("stopped"); } },
+    end() { worker.terminate(); },
+  };
 }
+const engine = startEngine();
 
-// Runs the program on files; `hear` is given its notes, progress and result as they come. Returns the exit code, or
-// null if it was stopped, and the contents of `wanted` files that it wrote.
-function run(...asked) {
-  const mine = last.then(() => runNow(...asked));
-  last = mine.catch(() => {});
-  return mine;
-}
-
-async function runNow(args, names, wanted, hear) {
-  const module = await program;
-  number += 1;
-  const given = names.filter((name) => files.has(name)).map((name) => [name, files.get(name).bytes]);
-  return new Promise((done) => {
-    listener = (kind, value) => {
-      if (kind === "end") { listener = null; done({ code: value.code, written: new Map(value.written) }); }
-      else if (kind === "broken") { hear("note", `error: the program broke off: ${value}`); listener = null; restartWorker(); done({ code: 1, written: new Map() }); }
-      else if (kind === "stopped") { listener = null; done({ code: null, written: new Map() }); }
-      else hear(kind, value);
-    };
-    worker.postMessage({ module, number, args, given, wanted });
+// The answer of a command that has a result, with the files that it wrote; throws what the program says otherwise.
+async function ask(engine, args, given = [], wanted = []) {
+  const notes = [];
+  let text = null;
+  const { code, written } = await engine.run([...args, "--json=lines"], given, wanted, (kind, value) => {
+    if (kind === "note") notes.push(value); else if (kind === "result") text = value;
   });
+  const failed = notes.filter((note) => note.startsWith("error: ")).map((note) => note.slice(7));
+  if (code || text === null) throw new Error(failed.join(" ") || notes.at(-1) || "no answer");
+  return { value: JSON.parse(text).value, written };
 }
-
-function restartWorker() { worker.terminate(); startWorker(); }
 
 // ---------------------------------------------------------------- files
 
@@ -121,20 +136,14 @@ async function take(list) {
 
 // ---------------------------------------------------------------- what is run
 
-let busy = false, stopped = false;
+let busy = false, stopped = false, ending = Promise.resolve();
+// The panel whose answers are shown; another panel hides them.
+let resultsOf = null;
 
 // The words of a line as a shell has them: quotes hold spaces together, also within a word.
 const words = (text) => [...text.matchAll(/(?:"[^"]*"|'[^']*'|\S)+/g)].map(([word]) => word.replace(/"([^"]*)"|'([^']*)'/g, (_, double, single) => double ?? single));
 
 const REPORT = "report.html", LOG = "hunt.jsonl";
-
-// The job of a simulated hunt; its files lie beside the recordings.
-function simulation() {
-  const scenario = byId("scenario").value, flags = words(byId("simulated-flags").value), estimator = byId("simulated-estimator").value;
-  const seed = Math.max(0, Math.floor(Number(byId("seed").value) || 0));
-  const args = ["hunt", scenario, "--seed", String(seed), ...(estimator ? ["--estimator", estimator] : []), ...flags, "--out", "."];
-  return { work: "hunt", names: [scenario], args };
-}
 
 // The arguments of a job on recordings, a log or samples.
 function argumentsOf(work, names) {
@@ -176,9 +185,15 @@ function toResults() {
   if (matchMedia("(max-width: 820px)").matches) byId("results").scrollIntoView();
 }
 
-async function runAll(list = jobs()) {
-  if (busy || !list.length) return;
+// Runs jobs one after the other. A job may bring files of its own; one that `stays` leaves the screen where it is.
+function runAll(list = jobs()) {
+  if (!busy && list.length) ending = runJobs(list);
+  return ending;
+}
+
+async function runJobs(list) {
   busy = true;
+  resultsOf = list[0].panel ?? "recordings";
   stopped = false;
   byId("stop").disabled = byId("simulate-stop").disabled = false;
   byId("simulate").disabled = true;
@@ -186,7 +201,7 @@ async function runAll(list = jobs()) {
   errors([]);
   runs.length = 0;
   showRuns();
-  toResults();
+  if (!list[0].stays) toResults();
   const begun = performance.now();
   try {
     for (const [index, job] of list.entries()) {
@@ -225,18 +240,19 @@ async function runOne(job, begun) {
       one.result = JSON.parse(one.text);
       one.firstMs = performance.now() - begun;
       showRuns(current ?? one);
-      if (runs.length === 1) toResults();
+      if (runs.length === 1 && !job.stays) toResults();
     }
   };
   const all = [...new Set([...job.names, ...ofKind("mapping", "calibration", "conformal", "struck", "recording", "samples")])];
-  const { code, written } = await run([...job.args, "--json=lines"], all, job.work === "hunt" ? [REPORT, LOG] : [REPORT], hear);
+  const given = job.given ?? all.filter((name) => files.has(name)).map((name) => [name, files.get(name).bytes]);
+  const { code, written } = await engine.run([...job.args, "--json=lines"], given, job.work === "hunt" ? [REPORT, LOG] : [REPORT], hear);
   one.code = code;
   const page = written.get(REPORT);
   if (page) one.report = new TextDecoder().decode(page);
   if (written.get(LOG)) one.log = new TextDecoder().decode(written.get(LOG));
   if (code && !one.errors.length) one.errors.push(one.notes.pop() || `the program ended with ${code}`);
   showRuns(current ?? one);
-  if (one.errors.some((text) => /no known format|names no column|has no column/.test(text)) && !ofKind("mapping").length) openMapping(job.names.find((name) => one.errors.some((text) => text.includes(name))) || job.names[0]);
+  if (one.errors.some((text) => /no known format|names no column|has no column/.test(text)) && !ofKind("mapping").length && !job.given) openMapping(job.names.find((name) => one.errors.some((text) => text.includes(name))) || job.names[0]);
 }
 
 // ---------------------------------------------------------------- results
@@ -476,11 +492,8 @@ byId("mapping-use").addEventListener("click", () => {
 byId("map-columns").addEventListener("click", () => openMapping());
 byId("choose").addEventListener("change", async (event) => { const list = [...event.target.files]; event.target.value = ""; await take(list); });
 byId("settings").addEventListener("submit", (event) => { event.preventDefault(); runAll(); });
-const stop = () => { stopped = true; if (listener) { restartWorker(); listener("stopped"); } };
+const stop = () => { stopped = true; engine.stop(); };
 byId("stop").addEventListener("click", stop);
-byId("simulate-stop").addEventListener("click", stop);
-byId("simulated").addEventListener("submit", (event) => { event.preventDefault(); runAll([simulation()]); });
-byId("scenario").addEventListener("change", () => { byId("scenario-about").textContent = byId("scenario").selectedOptions[0]?.title ?? ""; });
 
 const tabs = [...document.querySelectorAll("[role=tab]")];
 function choose(tab) {
@@ -490,12 +503,14 @@ function choose(tab) {
     one.tabIndex = isChosen ? 0 : -1;
     byId(one.getAttribute("aria-controls")).hidden = !isChosen;
   }
+  byId("results").hidden = !busy && resultsOf !== null && resultsOf !== tab.getAttribute("aria-controls");
+  tab.dispatchEvent(new Event("chosen"));
 }
 for (const tab of tabs) {
   tab.addEventListener("click", () => choose(tab));
   tab.addEventListener("keydown", ({ key }) => {
     if (key !== "ArrowLeft" && key !== "ArrowRight") return;
-    const next = tabs[(tabs.indexOf(tab) + 1) % tabs.length];
+    const by = key === "ArrowRight" ? 1 : tabs.length - 1, next = tabs[(tabs.indexOf(tab) + by) % tabs.length];
     choose(next);
     next.focus();
   });
@@ -513,23 +528,15 @@ addEventListener("drop", (event) => {
   take(event.dataTransfer.files);
 });
 
-// The menu of estimators is the program's own, which is ready when it has answered.
+// The menus are the program's own, which is ready when it has answered.
 async function begin() {
-  startWorker();
-  const listed = async (what) => {
-    const heard = [];
-    await run(["list", what, "--json=lines"], [], [], (kind, value) => heard.push([kind, value]));
-    const answer = heard.find(([kind]) => kind === "result");
-    if (!answer) throw new Error(heard.map(([, value]) => value).join(" ") || "no answer");
-    return JSON.parse(answer[1]).value;
-  };
-  for (const { name, when } of await listed("estimators")) {
-    for (const menu of ["estimator", "simulated-estimator"]) byId(menu).append(element("option", { value: name, title: when }, name));
-  }
-  for (const { name, description } of await listed("scenarios")) byId("scenario").append(element("option", { value: name, title: description }, name));
-  byId("scenario").dispatchEvent(new Event("change"));
+  const listed = async (what) => (await ask(engine, ["list", what])).value;
+  const menus = { estimators: await listed("estimators"), planners: await listed("planners"), scenarios: await listed("scenarios") };
+  for (const { name, when } of menus.estimators) byId("estimator").append(element("option", { value: name, title: when }, name));
+  beginSimulation(menus);
   window.foxhunt.ready = true;
   byId("simulate").disabled = busy;
+  byId("many").disabled = false;
   if (!busy && !runs.length) status("Ready.");
 }
 begin().catch((error) => { errors([`This browser cannot run the program: ${error.message}`]); status(""); });
