@@ -207,8 +207,10 @@ impl<P: FormationPlanner> Detection<P> {
         let mut slowest_s: f64 = 0.0;
         for station in stations {
             let from = station.pose.position.xy();
-            let mut best: Option<(f64, f64, &Vector2<f64>, &[[f64; RANGES]])> = None;
-            for (place, received) in self.places.iter().zip(&self.received_from) {
+            let mut best: Option<(f64, f64, usize)> = None;
+            for (index, (place, received)) in
+                self.places.iter().zip(&self.received_from).enumerate()
+            {
                 if goals.iter().any(|goal| (goal - place).norm() < self.config.separation_m) {
                     continue;
                 }
@@ -216,10 +218,13 @@ impl<P: FormationPlanner> Detection<P> {
                 let way_s = ((place - from).norm() / self.config.speed_mps).max(slowest_s);
                 let rate = gain(received, &missed) / (way_s + self.config.turn_s);
                 if best.is_none_or(|(most, ..)| rate > most) {
-                    best = Some((rate, way_s, place, received));
+                    best = Some((rate, way_s, index));
                 }
             }
-            let Some((_, way_s, place, received)) = best else {
+            let chosen = best.and_then(|(_, way_s, index)| {
+                Some((way_s, self.places.get(index)?, self.received_from.get(index)?))
+            });
+            let Some((way_s, place, received)) = chosen else {
                 station.goal = Waypoint { position: station.pose.position };
                 continue;
             };
