@@ -92,6 +92,7 @@ EstimatorName2 = Literal[
     "shadowing-grid",
     "bearing-grid",
     "multilateration",
+    "range-differences",
     "ukf-pritzl2018",
     "ekf-pritzl2018",
     "ukf-pritzl2018-variance",
@@ -119,7 +120,6 @@ EstimatorName2 = Literal[
     "pseudolinear",
     "stansfield",
     "instrumental-variables",
-    "range-differences",
 ]
 CaseName = Literal[
     "bearing-clean",
@@ -2810,8 +2810,8 @@ def page(
 
     Args:
         out: The page to write [default: foxhunt.html]
-        installable: Also write a service worker beside the page: from a server with https a phone
-            can then install the page and open it without a network
+        installable: Also write a service worker beside the page: from a server with https a
+            phone can then install the page and open it without a network
     """
     flags: dict[str, Any] = {
         "out": out,
