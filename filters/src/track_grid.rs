@@ -54,9 +54,10 @@ impl Places<'_> {
 /// The target walks at random; at each time a place has the likelihood that a [`TrackModel`]
 /// gives it, of any shape. Filtered forwards and smoothed backwards, nothing is linearised and
 /// nothing drawn. Where several models or walks may hold, the answer is their average by their
-/// evidence (Hoeting et al. 1999); a model's likelihoods are computed once for all walks. At the first time the target may be anywhere between the receivers,
-/// and beyond them with a Cauchy distribution of half their extent, or 1 km if that is more: one in
-/// ten is then ten times as far away.
+/// evidence (Hoeting et al. 1999); a model's likelihoods are computed once for all walks. At the
+/// first time the target may be anywhere between the receivers, and beyond them with a Cauchy
+/// distribution of half their extent, or 1 km if that is more: one in ten is then ten times as far
+/// away.
 ///
 /// It holds 24 bytes for each cell and time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -123,13 +124,14 @@ const NEAR_M: f64 = 1000.0;
 impl TrackGrid {
     /// The places at each of some times in seconds, ascending, from receivers that were at some
     /// places. Each of the `walks`, equally likely before, has the variance of the target's
-    /// displacement over some seconds, on each axis, in m². `common` adds the part of the log likelihoods that all models share, as
-    /// [`TrackModel::add_log_likelihoods`] does; it is evaluated once.
+    /// displacement over some seconds, on each axis, in m². `common` adds the part of the log
+    /// likelihoods that all models share, as [`TrackModel::add_log_likelihoods`] does. It is
+    /// evaluated once.
     ///
     /// # Errors
     ///
-    /// [`BatchError::TooFew`] without a receiver, a time, a model or a walk, [`BatchError::Order`] where
-    /// times do not ascend, [`BatchError::Flat`] where no place fits under any model, and
+    /// [`BatchError::TooFew`] without a receiver, a time, a model or a walk, [`BatchError::Order`]
+    /// where times do not ascend, [`BatchError::Flat`] where no place fits under any model, and
     /// [`BatchError::Parameter`] for a setting that is out of range.
     pub fn smooth(
         &self,

@@ -9,13 +9,13 @@
 //! | [`SurgeCast`] | along the bearings while the level rises, else across | the same |
 //! | `Information` | where the ellipse is expected to be small soonest | when it is small |
 //! | `SteepestDescent` | each drone down the gradient of the posterior bound | when it is small |
-//! | `Detection` | where a missed target is received soonest, then as another planner | as the other |
+//! | `Detection` | where a missed target is received soonest, then as another | as the other |
 //! | [`Hold`] | nowhere | after a number of turns |
 //!
 //! `Information`, `SteepestDescent` and `Detection` need the feature `alloc`, as do `Coverage`,
-//! which lays out the places of a sweep over a polygon, and `Emulate`, which has few drones fly a formation of
-//! many. Shapes are [`Polygon`], [`Line`], [`Offsets`], each of them [`Scaled`], or a closure
-//! through [`shape_fn`].
+//! which lays out the places of a sweep over a polygon, and `Emulate`, which has few drones fly a
+//! formation of many. Shapes are [`Polygon`], [`Line`], [`Offsets`], each of them [`Scaled`], or
+//! a closure through [`shape_fn`].
 //!
 //! [`Phases`] are what a search goes through, [`StopRules`] end it whatever its planner. With the
 //! feature `fleet`, `Traffic` flies the goals of any planner with real drones: within an

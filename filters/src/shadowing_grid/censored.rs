@@ -9,7 +9,7 @@ use crate::{
 
 /// Gap in the log-likelihood below the best beyond which an explanation is left out, where censored
 /// segments make it less probable still.
-pub(super) const NEGLIGIBLE: f64 = 18.0;
+pub(super) const NEGLIGIBLE: f64 = 25.0;
 
 /// Number of segments of one side that are weighed; of more, some stand for all beside them.
 const MOST: usize = 100;

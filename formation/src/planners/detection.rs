@@ -31,8 +31,8 @@ pub struct DetectionConfig {
     pub spacing_m: f64,
     /// Range at which the level of the weakest transmitter meets the receiver's floor.
     pub least_range_m: f64,
-    /// Range at which the level of the strongest transmitter meets the floor; equal ratios of ranges
-    /// are equally likely.
+    /// Range at which the level of the strongest transmitter meets the floor. Equal ratios of
+    /// ranges are as likely.
     pub most_range_m: f64,
     /// The path-loss exponent.
     pub exponent: f64,
@@ -55,8 +55,7 @@ pub struct DetectionConfig {
 
 impl Default for DetectionConfig {
     /// Places 10 m apart; ranges from 10 m to 10 km; exponent, altitude, speed and turn of
-    /// [`InformationConfig`](super::InformationConfig), σ 6 dB; the search ends at 95 % or after 60
-    /// positions.
+    /// [`InformationConfig`](super::InformationConfig), σ 6 dB; an end at 95 % or 60 positions.
     fn default() -> Self {
         Self {
             spacing_m: 10.0,
@@ -361,23 +360,19 @@ mod tests {
     /// An area of 600 by 400 m.
     const CORNERS: [[f64; 2]; 4] = [[0.0, 0.0], [600.0, 0.0], [600.0, 400.0], [0.0, 400.0]];
 
-    const CONFIG: DetectionConfig = DetectionConfig {
-        spacing_m: 40.0,
-        least_range_m: 30.0,
-        most_range_m: 300.0,
-        exponent: 2.765,
-        level_sigma_db: 6.0,
-        up_m: 4.0,
-        speed_mps: 2.0,
-        turn_s: 45.0,
-        separation_m: 3.0,
-        success: 0.95,
-        most_positions: 200,
-    };
+    fn config() -> DetectionConfig {
+        DetectionConfig {
+            spacing_m: 40.0,
+            least_range_m: 30.0,
+            most_range_m: 300.0,
+            most_positions: 200,
+            ..DetectionConfig::default()
+        }
+    }
 
     fn planner() -> Detection<Hold> {
         let corners = CORNERS.map(Vector2::from);
-        Detection::new(&corners, CONFIG, Hold::new(3)).expect("an area")
+        Detection::new(&corners, config(), Hold::new(3)).expect("an area")
     }
 
     fn nowhere() -> Estimate<2> {
@@ -501,13 +496,13 @@ mod tests {
             alloc::string::ToString::to_string(&error)
         };
         for (config, field) in [
-            (DetectionConfig { spacing_m: 0.0, ..CONFIG }, "spacing_m"),
-            (DetectionConfig { spacing_m: 10.0, ..CONFIG }, "spacing_m"),
-            (DetectionConfig { least_range_m: 400.0, ..CONFIG }, "most_range_m"),
-            (DetectionConfig { exponent: 0.0, ..CONFIG }, "exponent"),
-            (DetectionConfig { level_sigma_db: -1.0, ..CONFIG }, "level_sigma_db"),
-            (DetectionConfig { success: 1.5, ..CONFIG }, "success"),
-            (DetectionConfig { most_positions: 0, ..CONFIG }, "most_positions"),
+            (DetectionConfig { spacing_m: 0.0, ..config() }, "spacing_m"),
+            (DetectionConfig { spacing_m: 10.0, ..config() }, "spacing_m"),
+            (DetectionConfig { least_range_m: 400.0, ..config() }, "most_range_m"),
+            (DetectionConfig { exponent: 0.0, ..config() }, "exponent"),
+            (DetectionConfig { level_sigma_db: -1.0, ..config() }, "level_sigma_db"),
+            (DetectionConfig { success: 1.5, ..config() }, "success"),
+            (DetectionConfig { most_positions: 0, ..config() }, "most_positions"),
         ] {
             let error = refused(config);
             assert!(error.contains(field), "{error}");

@@ -862,9 +862,9 @@ impl Hunt {
         let unheard = search.is_some_and(|search| search.measured == 0);
         match decided {
             Ok(Decision::Finish(_)) if unheard => {
-                let mut reason = "nothing was received of it on the whole path: ".to_owned();
-                if self.planner.explain(&mut reason).is_err() || reason.ends_with(": ") {
-                    "nothing was received of it on the whole path".clone_into(&mut reason);
+                let mut reason = "nothing was received of it on the whole path".to_owned();
+                if let Some(explained) = explanation(self.planner.as_ref()) {
+                    reason = format!("{reason}: {explained}");
                 }
                 self.give_up_without_signal(time, reason)
             }
@@ -964,8 +964,7 @@ impl Hunt {
         let outbox = &mut self.outbox;
         flight.form(time, &targets, outbox, |stations, outbox| {
             let decision = decide(planner.as_mut(), &targets, stations)?;
-            let mut reason = String::new();
-            if planner.explain(&mut reason).is_ok() && !reason.is_empty() {
+            if let Some(reason) = explanation(planner.as_ref()) {
                 outbox.emit(Event::Planned { time, beacon: beacon_id(self.current), reason });
             }
             Ok(decision)
@@ -1074,6 +1073,12 @@ pub struct Believed<'a> {
 }
 
 /// Beacons are counted in sixteen bits, which `new` and `take_in` see to.
+/// Returns what a planner says of its last decision, if anything.
+fn explanation(planner: &dyn FormationPlanner) -> Option<String> {
+    let mut text = String::new();
+    planner.explain(&mut text).ok().filter(|()| !text.is_empty()).map(|()| text)
+}
+
 fn beacon_id(index: usize) -> BeaconId {
     BeaconId(u16::try_from(index).unwrap_or(u16::MAX))
 }

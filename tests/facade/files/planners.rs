@@ -28,8 +28,8 @@ fn files_name_shapes_and_keep_their_old_keys() {
         "kind = \"lawn-mower\"\ncorners_m = [[0, 0], [65, 0], [65, 50]]\nup_m = 4\n\
          coverage = { margin_m = 2 }\nshape = { kind = \"scaled\", scale = 2, shape = \
          { kind = \"polygon\", circumradius_m = 3 } }",
-        "kind = \"detection\"\ncorners_m = [[0, 0], [65, 0], [65, 50]]\ndetection = { success = 0.8 \
-         }\nthen = { kind = \"orbit\" }",
+        "kind = \"detection\"\ncorners_m = [[0, 0], [65, 0], [65, 50]]\n\
+         detection = { success = 0.8 }\nthen = { kind = \"orbit\" }",
         "kind = \"orbit\"\nradius_m = 12\naltitude = { elevation_limit_rad = 0.4 }",
         "kind = \"arcs\"\nshrink = 0.5\nsettling = { laps = 2 }",
         "kind = \"surge-cast\"\ncast_m = 5",
@@ -70,8 +70,8 @@ fn what_is_out_of_range_is_named_with_its_value() {
             "rounds in all is ",
         ),
         (
-            "kind = \"detection\"\ncorners_m = [[0, 0], [65, 0], [65, 50]]\ndetection = { spacing_m \
-             = 1 }\nthen = { kind = \"orbit\" }",
+            "kind = \"detection\"\ncorners_m = [[0, 0], [65, 0], [65, 50]]\n\
+             detection = { spacing_m = 1 }\nthen = { kind = \"orbit\" }",
             "spacing_m is 1;",
         ),
         (
