@@ -196,10 +196,12 @@ impl Relocation {
                     false => row.reception,
                 });
                 let received: Receptions = left.collect();
+                let left: Vec<&Row> = of_it().collect();
                 found.push(match track(&received, listeners, config, tracking) {
                     Ok(tracked) => SearchOverview::tracked(name.clone(), &tracked, |time| {
                         truth_at(truth, time, 0.0)
-                    }),
+                    })
+                    .with_rows(rows_of(&tracked.residuals, &left)),
                     Err(error) => not_located(name, &error),
                 });
                 continue;
@@ -215,18 +217,23 @@ impl Relocation {
             found.push(match estimator.locate_named(&received, config, &called) {
                 Ok(located) => {
                     let of_rows = estimator.residuals(&located, &received, config);
-                    let of_row = |residual: &Residual| {
-                        let row = left.get(residual.reception)?;
-                        Some(RowResidual::new(&row.id, None, residual))
-                    };
                     SearchOverview::located(name.clone(), &located, truth, *time)
-                        .with_rows(of_rows.iter().filter_map(of_row).collect())
+                        .with_rows(rows_of(&of_rows, &left))
                 }
                 Err(error) => not_located(name, &error),
             });
         }
         Ok(found)
     }
+}
+
+/// Returns the residuals of rows, each with its row.
+fn rows_of(residuals: &[Residual], rows: &[&Row]) -> Vec<RowResidual> {
+    let of_row = |residual: &Residual| {
+        let row = rows.get(residual.reception)?;
+        Some(RowResidual::new(&row.id, None, residual))
+    };
+    residuals.iter().filter_map(of_row).collect()
 }
 
 fn not_located(name: &str, error: &LocateError) -> SearchOverview {

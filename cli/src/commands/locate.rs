@@ -198,8 +198,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let beacon = args.locating.beacon(prepared.recordings())?;
     #[cfg(feature = "batch")]
     if args.track {
-        let (report, found) =
-            tracked::report(&args.tracking, args.truth, &prepared, beacon, output)?;
+        let (report, found) = tracked::report(args, &prepared, beacon, output)?;
         output.result(&report, tracked::text)?;
         return show(args, registry, &prepared, (vec![found], None), teams, output);
     }

@@ -200,6 +200,16 @@ impl Serialize for Residuals {
     }
 }
 
+/// Track of a beacon.
+#[cfg(feature = "batch")]
+pub(super) struct Track {
+    /// The track; its residuals are in `rows`.
+    pub(super) tracked: Tracked,
+    /// The receivers that listened.
+    pub(super) listeners: Vec<Listener>,
+    pub(super) rows: Residuals,
+}
+
 /// Part of a recording, or all of it, that is read with one extractor.
 struct Extracted {
     part: Option<Recording>,
@@ -494,15 +504,15 @@ impl Prepared {
         Ok(self)
     }
 
-    /// Tracks a beacon through all recordings, and returns the receivers that listened with its
-    /// track; `watch` is given how many steps are done, and how many there are at most.
+    /// Tracks a beacon through all recordings; `watch` is given how many steps are done, and how
+    /// many there are at most.
     #[cfg(feature = "batch")]
     pub(super) fn track(
         &self,
         beacon: Option<&str>,
         tracking: &TrackingConfig,
         watch: &dyn Fn(usize, usize),
-    ) -> Result<(Tracked, Vec<Listener>), CliError> {
+    ) -> Result<Track, CliError> {
         if let Some(recording) = self.recordings.iter().find(|recording| !recording.is_timed()) {
             let message = format!("{}: --track needs the time of each row", recording.file());
             return Err(CliError::input(message));
@@ -521,10 +531,14 @@ impl Prepared {
                        --transmitter-antenna)";
             return Err(CliError::input(why));
         }
-        let received = self.receptions_of_track(beacon)?;
+        let received = self.received_of_track(beacon)?;
         let listeners = listeners(&self.recordings, &self.every_reception()?);
-        let tracked = track_watched(&received, &listeners, &self.config, tracking, watch);
-        Ok((tracked.map_err(not_located)?, listeners))
+        let config = &self.config;
+        let tracked = track_watched(received.receptions(), &listeners, config, tracking, watch);
+        let mut tracked = tracked.map_err(not_located)?;
+        let residuals = std::mem::take(&mut tracked.residuals);
+        let rows = Residuals { residuals, received, names: self.names.clone() };
+        Ok(Track { tracked, listeners, rows })
     }
 
     /// The receptions of every beacon in all recordings, also those struck out.
@@ -539,16 +553,22 @@ impl Prepared {
         Ok(received)
     }
 
-    /// Returns the receptions of a beacon in all recordings; the ones struck out keep only what a
-    /// track needs of them.
+    /// Returns what was received of a beacon in all recordings; the rows struck out keep only what
+    /// a track needs of them.
     #[cfg(feature = "batch")]
-    fn receptions_of_track(&self, beacon: Option<&str>) -> Result<Receptions, CliError> {
-        let mut received = Receptions::default();
-        for (id, reception) in self.identified(beacon)? {
-            let is_struck = self.struck.contains(&id);
-            received.push(if is_struck { left_out(&reception) } else { reception });
+    fn received_of_track(&self, beacon: Option<&str>) -> Result<Received, CliError> {
+        let mut all = Received::default();
+        for number in 0..self.recordings.len() {
+            let rows = self.rows_of(number, beacon)?;
+            all.begins.push((all.receptions().len(), number));
+            all.rows.extend(rows.iter().map(|mut row| {
+                if self.struck.contains(&self.id(number, row.line, beacon)) {
+                    row.reception = left_out(&row.reception);
+                }
+                row
+            }));
         }
-        Ok(received)
+        Ok(all)
     }
 
     /// Returns the receptions of a beacon in all recordings, also those struck out, each with its

@@ -132,12 +132,17 @@ pub enum PlacePrior {
     /// It lies within the receivers' bounding box and the margin about it, anywhere with equal
     /// density: the answer depends on the margin.
     Even,
-    /// The density is even within the receivers' bounding box and falls beyond it as Student's t
-    /// with three degrees of freedom, (1 + d²/s²)^(−5/2) for a distance d from a box with half the
-    /// diagonal s: flights are flown where a target is looked for. The search begins with the
-    /// margin and widens until next to nothing lies on its border.
+    /// The density is even within the receivers' bounding box and falls beyond it, as flights are
+    /// flown where a target is looked for: 0.9 (1 + d²/s²)^(−5/2) + 0.1 (1 + d²/s²)^(−3/2) for a
+    /// distance d from a box with half the diagonal s, Student's t with three degrees of freedom
+    /// and with one. Receivers that stay, and paths on other business, hear targets at many times
+    /// their own extent: of the targets beyond the box one in eighty lies farther away than 20 s.
+    /// The search begins with the margin and widens until next to nothing lies on its border.
     NearReceivers,
 }
+
+/// Share of [`PlacePrior::NearReceivers`] whose tail is that of one degree of freedom.
+const FAR_SHARE: f64 = 0.1;
 
 impl PlacePrior {
     /// The log-density of a place, up to a constant.
@@ -153,7 +158,8 @@ impl PlacePrior {
             Self::Even => 0.0,
             Self::NearReceivers => {
                 let beyond = (low - place).sup(&(place - high)).sup(&Vector2::zeros()).norm();
-                -2.5 * libm::log1p((beyond / scale) * (beyond / scale))
+                let near = 1.0 / (1.0 + (beyond / scale) * (beyond / scale));
+                libm::log((1.0 - FAR_SHARE) * near + FAR_SHARE) + 1.5 * libm::log(near)
             }
         }
     }
@@ -323,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn beyond_the_receivers_the_density_is_students() {
+    fn beyond_the_receivers_the_density_is_a_sum_of_students() {
         // Half the diagonal of 60 m by 80 m is 50 m.
         let low = Vector2::new(-10.0, 0.0);
         let high = Vector2::new(50.0, 80.0);
@@ -331,7 +337,10 @@ mod tests {
             let prior = PlacePrior::NearReceivers.log_density(&low, &high);
             libm::exp(prior(&Vector2::new(east, north)))
         };
-        let students = |beyond: f64| libm::pow(1.0 + (beyond / 50.0) * (beyond / 50.0), -2.5);
+        let students = |beyond: f64| {
+            let square = 1.0 + (beyond / 50.0) * (beyond / 50.0);
+            0.9 * libm::pow(square, -2.5) + 0.1 * libm::pow(square, -1.5)
+        };
         for (east, north, beyond) in
             [(20.0, 5.0, 0.0), (150.0, 40.0, 100.0), (20.0, -30.0, 30.0), (-40.0, 120.0, 50.0)]
         {

@@ -1,16 +1,20 @@
 use core::f64::consts::{LN_10, PI};
 
 use foxhunt_core::{
-    ByQuantity, Intake, MeasurementModel, Observation, Pose, Quantity, Reception, Receptions,
-    elementary,
+    ByQuantity, Estimate, Intake, MeasurementModel, Observation, Pose, Quantity, Reception,
+    Receptions, angle, elementary,
     parameter::positive,
     vectorised::{self, Kernel},
 };
 use foxhunt_filters::{Places, PosteriorMap, TrackGrid, TrackModel};
 use foxhunt_sensors::BearingOnly;
+use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
-use super::{Listener, LocateConfig, LocateError, Located, Power, area::extent_m, region::regions};
+use super::{
+    Listener, LocateConfig, LocateError, Located, Measurand, Power, Residual, area::extent_m,
+    examination::two_sided, region::regions,
+};
 
 /// Settings for tracking a moving transmitter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -45,6 +49,8 @@ pub struct Tracked {
     pub exponents: Vec<(f64, f64)>,
     /// The probability on the border of the area that was searched, averaged over time.
     pub border_mass: f64,
+    /// The residual of each level, bearing and silence from the place at its time.
+    pub residuals: Vec<Residual>,
 }
 
 /// Tracks a transmitter that moves: levels, bearings and silences of one or several receivers,
@@ -130,11 +136,88 @@ pub fn track_watched(
         }
         shares
     };
+    let places: Vec<(f64, Located)> = maps.zip(&windows).map(located).collect();
+    let mean = pairs().zip(&fix.probabilities).fold(None, |mean: Option<Law>, (pair, share)| {
+        let Law { reference_dbm, exponent } = pair.0.law?;
+        let before = mean.unwrap_or(Law { reference_dbm: 0.0, exponent: 0.0 });
+        Some(Law {
+            reference_dbm: before.reference_dbm + share * reference_dbm,
+            exponent: before.exponent + share * exponent,
+        })
+    });
     Ok(Tracked {
-        places: maps.zip(&windows).map(located).collect(),
+        residuals: residuals(receptions, &places, mean, up),
+        places,
         speeds_mps: share(&|_, speed_mps| Some(speed_mps)),
         exponents: share(&|model, _| model.law.map(|law| law.exponent)),
         border_mass: fix.border_mass,
+    })
+}
+
+/// Returns the residuals of receptions from the places of a track, under the mean of the laws.
+///
+/// The p of a level is that of its Student's t, of a bearing that of its normal distribution, and
+/// of a silence that of a level below the floor or a lost burst. All are widened by the place's own
+/// covariance. A bearing with directions that compete has no p.
+fn residuals(
+    receptions: &Receptions,
+    places: &[(f64, Located)],
+    law: Option<Law>,
+    up: f64,
+) -> Vec<Residual> {
+    let mut residuals = Vec::new();
+    for (reception, received) in receptions.iter().enumerate() {
+        let Some(at) = place_at(places, received.time) else { continue };
+        let way = at.mean - received.receiver.position.xy();
+        let square = (way.norm_squared() + (up - received.receiver.position.z).powi(2)).max(1.0);
+        let mut add = |kind, residual, p| {
+            residuals.push(Residual { reception, kind, residual, p, left_out: false });
+        };
+        let level = received.any_level().map(|level| level.rss_dbm);
+        if let (Some(law), Some(level_dbm)) = (law, level) {
+            let expected_dbm = law.reference_dbm - 5.0 * law.exponent * libm::log10(square);
+            let slope = way * (10.0 * law.exponent / (LN_10 * square));
+            let of_place = slope.dot(&(at.covariance * slope)).max(0.0);
+            let apart = level_dbm - expected_dbm;
+            let below = students_below(apart / libm::hypot(LEVEL_SCALE_DB, of_place.sqrt()));
+            let tail = 2.0 * below.min(1.0 - below);
+            match (received.level, received.silence) {
+                (Some(_), _) => add(Measurand::Level, apart, Some(tail)),
+                (None, Some(_)) => {
+                    let p = LOST + (1.0 - LOST) * below;
+                    add(Measurand::Silence, apart.min(0.0), Some(p));
+                }
+                (None, None) => add(Measurand::Saturation, apart.max(0.0), Some(1.0 - below)),
+            }
+        }
+        let apart = |angle: f64| angle::wrap(angle - libm::atan2(way.y, way.x));
+        let modes = received.modes.as_slice().iter().map(|mode| apart(mode.angle));
+        if let Some(nearest) = modes.min_by(|a, b| a.abs().total_cmp(&b.abs())) {
+            add(Measurand::Bearing, nearest, None);
+        } else if let Some(bearing) = received.bearing {
+            let across = Vector2::new(-way.y, way.x) / square;
+            let of_place = across.dot(&(at.covariance * across)).max(0.0);
+            let residual = apart(bearing.angle);
+            let deviation = residual / libm::hypot(bearing.sigma, of_place.sqrt());
+            add(Measurand::Bearing, residual, two_sided(deviation));
+        }
+    }
+    residuals
+}
+
+/// Returns the place of a track at a time: between its neighbours in time, or the first or last.
+fn place_at(places: &[(f64, Located)], time: f64) -> Option<Estimate<2>> {
+    let next = places.partition_point(|(own, _)| *own < time);
+    let after = places.get(next);
+    let Some((from, before)) = next.checked_sub(1).and_then(|last| places.get(last)) else {
+        return after.map(|(_, located)| located.estimate);
+    };
+    let Some((to, after)) = after else { return Some(before.estimate) };
+    let share = (time - from) / (to - from);
+    let [before, after] = [before.estimate, after.estimate];
+    Some(Estimate {
+        mean: before.mean.lerp(&after.mean, share),
+        covariance: before.covariance * (1.0 - share) + after.covariance * share,
     })
 }
 
@@ -641,7 +724,6 @@ fn students_below(t: f64) -> f64 {
 mod tests {
     use approx::{abs_diff_eq, assert_abs_diff_eq};
     use foxhunt_core::{Bearing, Level};
-    use nalgebra::Vector2;
     use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
     use rand_distr::StandardNormal;
     use statrs::distribution::{ContinuousCDF, StudentsT};

@@ -16,10 +16,12 @@ use serde::Serialize;
 
 use super::{
     super::{
-        locating::{Prepared, TRUTH_GAP_S},
-        recorded::{LatLon, no_degrees},
+        locating::{Prepared, Residuals, TRUTH_GAP_S, Track},
+        recorded::no_degrees,
     },
+    Args,
     found::{Estimated, Found, likeliest},
+    rows_of,
 };
 use crate::{
     error::CliError,
@@ -67,6 +69,11 @@ pub(super) struct Report {
     coverage_interval: Option<[f64; 2]>,
     /// Doubts about the recordings.
     remarks: Vec<Remark>,
+    /// Each row's measurements with their residuals from the place at its time.
+    rows: Residuals,
+    /// Number of rows to be listed; those that do not fit unless given.
+    #[serde(skip)]
+    listed: Option<usize>,
 }
 
 /// A place at a time.
@@ -85,12 +92,12 @@ struct Passed {
 }
 
 pub(super) fn report(
-    tracking: &Tracking,
-    truth: Option<LatLon>,
+    args: &Args,
     prepared: &Prepared,
     beacon: Option<String>,
     output: Output,
 ) -> Result<(Report, Found), CliError> {
+    let Args { tracking, truth, .. } = args;
     let recordings = prepared.recordings();
     let config = TrackingConfig {
         window_s: tracking.window_s,
@@ -109,7 +116,7 @@ pub(super) fn report(
     if let Some(progress) = progress.get() {
         progress.finish();
     }
-    let (tracked, listeners) = tracked?;
+    let Track { tracked, listeners, rows } = tracked?;
     if tracked.border_mass > 0.05 {
         warn("the track is in doubt: it may leave the area that was searched; see --margin-m");
     }
@@ -141,13 +148,16 @@ pub(super) fn report(
     };
     let places: Vec<Passed> = tracked.places.iter().map(passed).collect();
     let called = beacon.clone().unwrap_or_else(|| "transmitter".to_owned());
-    let search = SearchOverview::tracked(called, &tracked, truth_of);
+    let shown = rows.chosen(|_| args.views.any()).collect();
+    let search = SearchOverview::tracked(called, &tracked, truth_of).with_rows(shown);
     let tracks = prepared.tracks((config, listeners, steps.get()), &search, beacon.as_deref())?;
     let method = "track".to_owned();
     let found = Found { beacon: beacon.clone(), method, search, tracks: Some(tracks), rows: None };
     let ignored = prepared.ignored(beacon.as_deref());
     let mut report = Report::new(beacon, places, tracked, ignored)?;
     report.remarks = recordings.iter().flat_map(Recording::remarks).cloned().collect();
+    report.rows = rows;
+    report.listed = args.rows;
     Ok((report, found))
 }
 
@@ -180,6 +190,8 @@ impl Report {
             inside_95: (!held.is_empty()).then_some([inside, held.len()]),
             coverage_interval: coverage.interval(),
             remarks: Vec::new(),
+            rows: Residuals::default(),
+            listed: None,
             places,
         })
     }
@@ -230,5 +242,5 @@ pub(super) fn text(report: &Report) -> String {
             number(report.mean_nees, 2),
         );
     }
-    out
+    out + &rows_of(&report.rows, report.listed, "")
 }

@@ -20,7 +20,7 @@ use foxhunt::{
 
 use super::{
     super::{
-        locating::{Locating, Prepared, truth},
+        locating::{Locating, Prepared, TRUTH_GAP_S, Track, truth},
         recorded::LatLon,
         scores::Answer,
     },
@@ -302,14 +302,14 @@ fn windows(
 ) -> Result<Vec<Vec<Timed>>, CliError> {
     let tracking = TrackingConfig::default();
     let began = spent_s();
-    let (tracked, _) = prepared.track(beacon, &tracking, &|_, _| {})?;
+    let Track { tracked, .. } = prepared.track(beacon, &tracking, &|_, _| {})?;
     let seconds = spent_s() - began;
     let way = recorded_way(std::slice::from_ref(recording), beacon);
     let received = prepared.receptions_of(0, beacon)?;
     let every = tracked.places.len().div_ceil(WINDOWS).max(1);
     let mut fixes = Vec::new();
     for (time_s, located) in tracked.places.iter().skip(every / 2).step_by(every) {
-        let known = truth_at(&way, *time_s, super::super::locating::TRUTH_GAP_S);
+        let known = truth_at(&way, *time_s, TRUTH_GAP_S);
         let answer = Answer::new("track", located, known.as_ref());
         let about = |r: &Reception| (r.time - time_s).abs() <= 0.5 * tracking.window_s;
         let level = |r: &Reception| r.level.map_or(f64::NEG_INFINITY, |level| level.rss_dbm);

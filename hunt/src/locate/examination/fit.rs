@@ -274,7 +274,7 @@ pub(crate) struct Outliers {
 }
 
 /// Probability of an outlier among measurements that have none.
-const OUTLIER_P: f64 = 1e-3;
+const OUTLIER_P: f64 = 3e-3;
 
 /// Drop of the misfit over the mean square by which an outlier has to lie ahead of the next
 /// measurement that could be the wrong one.

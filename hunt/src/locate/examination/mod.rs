@@ -21,13 +21,14 @@ use foxhunt_wire::geodesy::radians_to_compass_deg;
 
 pub(crate) use self::fit::{Datum, Kind, Outliers, Scale, misfit_p, outliers, reversals};
 use self::fit::{Meeting, meeting};
+pub(crate) use self::residuals::two_sided;
 pub use self::residuals::{Measurand, Residual};
 use self::shared::{APART, data, is_assumed, scale, spoken};
 pub(crate) use self::shared::{Name, Uses};
 use super::{Area, LocateConfig, Located};
 
 /// Misfits less probable than this make a remark.
-const MISFIT_P: f64 = 1e-3;
+const MISFIT_P: f64 = 3e-3;
 
 /// Reversed bearings meet if their misfit is at least this probable.
 const MEETS_P: f64 = 0.01;
@@ -35,9 +36,9 @@ const MEETS_P: f64 = 0.01;
 /// Bearings that scatter by more than this, in degrees, do not meet, whatever their σ.
 const SCATTER_DEG: f64 = 25.0;
 
-/// σ of a bearing without one of its own, in radians, for the question whether bearings meet: by
-/// a hand-held antenna among reflections.
-const UNKNOWN_SIGMA: f64 = 25.0 * std::f64::consts::PI / 180.0;
+/// σ of a bearing without one of its own, in radians, for the question whether bearings meet: the
+/// largest that is published of bearings taken by hand (White & Garrott 1990).
+const UNKNOWN_SIGMA: f64 = 15.0 * std::f64::consts::PI / 180.0;
 
 /// Measurements that scatter by more than this many of their σ make a remark.
 const SCATTER: f64 = 1.5;
@@ -274,11 +275,16 @@ fn of_fit(
             )),
             // Bearings of one place that share an error are examined by the estimator itself.
             None if scatter > SCATTER && located.common_errors.is_none() => {
+                let extent = if data.iter().any(|datum| is_assumed(datum, config)) {
+                    format!("by {scatter_deg:.0}°, farther than those of a good compass")
+                } else {
+                    format!("{scatter:.1} times as far as their σ says")
+                };
                 remarks.push(Remark::new(
                     "sigma-too-small",
                     format!(
-                        "these {what} scatter {scatter:.1} times as far as their σ says ({}): \
-                         look for one that is wrong, or give a larger σ",
+                        "these {what} scatter {extent} ({}): look for one that is wrong, or give \
+                         a larger σ",
                         probability(p)
                     ),
                 ));

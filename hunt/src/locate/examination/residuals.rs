@@ -105,7 +105,7 @@ pub(super) fn of_geometry(
 }
 
 /// Returns the probability of a deviation of a normal distribution as large, on either side.
-pub(super) fn two_sided(deviation: f64) -> Option<f64> {
+pub(crate) fn two_sided(deviation: f64) -> Option<f64> {
     let law = Normal::new(0.0, 1.0).ok()?;
     Some(2.0 * law.sf(deviation.abs()))
 }
