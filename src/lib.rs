@@ -19,6 +19,7 @@
 //! | `batch`, `maps` | estimators over all observations at once, in `filters` and by name |
 //! | `dual` | `Differentiated` in [`core`]: models written once, with exact Jacobians |
 //! | `parallel` | `ParticleFilter::with_threads` in `filters` |
+//! | `large-states` | faer for joint states of 32 components and more, in `filters` |
 //!
 //! # One estimator, everything known at compile time
 //!

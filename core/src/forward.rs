@@ -7,7 +7,14 @@
 
 use core::fmt;
 
+#[cfg(feature = "alloc")]
+use alloc::vec::Vec;
+#[cfg(feature = "alloc")]
+use nalgebra::{DMatrix, DVector};
 use nalgebra::{SMatrix, SVector, Vector2, Vector3};
+
+#[cfg(feature = "alloc")]
+use crate::{DynamicMeasurement, DynamicMotion};
 
 use crate::{
     Axis, BeaconId, BearingExtractor, Belief, Correction, Decision, Estimate, Estimator,
@@ -276,6 +283,70 @@ macro_rules! forward_shared {
         }
     )+};
 }
+
+#[cfg(feature = "alloc")]
+macro_rules! forward_dynamic {
+    ($($pointer:ty),+) => {$(
+        impl<T: ?Sized + DynamicMotion> DynamicMotion for $pointer {
+            fn propagate(&self, state: &DVector<f64>, dt: f64) -> DVector<f64> {
+                (**self).propagate(state, dt)
+            }
+            fn noise_factor(&self, state: &DVector<f64>, dt: f64) -> DMatrix<f64> {
+                (**self).noise_factor(state, dt)
+            }
+            fn is_linear(&self) -> bool {
+                (**self).is_linear()
+            }
+            fn axes(&self, dimension: usize) -> Vec<Axis> {
+                (**self).axes(dimension)
+            }
+            fn jacobian(&self, state: &DVector<f64>, dt: f64) -> DMatrix<f64> {
+                (**self).jacobian(state, dt)
+            }
+            fn propagated_parts(
+                &self,
+                state: &DVector<f64>,
+                propagated: &DVector<f64>,
+                offset: &DVector<f64>,
+                dt: f64,
+            ) -> [DVector<f64>; 2] {
+                (**self).propagated_parts(state, propagated, offset, dt)
+            }
+        }
+
+        impl<T: ?Sized + DynamicMeasurement> DynamicMeasurement for $pointer {
+            fn quantities(&self) -> Vec<Quantity> {
+                (**self).quantities()
+            }
+            fn expected(&self, state: &DVector<f64>, receiver: &Pose) -> DVector<f64> {
+                (**self).expected(state, receiver)
+            }
+            fn components(&self) -> Option<&[usize]> {
+                (**self).components()
+            }
+            fn residual(&self, z: &DVector<f64>, expected: &DVector<f64>) -> DVector<f64> {
+                (**self).residual(z, expected)
+            }
+            fn jacobian(&self, state: &DVector<f64>, receiver: &Pose) -> DMatrix<f64> {
+                (**self).jacobian(state, receiver)
+            }
+            fn expected_parts(
+                &self,
+                state: &DVector<f64>,
+                expected: &DVector<f64>,
+                offset: &DVector<f64>,
+                receiver: &Pose,
+            ) -> [DVector<f64>; 2] {
+                (**self).expected_parts(state, expected, offset, receiver)
+            }
+        }
+    )+};
+}
+
+#[cfg(feature = "alloc")]
+forward_dynamic!(&T, alloc::boxed::Box<T>);
+#[cfg(all(feature = "alloc", target_has_atomic = "ptr"))]
+forward_dynamic!(alloc::sync::Arc<T>);
 
 forward_shared!(&T);
 #[cfg(all(feature = "alloc", target_has_atomic = "ptr"))]

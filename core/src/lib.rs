@@ -1,7 +1,8 @@
 //! The traits and data types of foxhunt.
 //!
-//! Everything here is `no_std` and allocates nothing. A crate that only needs to *implement* a
-//! backend depends on this crate and on nothing else.
+//! Everything here is `no_std`. Only states whose size is known at run time (`DynamicEstimate` and
+//! the models of them) need an allocator, and the feature `alloc`. A crate that only needs to
+//! *implement* a backend depends on this crate and on nothing else.
 //!
 //! | what | trait | its methods |
 //! |-|-|-|
@@ -34,6 +35,8 @@ pub mod angle;
 mod bearing;
 #[cfg(feature = "dual")]
 mod dual;
+#[cfg(feature = "alloc")]
+mod dynamic;
 pub mod elementary;
 mod estimate;
 mod estimator;
@@ -64,6 +67,10 @@ pub use bearing::{
 };
 #[cfg(feature = "dual")]
 pub use dual::{Differentiated, DualMeasurement, DualMotion, Number, num_dual};
+#[cfg(feature = "alloc")]
+pub use dynamic::{
+    AtSize, DynamicEstimate, DynamicMeasurement, DynamicMotion, DynamicObservation, Fixed, On,
+};
 pub use estimate::{Covariance, Ellipse, Estimate, State, visit_cubature_points};
 pub use estimator::{Belief, BeliefOf, Correction, Estimator, EstimatorError, Role, Smooth};
 pub use measurement::{

@@ -269,10 +269,15 @@ pub fn gaussian_log_likelihood<const N: usize, const M: usize>(
     each.fold(f64::NEG_INFINITY, noise::log_add)
 }
 
-/// The places between which a derivative by component `i` is taken. The step balances truncation
-/// against rounding: ε^⅓ of the component's size.
+/// The step of a numeric derivative at a component of this value. It balances truncation against
+/// rounding: ε^⅓ of the component's size.
+pub(crate) fn step(value: f64) -> f64 {
+    libm::cbrt(f64::EPSILON) * libm::fmax(1.0, value.abs())
+}
+
+/// The places between which a derivative by component `i` is taken.
 pub(crate) fn around<const A: usize>(x: &SVector<f64, A>, i: usize) -> [SVector<f64, A>; 2] {
-    let step = libm::cbrt(f64::EPSILON) * libm::fmax(1.0, x[i].abs());
+    let step = step(x[i]);
     let mut low = *x;
     let mut high = *x;
     low[i] -= step;

@@ -23,10 +23,17 @@ impl Axis {
         a: &SVector<f64, D>,
         b: &SVector<f64, D>,
     ) -> SVector<f64, D> {
-        SVector::from_fn(|i, _| match axes[i] {
-            Axis::Linear => a[i] - b[i],
-            Axis::Angle => angle::wrap(a[i] - b[i]),
-        })
+        SVector::from_fn(|i, _| axes[i].minus(a[i], b[i]))
+    }
+
+    /// `a ⊖ b` of one component: the short way round on a circle.
+    #[must_use]
+    #[inline(always)]
+    pub fn minus(self, a: f64, b: f64) -> f64 {
+        match self {
+            Axis::Linear => a - b,
+            Axis::Angle => angle::wrap(a - b),
+        }
     }
 }
 

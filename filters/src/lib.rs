@@ -17,6 +17,10 @@
 //! Gaussian goes through a map, a [`Transform`]. A [`Gate`] rejects outliers; with [`Iterations`]
 //! each update is linearised again about its own posterior.
 //!
+//! `DynamicKalman` is the first three for a joint state whose size is known at run time only, such
+//! as that of all targets or stations, over the same models. It needs the feature `alloc`, and with
+//! `large-states` it uses faer from 32 dimensions on.
+//!
 //! [`Handover`] begins as one estimator and goes on as another: a grid makes the first bearings a
 //! prior for a Kalman filter. [`Leading`] shows the first components of a larger state.
 //!
@@ -72,6 +76,8 @@ mod cramer_rao;
 mod derived;
 #[cfg(feature = "alloc")]
 mod directional_grid;
+#[cfg(all(feature = "alloc", target_has_atomic = "ptr"))]
+mod dynamic;
 #[cfg(feature = "field-map")]
 mod field_map;
 mod gaussian;
@@ -117,6 +123,10 @@ pub use cramer_rao::{CramerRaoError, FisherQuadrature, PosteriorCramerRao};
 pub use derived::{Handover, Leading};
 #[cfg(feature = "alloc")]
 pub use directional_grid::{DirectionalGrid, DirectionalGridConfig};
+#[cfg(all(feature = "alloc", target_has_atomic = "ptr"))]
+pub use dynamic::{
+    DynamicCkf, DynamicEkf, DynamicInnovation, DynamicKalman, DynamicUkf, JointMotion, Part,
+};
 #[cfg(feature = "field-map")]
 pub use field_map::{FieldMap, FieldMapConfig, FieldMaximum, FieldModel};
 pub use gaussian::{Gaussian, Innovation};
@@ -151,4 +161,7 @@ pub use smoothing::{Passage, Passing};
 pub use smoothing::{Remembering, fixed_interval, rauch_tung_striebel};
 #[cfg(feature = "batch")]
 pub use track_grid::{Places, TrackGrid, TrackGridFix, TrackModel};
-pub use transform::{Cubature, Image, Kappa, Map, Moments, Taylor, Transform, Unscented};
+pub use transform::{
+    Cubature, DynamicTransform, Image, Kappa, Map, Moments, Taylor, Transform, TransformRule,
+    Unscented,
+};

@@ -45,6 +45,30 @@ pub trait Transform {
     }
 }
 
+/// A [`Transform`] by one rule for states of every size.
+///
+/// It therefore serves states whose size is known at run time only, such as those of
+/// `DynamicKalman` (feature `alloc`).
+pub trait DynamicTransform: Transform {
+    /// The rule for states of `dimension` components.
+    fn rule(&self, dimension: usize) -> TransformRule;
+}
+
+/// Rule by which a Gaussian goes through a map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum TransformRule {
+    /// By the slope of the map at the mean.
+    Slope,
+    /// By pairs of points x̂ ± c lᵢ about the mean, with lᵢ the columns of a factor of the
+    /// covariance.
+    Pairs {
+        /// c², positive.
+        square: f64,
+        /// Weight k ≥ 0 of s sᵀ in the image's covariance, s the sum of all curvatures.
+        kurtosis: f64,
+    },
+}
+
 /// A map between two vector spaces, either of which may hold angles.
 pub trait Map<const A: usize, const B: usize> {
     /// The image of `x`.
@@ -153,6 +177,12 @@ impl Transform for Taylor {
     }
 }
 
+impl DynamicTransform for Taylor {
+    fn rule(&self, _dimension: usize) -> TransformRule {
+        TransformRule::Slope
+    }
+}
+
 /// The scaled unscented transform (Wan & van der Merwe 2000): the unscented Kalman filter.
 ///
 /// The points are the mean x̂ and x̂ ± c lᵢ, with lᵢ the columns of L and c² = α² (n +
@@ -251,6 +281,13 @@ impl Transform for Unscented {
     }
 }
 
+impl DynamicTransform for Unscented {
+    fn rule(&self, dimension: usize) -> TransformRule {
+        let Pairs { square, kurtosis } = self.pairs(dimension);
+        TransformRule::Pairs { square, kurtosis }
+    }
+}
+
 /// The secondary scaling κ of the [`Unscented`] transform.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kappa {
@@ -305,6 +342,12 @@ impl Transform for Cubature {
         map: &impl Map<A, B>,
     ) -> Option<Moments<A, B>> {
         Pairs { square: number(A), kurtosis: 0.0 }.moments(source, map)
+    }
+}
+
+impl DynamicTransform for Cubature {
+    fn rule(&self, dimension: usize) -> TransformRule {
+        TransformRule::Pairs { square: number(dimension), kurtosis: 0.0 }
     }
 }
 

@@ -52,6 +52,16 @@ pub enum ObservationError {
         /// Index of the component.
         component: usize,
     },
+    /// The covariance has not as many rows and columns as there are components.
+    #[error("the covariance of {components} components has {rows} rows and {columns} columns")]
+    Size {
+        /// Number of components.
+        components: usize,
+        /// Rows of the covariance.
+        rows: usize,
+        /// Columns of the covariance.
+        columns: usize,
+    },
     /// The covariance is not symmetric and positive definite.
     #[error("the covariance of the observation is not symmetric and positive definite")]
     Covariance,

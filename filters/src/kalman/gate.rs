@@ -128,7 +128,7 @@ impl GateLimit {
 
 /// Record of a gate's updates so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Record {
+pub(crate) struct Record {
     steps: u32,
     rejections: u32,
 }
@@ -136,7 +136,7 @@ pub(super) struct Record {
 impl Record {
     /// The limit that keeps this NIS out, if it is kept out, and the record afterwards.
     #[inline]
-    pub(super) fn judge(self, gate: &Gate, nis: f64, dof: usize) -> (Option<f64>, Self) {
+    pub(crate) fn judge(self, gate: &Gate, nis: f64, dof: usize) -> (Option<f64>, Self) {
         let limit = gate.limit(dof);
         let out =
             nis > limit && self.steps >= gate.free_steps && self.rejections < gate.most_rejections;

@@ -19,6 +19,8 @@ use crate::{
 };
 
 pub use filter::{Ckf, Ekf, Kalman, Ukf};
+#[cfg(all(feature = "alloc", target_has_atomic = "ptr"))]
+pub(crate) use gate::Record;
 pub use gate::{Gate, GateLimit};
 
 /// A step is halved at most this often: to a 256th.

@@ -3,6 +3,7 @@
 
 mod batch;
 mod directional_grid;
+mod joint;
 mod mixture;
 mod moment_grid;
 mod multi;
