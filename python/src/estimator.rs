@@ -1,4 +1,4 @@
-use std::fmt::Write as _;
+use std::{any::Any, fmt::Write as _};
 
 use foxhunt::{
     core::{self, Observation, Pose},
@@ -135,7 +135,8 @@ pub(crate) struct Estimator {
     failure: Failure,
     /// Arguments that it was made of.
     made_of: MadeOf,
-    /// The steps so far, by which a pickle makes it again; `None` once there are too many.
+    /// The steps so far, by which a pickle makes it again; `None` once there are too many, and for
+    /// a smoothed belief.
     history: Option<Vec<Past>>,
 }
 
@@ -305,6 +306,33 @@ impl Estimator {
         self.update_by(py, Update { value, noise, receiver, time })
     }
 
+    /// Conditions the belief on `later`: the smoothed belief `dt` seconds afterwards, of a copy that
+    /// went on from this one (`Remembering` does so for a whole run).
+    ///
+    /// Raises ValueError, and leaves the belief as it was, for an estimator of another kind or size,
+    /// a negative `dt`, and a setting for which there is no smoother.
+    fn smooth(&mut self, py: Python<'_>, later: &Bound<'_, Self>, dt: f64) -> PyResult<()> {
+        let later = later.try_borrow().map_err(|_| {
+            PyValueError::new_err("an estimator cannot be smoothed by itself, but by a later copy")
+        })?;
+        let later = &*later.steps;
+        let steps = &mut self.steps;
+        let result = py.detach(|| steps.smooth(later, dt));
+        self.raised(result.unwrap_or_else(|| {
+            let text =
+                "later is an estimator of another kind or size; it must be a copy that went on";
+            Err(PyValueError::new_err(text))
+        }))?;
+        self.history = None;
+        Ok(())
+    }
+
+    /// Pairs of a name and "linear" or "angle", as its model has them.
+    #[getter]
+    fn quantities<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.made_of.positional.bind(py).get_item(2)?.getattr("quantities")
+    }
+
     /// The mean and the covariance of the belief.
     fn estimate(&self, py: Python<'_>) -> PyResult<Estimate> {
         self.steps.estimate(py)
@@ -347,9 +375,9 @@ impl Estimator {
         let estimator = slf.borrow();
         let Some(history) = &estimator.history else {
             return Err(PyValueError::new_err(format!(
-                "the estimator has taken more than {MOST_STEPS} steps, which a pickle would take \
-                 again; copy.deepcopy copies it, and an estimator that is made of its estimate \
-                 goes on from there"
+                "the estimator was smoothed, or has taken more than {MOST_STEPS} steps, which a \
+                 pickle would take again; copy.deepcopy copies it, and an estimator that is made of \
+                 its estimate goes on from there"
             )));
         };
         let steps = PyList::empty(py);
@@ -364,6 +392,14 @@ impl Estimator {
         let own = slf.getattr_opt("__dict__")?;
         let arguments = (slf.get_type(), positional.bind(py), keywords.bind(py), steps, own);
         (made_again, arguments).into_pyobject(py)
+    }
+
+    /// A copy without its steps, of which a run keeps many.
+    fn _remembered<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let history = slf.borrow_mut().history.take();
+        let copied = Self::__copy__(slf);
+        slf.borrow_mut().history = history;
+        copied
     }
 
     fn __copy__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
@@ -434,7 +470,7 @@ impl Estimator {
 }
 
 /// An estimator of any size.
-trait Steps: Send + Sync {
+trait Steps: Any + Send + Sync {
     fn predict(&mut self, dt: f64) -> Result<(), core::EstimatorError>;
 
     /// The rows of a covariance that is given, or of that of standard deviations.
@@ -443,6 +479,9 @@ trait Steps: Send + Sync {
     fn update(&mut self, py: Python<'_>, update: &Update) -> PyResult<core::Correction>;
 
     fn copied(&self) -> Box<dyn Steps>;
+
+    /// Conditions the belief on a later one; `None` if that is of another kind or size.
+    fn smooth(&mut self, later: &dyn Steps, dt: f64) -> Option<PyResult<()>>;
 
     /// A prior as arrays of its own.
     fn prior<'py>(
@@ -464,17 +503,24 @@ trait Steps: Send + Sync {
 /// An estimator of a size that is known when it is compiled.
 struct Sized<const N: usize, const M: usize>(Box<dyn Copied<N, M>>);
 
-/// An estimator that can be copied behind its pointer.
-trait Copied<const N: usize, const M: usize>: core::Estimator<N, M> + Send + Sync {
+/// An estimator that can be copied and smoothed behind its pointer.
+trait Copied<const N: usize, const M: usize>: core::Estimator<N, M> + Any + Send + Sync {
     fn copied(&self) -> Box<dyn Copied<N, M>>;
+
+    /// `None` if the later one is of another kind.
+    fn smooth_by(&mut self, later: &dyn Any, dt: f64) -> Option<Result<(), core::EstimatorError>>;
 }
 
 impl<E, const N: usize, const M: usize> Copied<N, M> for E
 where
-    E: core::Estimator<N, M> + Clone + Send + Sync + 'static,
+    E: core::Smooth<N, M> + Clone + Send + Sync + 'static,
 {
     fn copied(&self) -> Box<dyn Copied<N, M>> {
         Box::new(self.clone())
+    }
+
+    fn smooth_by(&mut self, later: &dyn Any, dt: f64) -> Option<Result<(), core::EstimatorError>> {
+        later.downcast_ref().map(|later| self.smooth(later, dt))
     }
 }
 
@@ -515,6 +561,12 @@ impl<const N: usize, const M: usize> Steps for Sized<N, M> {
 
     fn copied(&self) -> Box<dyn Steps> {
         Box::new(Self(self.0.copied()))
+    }
+
+    fn smooth(&mut self, later: &dyn Steps, dt: f64) -> Option<PyResult<()>> {
+        let later: &Self = (later as &dyn Any).downcast_ref()?;
+        let smoothed = self.0.smooth_by(&*later.0, dt)?;
+        Some(smoothed.map_err(value_error))
     }
 
     fn prior<'py>(

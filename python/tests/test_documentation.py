@@ -1,6 +1,8 @@
 """The examples in the documentation of the package give what they promise."""
 
 import doctest
+import re
+from pathlib import Path
 
 import foxhunt
 import foxhunt.commands
@@ -26,3 +28,11 @@ def test_examples(module):
     found = doctest.testmod(module, optionflags=doctest.ELLIPSIS)
     assert found.attempted > 0
     assert found.failed == 0
+
+
+def test_the_examples_of_the_book():
+    text = (Path(__file__).parents[2] / "docs" / "python.md").read_text(encoding="utf-8")
+    examples = [each for each in re.findall(r"```python\n(.*?)```", text, re.S) if "assert" in each]
+    assert len(examples) >= 1
+    for example in examples:
+        exec(example, {"__name__": "example"})

@@ -28,7 +28,7 @@ from .commands import (
     results,
     run,
 )
-from .estimators import Ckf, Ekf, Estimator, GridFilter, ParticleFilter, Ukf
+from .estimators import Ckf, Ekf, Estimator, GridFilter, ParticleFilter, Remembering, Ukf
 from .judging import Consistency, Whiteness, consistency, whiteness
 from .logs import Log, read_log
 from .poses import Pose
@@ -46,6 +46,7 @@ __all__ = [
     "Motion",
     "ParticleFilter",
     "Pose",
+    "Remembering",
     "Ukf",
     "Whiteness",
     "__version__",
