@@ -237,22 +237,7 @@ impl Estimator {
         let parts = Parts { motion, model, mean, covariance, failure: &failure };
         let n = arrays::length(mean, "mean")?;
         let m = components(model)?;
-        macro_rules! of_size {
-            ($($n:literal)+) => {
-                match (n, m) {
-                    $(
-                        ($n, 1) => steps::<$n, 1>(&settings, &parts),
-                        ($n, 2) => steps::<$n, 2>(&settings, &parts),
-                        ($n, 3) => steps::<$n, 3>(&settings, &parts),
-                    )+
-                    _ => Err(PyValueError::new_err(format!(
-                        "the state has {n} and the measurement {m} components; \
-                         there must be 2 to 8, and 1 to 3"
-                    ))),
-                }
-            };
-        }
-        let steps = of_size!(2 3 4 5 6 7 8)?;
+        let steps = of_size!(n, m, steps(&settings, &parts))?;
         let py = mean.py();
         let keywords = PyDict::new(py);
         keywords.set_item("gate", gate)?;
@@ -530,10 +515,7 @@ impl<const N: usize, const M: usize> Steps for Sized<N, M> {
     }
 
     fn noise(&self, noise: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
-        let noise = match arrays::vector::<M>(noise, "noise") {
-            Ok(sigma) => SMatrix::from_diagonal(&sigma.component_mul(&sigma)),
-            Err(_) => arrays::matrix::<M>(noise, "noise")?,
-        };
+        let noise = arrays::covariance::<M>(noise, "noise")?;
         // By columns.
         Ok(noise.transpose().as_slice().to_vec())
     }
@@ -576,7 +558,7 @@ impl<const N: usize, const M: usize> Steps for Sized<N, M> {
         covariance: &Bound<'py, PyAny>,
     ) -> PyResult<Prior<'py>> {
         let mean = arrays::vector::<N>(mean, "mean")?;
-        let covariance = arrays::matrix::<N>(covariance, "covariance")?.transpose();
+        let covariance = arrays::matrix::<N, N>(covariance, "covariance")?.transpose();
         let flat = PyArray1::from_slice(py, covariance.as_slice());
         Ok((PyArray1::from_slice(py, mean.as_slice()), flat.reshape([N, N])?))
     }

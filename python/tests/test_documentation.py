@@ -8,6 +8,7 @@ import foxhunt
 import foxhunt.commands
 import foxhunt.estimators
 import foxhunt.judging
+import foxhunt.laws
 import foxhunt.logs
 import foxhunt.poses
 import pytest
@@ -18,6 +19,7 @@ MODULES = [
     foxhunt.commands,
     foxhunt.estimators,
     foxhunt.judging,
+    foxhunt.laws,
     foxhunt.logs,
     foxhunt.poses,
 ]
@@ -33,6 +35,6 @@ def test_examples(module):
 def test_the_examples_of_the_book():
     text = (Path(__file__).parents[2] / "docs" / "python.md").read_text(encoding="utf-8")
     examples = [each for each in re.findall(r"```python\n(.*?)```", text, re.S) if "assert" in each]
-    assert len(examples) >= 1
+    assert len(examples) >= 2
     for example in examples:
         exec(example, {"__name__": "example"})

@@ -105,3 +105,29 @@ def test_a_smoother_refuses_what_did_not_go_on_from_it():
     grid = foxhunt.GridFilter(foxhunt.Motion.random_walk(0.1), Place(), np.zeros(3), np.eye(3))
     with pytest.raises(ValueError, match="smoothing cells"):
         grid.smooth(copy.copy(grid), 1.0)
+
+
+def test_a_motion_s_own_jacobian_is_used():
+    class Moving:
+        slope = F
+
+        def propagate(self, state, dt):
+            return F @ state
+
+        def noise_factor(self, state, dt):
+            return np.linalg.cholesky(Q)
+
+        def jacobian(self, state, dt):
+            return self.slope
+
+    ours, own = (
+        foxhunt.Ekf(motion, Place(), np.zeros(4), PRIOR)
+        for motion in (foxhunt.Motion.constant_velocity(0.09), Moving())
+    )
+    ours.predict(1.0)
+    own.predict(1.0)
+    np.testing.assert_allclose(own.estimate().covariance, ours.estimate().covariance, atol=1e-9)
+    Moving.slope = np.eye(4)
+    own.predict(1.0)
+    expected = ours.estimate().covariance + Q
+    np.testing.assert_allclose(own.estimate().covariance, expected, atol=1e-9)

@@ -15,7 +15,7 @@ False
 True
 """
 
-from . import commands, plots
+from . import commands, laws, plots
 from ._foxhunt import Correction, Estimate, Motion, Model, __version__
 from .commands import (
     bearing,
@@ -57,6 +57,7 @@ __all__ = [
     "consistency",
     "hunt",
     "judge",
+    "laws",
     "locate",
     "plots",
     "read_log",

@@ -1,5 +1,5 @@
 from os import PathLike
-from typing import Protocol, Self, Sequence
+from typing import Callable, Protocol, Self, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,14 +9,15 @@ from .poses import Pose
 __version__: str
 
 class MotionLike(Protocol):
-    """A motion of your own. With ``vectorized = True`` it is given many states, one a row, too."""
+    """A motion of your own. With ``vectorized = True`` it is given many states, one a row, too.
+    ``jacobian(state, dt)`` is used if there is one."""
 
     def propagate(self, state: NDArray[np.float64], dt: float) -> ArrayLike: ...
     def noise_factor(self, state: NDArray[np.float64], dt: float) -> ArrayLike: ...
 
 class ModelLike(Protocol):
     """A measurement model of your own. With ``vectorized = True`` it is given many states, one a
-    row, too, and returns a row for each."""
+    row, too, and returns a row for each. ``jacobian(state, receiver)`` is used if there is one."""
 
     @property
     def quantities(self) -> Sequence[tuple[str, str]]: ...
@@ -120,6 +121,27 @@ class Estimator:
     def _remembered(self) -> Self: ...
     def _take_over(self, other: Estimator) -> None: ...
 
+def check_estimator(
+    make: Callable[[], object],
+    pairs: Sequence[tuple[str, str]],
+    value: ArrayLike,
+    noise: ArrayLike,
+    receiver: ArrayLike | None,
+    heading: float | None,
+    velocity: ArrayLike | None,
+    step: float,
+    worthless_tolerance: float | None,
+    predictive: tuple[float, float, bool] | None,
+) -> None: ...
+def check_model(
+    object: AnyModel,
+    state: ArrayLike,
+    value: ArrayLike,
+    noise: ArrayLike,
+    receiver: ArrayLike | None,
+    heading: float | None,
+    velocity: ArrayLike | None,
+) -> None: ...
 def commands_json() -> str: ...
 def judge_squares(
     squares: list[float], degrees_of_freedom: list[int], probability: float

@@ -6,7 +6,9 @@ All of them take a motion, a measurement model and a Gaussian prior, and have th
 Motion and model are the library's (:class:`foxhunt.Motion`, :class:`foxhunt.Model`) or objects of
 your own. A model has ``quantities``, pairs of a name and ``"linear"`` or ``"angle"``, and
 ``expected(state, receiver)``; a motion has ``propagate(state, dt)`` and ``noise_factor(state,
-dt)``, whose product with its own transpose is the covariance of the noise. The receiver is a
+dt)``, whose product with its own transpose is the covariance of the noise. Either may have
+``jacobian``, with the arguments of ``expected`` and ``propagate``; the :class:`Ekf` and smoothers
+take differences without one. The receiver is a
 :class:`foxhunt.Pose`: an array of East, North and Up that has a heading and, where known, a
 velocity.
 
