@@ -1,6 +1,6 @@
 use std::ffi::OsString;
 
-use foxhunt::{log::LoggedBeacon, registry::Registry};
+use foxhunt::{hunt::Event, log::LoggedBeacon, registry::Registry};
 use foxhunt_cli::CommandError;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::{
@@ -21,6 +21,19 @@ pub(crate) fn run_json(py: Python<'_>, arguments: Vec<OsString>) -> PyResult<Str
 #[pyfunction]
 pub(crate) fn commands_json() -> PyResult<String> {
     foxhunt_cli::commands_json(&Registry::builtin()).map_err(python_error)
+}
+
+/// Raises ValueError, with all kinds, unless events of this kind stand in logs.
+#[pyfunction]
+pub(crate) fn check_event(kind: &str) -> PyResult<()> {
+    // The parser has the list.
+    match serde_json::from_value::<Event>(serde_json::json!({ "event": kind })) {
+        Err(error) if error.to_string().starts_with("unknown variant") => {
+            let text = error.to_string().replacen("unknown variant", "no event", 1);
+            Err(PyValueError::new_err(text))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// The true places of a beacon of a log at some times, East and North in metres, one a row; `None`

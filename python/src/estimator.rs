@@ -375,7 +375,9 @@ impl Estimator {
         let made_again = py.import("foxhunt.estimators")?.getattr("_made_again")?;
         let MadeOf { positional, keywords } = &estimator.made_of;
         let own = slf.getattr_opt("__dict__")?;
-        let arguments = (slf.get_type(), positional.bind(py), keywords.bind(py), steps, own);
+        let estimate = estimator.estimate(py)?;
+        let arguments =
+            (slf.get_type(), positional.bind(py), keywords.bind(py), steps, own, estimate);
         (made_again, arguments).into_pyobject(py)
     }
 

@@ -39,7 +39,7 @@ use pyo3::prelude::*;
 mod _foxhunt {
     #[pymodule_export]
     use crate::{
-        command::{commands_json, places_at, run_json},
+        command::{check_event, commands_json, places_at, run_json},
         consistency::{judge_squares, judge_whiteness},
         estimator::{Correction, Estimate, Estimator},
         laws::{check_estimator, check_model},

@@ -348,6 +348,11 @@ pub(crate) fn quantities<const M: usize>(object: &Bound<'_, PyAny>) -> PyResult<
         ))
     })?;
     let each = pairs.iter().map(|(name, axis)| match axis.as_str() {
+        "angle" if name.split('_').any(|part| part == "deg") => {
+            Err(PyValueError::new_err(format!(
+                "{name} is an angle in degrees; angles are in radians, such as \"bearing_rad\""
+            )))
+        }
         "linear" => Ok(Quantity::linear(kept(name))),
         "angle" => Ok(Quantity::angle(kept(name))),
         _ => Err(PyValueError::new_err(format!(

@@ -30,6 +30,13 @@ class Range:
         return np.hypot(state[..., 0] - receiver[0], state[..., 1] - receiver[1])
 
 
+class Scaled(Range):
+    scale = 1.0
+
+    def expected(self, state, receiver):
+        return self.scale * super().expected(state, receiver)
+
+
 class OneByOne(Range):
     vectorized = False
 
@@ -168,6 +175,17 @@ def test_estimators_go_through_copies_and_pickles(kind, way):
     same(stepped(estimator), again)
 
 
+def test_a_pickle_whose_model_was_changed_is_refused():
+    class_of = made(foxhunt.Ekf, Scaled())
+    sent = pickle.dumps(stepped(class_of))
+    same(pickle.loads(sent), class_of)
+    model = Scaled()
+    changed = stepped(made(foxhunt.Ekf, model))
+    model.scale = 1.1
+    with pytest.raises(ValueError, match="pickled Ekf .*model was changed between two steps"):
+        pickle.loads(pickle.dumps(stepped(changed)))
+
+
 def test_work_goes_to_other_processes():
     estimators = [stepped(made(kind)) for kind in KINDS]
     here = [stepped(copy.deepcopy(each)).estimate() for each in estimators]
@@ -267,6 +285,14 @@ def test_receivers_are_arrays_and_poses():
     assert type(pose + 1) is np.ndarray and type(pose[:2]) is np.ndarray
 
 
+def test_an_angle_in_degrees_is_refused_by_its_name():
+    class Degrees(Range):
+        quantities = [("bearing_deg", "angle")]
+
+    with pytest.raises(ValueError, match="bearing_deg .* radians"):
+        made(foxhunt.Ekf, Degrees())
+
+
 @pytest.mark.parametrize("size", range(2, 9))
 def test_states_of_many_sizes(size):
     class Place:
@@ -319,6 +345,9 @@ def test_estimators_are_judged():
     assert foxhunt.whiteness(innovations, lags=5).lags == 5
     with pytest.raises(ValueError, match="probability"):
         foxhunt.consistency(nees, 2, probability=2.0)
+    for wrong in (None, np.nan, -1.0, np.inf):
+        with pytest.raises(ValueError, match=rf"squares\[1\] is {wrong}; "):
+            foxhunt.consistency([4.0, wrong], 4)
 
 
 def test_a_moving_beacon_is_followed(tmp_path):

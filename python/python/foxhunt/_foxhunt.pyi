@@ -133,6 +133,7 @@ def check_estimator(
     worthless_tolerance: float | None,
     predictive: tuple[float, float, bool] | None,
 ) -> None: ...
+def check_event(kind: str) -> None: ...
 def check_model(
     object: AnyModel,
     state: ArrayLike,

@@ -17,7 +17,8 @@ True``: clouds then call it once for hundreds of states, one a row. ``state[...,
 noise factor may be one matrix for all states.
 
 Estimators can be pickled and copied. A pickle holds the arguments and the steps, up to 100 000,
-which are taken again when it is read; a copy has the belief, and shares motion and model.
+which are taken again when it is read; a copy has the belief, and shares motion and model. Motion
+and model must therefore not change: reading such a pickle raises ValueError.
 
 >>> class GroundRange:
 ...     quantities = [("range_m", "linear")]
@@ -84,12 +85,24 @@ def _made_again(
     keywords: dict[str, Any],
     steps: list[Any],
     own: dict[str, Any] | None,
+    stored: Estimate | None = None,
 ) -> Estimator:
     """Makes an estimator of a pickle: from its arguments, by the steps that it took."""
     estimator = Estimator.__new__(cls, *positional, **keywords)
     if own:
         estimator.__dict__.update(own)
     estimator._take(steps)
+    if stored is not None:
+        made = estimator.estimate()
+        sigma = np.sqrt(np.diag(stored.covariance))
+        mean = np.abs(made.mean - stored.mean) / sigma
+        covariance = np.abs(made.covariance - stored.covariance) / np.outer(sigma, sigma)
+        # Another machine may round otherwise.
+        if not max(mean.max(), covariance.max()) < 1e-6:
+            raise ValueError(
+                f"the steps of the pickled {cls.__name__} do not lead to its belief: its motion or "
+                "its model was changed between two steps; send estimate() instead"
+            )
     return estimator
 
 
