@@ -6,15 +6,28 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::{
     exceptions::{PyRuntimeError, PyValueError},
     prelude::*,
+    types::PyList,
 };
 
 /// Runs one command of the program and returns its result as JSON.
 ///
 /// Other Python threads go on meanwhile. Raises ValueError for wrong use or input and RuntimeError
-/// for a failure, with the program's own text.
+/// for a failure, with the program's own text. The lines for standard error go into `heard`, if it
+/// is given.
 #[pyfunction]
-pub(crate) fn run_json(py: Python<'_>, arguments: Vec<OsString>) -> PyResult<String> {
-    py.detach(|| foxhunt_cli::run_json(&Registry::builtin(), arguments)).map_err(python_error)
+#[pyo3(signature = (arguments, heard=None))]
+pub(crate) fn run_json(
+    py: Python<'_>,
+    arguments: Vec<OsString>,
+    heard: Option<&Bound<'_, PyList>>,
+) -> PyResult<String> {
+    let registry = Registry::builtin();
+    let Some(heard) = heard else {
+        return py.detach(|| foxhunt_cli::run_json(&registry, arguments)).map_err(python_error);
+    };
+    let (result, lines) = py.detach(|| foxhunt_cli::run_json_overheard(&registry, arguments));
+    lines.into_iter().try_for_each(|line| heard.append(line))?;
+    result.map_err(python_error)
 }
 
 /// The commands with their arguments, as JSON.

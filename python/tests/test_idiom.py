@@ -98,6 +98,25 @@ def test_tables_in_memory_are_files(walk, tmp_path, table):
     assert str(tmp_path.parent.parent) not in str(of_table)
 
 
+def test_a_table_that_is_read_whole_is_read_without_a_word(walk, capfd):
+    foxhunt.locate(walk)
+    assert capfd.readouterr() == ("", "")
+    up = [*walk["up_m"][:-1], "high"]
+    foxhunt.locate({**walk, "up_m": up})
+    printed = capfd.readouterr().err
+    assert printed.startswith("table.csv: format foxhunt, 199 of 200 rows\n")
+
+
+@pytest.mark.parametrize("pair", [tuple, list, np.array, lambda pair: "50.0755,14.4378"])
+def test_a_place_is_a_pair_of_numbers(walk, tmp_path, pair):
+    export = tmp_path / "place.geojson"
+    foxhunt.locate(walk, origin=pair((50.0755, 14.4378)), export=export)
+    foxhunt.run("locate", walk, origin=pair((50.0755, 14.4378)), export=export)
+    assert "50.07" in export.read_text()
+    with pytest.raises(ValueError, match="truth"):
+        foxhunt.locate(walk, truth=pair((90.0, 75.0)))
+
+
 def test_a_table_s_mistakes_are_named(walk):
     with pytest.raises(ValueError, match=r"(?s)^table\.csv.*up_m"):
         foxhunt.locate(pd.DataFrame({**walk, "up_m": "high"}), strict=True)
