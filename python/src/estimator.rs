@@ -267,8 +267,9 @@ impl Estimator {
     /// `value` has a number for each component, None where it was not measured; `noise` is the
     /// covariance of its errors, or their standard deviations; a single component may be a number.
     /// `receiver` is where it was received (East, North and, unless it is 0, Up, in metres), as a
-    /// sequence, an array or a `Pose`; `heading` in radians and `velocity` in m/s are its own.
-    /// `time` in seconds is what a gate's and a log's messages name.
+    /// sequence, an array or a `Pose`, the origin unless given; `heading` in radians and `velocity`
+    /// in m/s are its own. `time` in seconds is what a gate's and a log's messages name; its order
+    /// is not checked.
     /// Raises ValueError, and leaves the belief as it was, where anything is out of its range.
     #[pyo3(signature = (value, noise, *, receiver=None, heading=None, velocity=None, time=0.0))]
     #[expect(clippy::too_many_arguments, reason = "Python's are named")]
