@@ -86,6 +86,14 @@ pub fn run_json(
     Ok(json.into_inner())
 }
 
+/// As [`run_json`], and returns the lines that it would print on standard error.
+pub fn run_json_overheard(
+    registry: &Registry,
+    arguments: impl IntoIterator<Item = OsString>,
+) -> (Result<String, CommandError>, Vec<String>) {
+    output::overheard(|| run_json(registry, arguments))
+}
+
 /// The text before `Usage:` and the advice to try `--help`.
 fn without_usage(text: &str) -> &str {
     let ends = ["\n\nUsage:", "\n\nFor more information"].map(|end| text.find(end));

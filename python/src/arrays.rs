@@ -37,17 +37,28 @@ pub(crate) fn number(value: &Bound<'_, PyAny>) -> Option<f64> {
     if single || value.len().is_err() { value.extract().ok() } else { None }
 }
 
-/// A square matrix, as [`vector`].
-pub(crate) fn matrix<const D: usize>(
+/// A matrix, as [`vector`].
+pub(crate) fn matrix<const R: usize, const C: usize>(
+    value: &Bound<'_, PyAny>,
+    name: &str,
+) -> PyResult<SMatrix<f64, R, C>> {
+    let array: PyArrayLike2<'_, f64, AllowTypeChange> =
+        value.extract().map_err(|_| wrong(name, &format!("{R} rows of {C} numbers"), value))?;
+    if array.shape() != [R, C] {
+        return Err(wrong(name, &format!("{R} rows of {C} numbers"), value));
+    }
+    Ok(SMatrix::from_row_iterator(array.as_array().iter().copied()))
+}
+
+/// A covariance, or that of standard deviations, as [`vector`].
+pub(crate) fn covariance<const D: usize>(
     value: &Bound<'_, PyAny>,
     name: &str,
 ) -> PyResult<SMatrix<f64, D, D>> {
-    let array: PyArrayLike2<'_, f64, AllowTypeChange> =
-        value.extract().map_err(|_| wrong(name, &format!("{D} rows of {D} numbers"), value))?;
-    if array.shape() != [D, D] {
-        return Err(wrong(name, &format!("{D} rows of {D} numbers"), value));
+    match vector::<D>(value, name) {
+        Ok(sigma) => Ok(SMatrix::from_diagonal(&sigma.component_mul(&sigma))),
+        Err(_) => matrix(value, name),
     }
-    Ok(SMatrix::from_row_iterator(array.as_array().iter().copied()))
 }
 
 /// Numbers of any count, as [`vector`].

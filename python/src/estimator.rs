@@ -1,4 +1,4 @@
-use std::fmt::Write as _;
+use std::{any::Any, fmt::Write as _};
 
 use foxhunt::{
     core::{self, Observation, Pose},
@@ -135,7 +135,8 @@ pub(crate) struct Estimator {
     failure: Failure,
     /// Arguments that it was made of.
     made_of: MadeOf,
-    /// The steps so far, by which a pickle makes it again; `None` once there are too many.
+    /// The steps so far, by which a pickle makes it again; `None` once there are too many, and for
+    /// a smoothed belief.
     history: Option<Vec<Past>>,
 }
 
@@ -236,22 +237,7 @@ impl Estimator {
         let parts = Parts { motion, model, mean, covariance, failure: &failure };
         let n = arrays::length(mean, "mean")?;
         let m = components(model)?;
-        macro_rules! of_size {
-            ($($n:literal)+) => {
-                match (n, m) {
-                    $(
-                        ($n, 1) => steps::<$n, 1>(&settings, &parts),
-                        ($n, 2) => steps::<$n, 2>(&settings, &parts),
-                        ($n, 3) => steps::<$n, 3>(&settings, &parts),
-                    )+
-                    _ => Err(PyValueError::new_err(format!(
-                        "the state has {n} and the measurement {m} components; \
-                         there must be 2 to 8, and 1 to 3"
-                    ))),
-                }
-            };
-        }
-        let steps = of_size!(2 3 4 5 6 7 8)?;
+        let steps = of_size!(n, m, steps(&settings, &parts))?;
         let py = mean.py();
         let keywords = PyDict::new(py);
         keywords.set_item("gate", gate)?;
@@ -281,8 +267,9 @@ impl Estimator {
     /// `value` has a number for each component, None where it was not measured; `noise` is the
     /// covariance of its errors, or their standard deviations; a single component may be a number.
     /// `receiver` is where it was received (East, North and, unless it is 0, Up, in metres), as a
-    /// sequence, an array or a `Pose`; `heading` in radians and `velocity` in m/s are its own.
-    /// `time` in seconds is what a gate's and a log's messages name.
+    /// sequence, an array or a `Pose`, the origin unless given; `heading` in radians and `velocity`
+    /// in m/s are its own. `time` in seconds is what a gate's and a log's messages name; its order
+    /// is not checked.
     /// Raises ValueError, and leaves the belief as it was, where anything is out of its range.
     #[pyo3(signature = (value, noise, *, receiver=None, heading=None, velocity=None, time=0.0))]
     #[expect(clippy::too_many_arguments, reason = "Python's are named")]
@@ -303,6 +290,33 @@ impl Estimator {
         };
         let noise = self.steps.noise(noise)?;
         self.update_by(py, Update { value, noise, receiver, time })
+    }
+
+    /// Conditions the belief on `later`: the smoothed belief `dt` seconds afterwards, of a copy that
+    /// went on from this one (`Remembering` does so for a whole run).
+    ///
+    /// Raises ValueError, and leaves the belief as it was, for an estimator of another kind or size,
+    /// a negative `dt`, and a setting for which there is no smoother.
+    fn smooth(&mut self, py: Python<'_>, later: &Bound<'_, Self>, dt: f64) -> PyResult<()> {
+        let later = later.try_borrow().map_err(|_| {
+            PyValueError::new_err("an estimator cannot be smoothed by itself, but by a later copy")
+        })?;
+        let later = &*later.steps;
+        let steps = &mut self.steps;
+        let result = py.detach(|| steps.smooth(later, dt));
+        self.raised(result.unwrap_or_else(|| {
+            let text =
+                "later is an estimator of another kind or size; it must be a copy that went on";
+            Err(PyValueError::new_err(text))
+        }))?;
+        self.history = None;
+        Ok(())
+    }
+
+    /// Pairs of a name and "linear" or "angle", as its model has them.
+    #[getter]
+    fn quantities<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.made_of.positional.bind(py).get_item(2)?.getattr("quantities")
     }
 
     /// The mean and the covariance of the belief.
@@ -347,9 +361,9 @@ impl Estimator {
         let estimator = slf.borrow();
         let Some(history) = &estimator.history else {
             return Err(PyValueError::new_err(format!(
-                "the estimator has taken more than {MOST_STEPS} steps, which a pickle would take \
-                 again; copy.deepcopy copies it, and an estimator that is made of its estimate \
-                 goes on from there"
+                "the estimator was smoothed, or has taken more than {MOST_STEPS} steps, which a \
+                 pickle would take again; copy.deepcopy copies it, and an estimator that is made of \
+                 its estimate goes on from there"
             )));
         };
         let steps = PyList::empty(py);
@@ -362,8 +376,18 @@ impl Estimator {
         let made_again = py.import("foxhunt.estimators")?.getattr("_made_again")?;
         let MadeOf { positional, keywords } = &estimator.made_of;
         let own = slf.getattr_opt("__dict__")?;
-        let arguments = (slf.get_type(), positional.bind(py), keywords.bind(py), steps, own);
+        let estimate = estimator.estimate(py)?;
+        let arguments =
+            (slf.get_type(), positional.bind(py), keywords.bind(py), steps, own, estimate);
         (made_again, arguments).into_pyobject(py)
+    }
+
+    /// A copy without its steps, of which a run keeps many.
+    fn _remembered<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let history = slf.borrow_mut().history.take();
+        let copied = Self::__copy__(slf);
+        slf.borrow_mut().history = history;
+        copied
     }
 
     fn __copy__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
@@ -434,7 +458,7 @@ impl Estimator {
 }
 
 /// An estimator of any size.
-trait Steps: Send + Sync {
+trait Steps: Any + Send + Sync {
     fn predict(&mut self, dt: f64) -> Result<(), core::EstimatorError>;
 
     /// The rows of a covariance that is given, or of that of standard deviations.
@@ -443,6 +467,9 @@ trait Steps: Send + Sync {
     fn update(&mut self, py: Python<'_>, update: &Update) -> PyResult<core::Correction>;
 
     fn copied(&self) -> Box<dyn Steps>;
+
+    /// Conditions the belief on a later one; `None` if that is of another kind or size.
+    fn smooth(&mut self, later: &dyn Steps, dt: f64) -> Option<PyResult<()>>;
 
     /// A prior as arrays of its own.
     fn prior<'py>(
@@ -464,17 +491,24 @@ trait Steps: Send + Sync {
 /// An estimator of a size that is known when it is compiled.
 struct Sized<const N: usize, const M: usize>(Box<dyn Copied<N, M>>);
 
-/// An estimator that can be copied behind its pointer.
-trait Copied<const N: usize, const M: usize>: core::Estimator<N, M> + Send + Sync {
+/// An estimator that can be copied and smoothed behind its pointer.
+trait Copied<const N: usize, const M: usize>: core::Estimator<N, M> + Any + Send + Sync {
     fn copied(&self) -> Box<dyn Copied<N, M>>;
+
+    /// `None` if the later one is of another kind.
+    fn smooth_by(&mut self, later: &dyn Any, dt: f64) -> Option<Result<(), core::EstimatorError>>;
 }
 
 impl<E, const N: usize, const M: usize> Copied<N, M> for E
 where
-    E: core::Estimator<N, M> + Clone + Send + Sync + 'static,
+    E: core::Smooth<N, M> + Clone + Send + Sync + 'static,
 {
     fn copied(&self) -> Box<dyn Copied<N, M>> {
         Box::new(self.clone())
+    }
+
+    fn smooth_by(&mut self, later: &dyn Any, dt: f64) -> Option<Result<(), core::EstimatorError>> {
+        later.downcast_ref().map(|later| self.smooth(later, dt))
     }
 }
 
@@ -484,10 +518,7 @@ impl<const N: usize, const M: usize> Steps for Sized<N, M> {
     }
 
     fn noise(&self, noise: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
-        let noise = match arrays::vector::<M>(noise, "noise") {
-            Ok(sigma) => SMatrix::from_diagonal(&sigma.component_mul(&sigma)),
-            Err(_) => arrays::matrix::<M>(noise, "noise")?,
-        };
+        let noise = arrays::covariance::<M>(noise, "noise")?;
         // By columns.
         Ok(noise.transpose().as_slice().to_vec())
     }
@@ -517,6 +548,12 @@ impl<const N: usize, const M: usize> Steps for Sized<N, M> {
         Box::new(Self(self.0.copied()))
     }
 
+    fn smooth(&mut self, later: &dyn Steps, dt: f64) -> Option<PyResult<()>> {
+        let later: &Self = (later as &dyn Any).downcast_ref()?;
+        let smoothed = self.0.smooth_by(&*later.0, dt)?;
+        Some(smoothed.map_err(value_error))
+    }
+
     fn prior<'py>(
         &self,
         py: Python<'py>,
@@ -524,7 +561,7 @@ impl<const N: usize, const M: usize> Steps for Sized<N, M> {
         covariance: &Bound<'py, PyAny>,
     ) -> PyResult<Prior<'py>> {
         let mean = arrays::vector::<N>(mean, "mean")?;
-        let covariance = arrays::matrix::<N>(covariance, "covariance")?.transpose();
+        let covariance = arrays::matrix::<N, N>(covariance, "covariance")?.transpose();
         let flat = PyArray1::from_slice(py, covariance.as_slice());
         Ok((PyArray1::from_slice(py, mean.as_slice()), flat.reshape([N, N])?))
     }

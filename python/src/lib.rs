@@ -1,11 +1,32 @@
 //! The extension module of the Python package `foxhunt`: estimators over models of Rust and of
 //! Python, and the program's commands with their results as JSON.
 
+/// Calls a function that returns `PyResult` for the sizes of a state and of a measurement.
+macro_rules! of_size {
+    ($n:expr, $m:expr, $function:ident $arguments:tt) => {
+        of_size!($n, $m, $function $arguments, 2 3 4 5 6 7 8)
+    };
+    ($n:expr, $m:expr, $function:ident $arguments:tt, $($size:literal)+) => {
+        match ($n, $m) {
+            $(
+                ($size, 1) => $function::<$size, 1> $arguments,
+                ($size, 2) => $function::<$size, 2> $arguments,
+                ($size, 3) => $function::<$size, 3> $arguments,
+            )+
+            (n, m) => Err(pyo3::exceptions::PyValueError::new_err(format!(
+                "the state has {n} and the measurement {m} components; \
+                 there must be 2 to 8, and 1 to 3"
+            ))),
+        }
+    };
+}
+
 mod arrays;
 mod command;
 mod consistency;
 mod estimator;
 mod failure;
+mod laws;
 mod model;
 mod motion;
 mod pose;
@@ -18,9 +39,10 @@ use pyo3::prelude::*;
 mod _foxhunt {
     #[pymodule_export]
     use crate::{
-        command::{commands_json, places_at, run_json},
+        command::{check_event, commands_json, places_at, run_json},
         consistency::{judge_squares, judge_whiteness},
         estimator::{Correction, Estimate, Estimator},
+        laws::{check_estimator, check_model},
         model::Model,
         motion::Motion,
     };

@@ -7,9 +7,9 @@ use std::{
 use foxhunt::{
     core::{
         Axis, MeasurementModel, Observation, Pose, Quantity, State, log_likelihoods_one_by_one,
-        residuals_one_by_one,
+        numeric_jacobian, residuals_one_by_one,
     },
-    nalgebra::{SVector, Vector3},
+    nalgebra::{SMatrix, SVector, Vector3},
     sensors::{
         BearingOnly, FreePathLossRssBearing, FreePowerRssBearing, LogDistance, RangeDifference,
         Rss, RssBearing,
@@ -158,6 +158,7 @@ pub(crate) fn model<const N: usize, const M: usize>(
         return Ok(Arc::new(PythonModel::<M> {
             quantities: quantities(&object.getattr("quantities")?)?,
             is_vectorized: arrays::is_vectorized(object)?,
+            has_jacobian: object.hasattr("jacobian")?,
             object: object.clone().unbind(),
             receiver: Mutex::default(),
             failure: failure.clone(),
@@ -203,6 +204,8 @@ struct PythonModel<const M: usize> {
     quantities: [Quantity; M],
     /// True if `expected` takes many states at once.
     is_vectorized: bool,
+    /// True if the object has its own derivative; otherwise it is taken by differences.
+    has_jacobian: bool,
     /// Pose of the last call as Python has it: sigma points and particles share one.
     receiver: Mutex<Option<(Pose, Py<PyAny>)>>,
     failure: Failure,
@@ -264,6 +267,25 @@ impl<const N: usize, const M: usize> MeasurementModel<N, M> for PythonModel<M> {
         })
     }
 
+    fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, M, N> {
+        if !self.has_jacobian {
+            let expected = |x: &State<N>| MeasurementModel::<N, M>::expected(self, x, receiver);
+            return numeric_jacobian(state, expected, |a, b| {
+                MeasurementModel::<N, M>::residual(self, a, b)
+            });
+        }
+        let call = |py: Python<'_>| {
+            let state = PyArray1::from_slice(py, state.as_slice());
+            let receiver = self.receiver(py, receiver)?;
+            let jacobian = self.object.bind(py).call_method1("jacobian", (state, receiver))?;
+            arrays::matrix(&jacobian, "what jacobian returns")
+        };
+        Python::attach(call).unwrap_or_else(|error| {
+            self.failure.keep(error);
+            SMatrix::repeat(f64::NAN)
+        })
+    }
+
     fn expected_many(&self, states: &[State<N>], receiver: &Pose, out: &mut [SVector<f64, M>]) {
         if !self.is_vectorized {
             for (out, state) in out.iter_mut().zip(states) {
@@ -319,13 +341,18 @@ impl<const N: usize, const M: usize> MeasurementModel<N, M> for PythonModel<M> {
 }
 
 /// The quantities of a Python model: pairs of a name and "linear" or "angle".
-fn quantities<const M: usize>(object: &Bound<'_, PyAny>) -> PyResult<[Quantity; M]> {
+pub(crate) fn quantities<const M: usize>(object: &Bound<'_, PyAny>) -> PyResult<[Quantity; M]> {
     let pairs: Vec<(String, String)> = object.extract().map_err(|_| {
         PyValueError::new_err(format!(
             "quantities is {object}; it must be pairs such as (\"range_m\", \"linear\")"
         ))
     })?;
     let each = pairs.iter().map(|(name, axis)| match axis.as_str() {
+        "angle" if name.split('_').any(|part| part == "deg") => {
+            Err(PyValueError::new_err(format!(
+                "{name} is an angle in degrees; angles are in radians, such as \"bearing_rad\""
+            )))
+        }
         "linear" => Ok(Quantity::linear(kept(name))),
         "angle" => Ok(Quantity::angle(kept(name))),
         _ => Err(PyValueError::new_err(format!(

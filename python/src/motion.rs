@@ -2,7 +2,8 @@ use std::{any::Any, sync::Arc};
 
 use foxhunt::{
     core::{
-        ConstantVelocity, CoordinatedTurn, MotionModel, RandomWalk, State, parameter::not_negative,
+        ConstantVelocity, CoordinatedTurn, MotionModel, RandomWalk, State, numeric_jacobian,
+        parameter::not_negative,
     },
     nalgebra::SMatrix,
 };
@@ -95,6 +96,7 @@ pub(crate) fn motion<const N: usize>(
         }
         return Ok(Arc::new(PythonMotion::<N> {
             is_vectorized: arrays::is_vectorized(object)?,
+            has_jacobian: object.hasattr("jacobian")?,
             object: object.clone().unbind(),
             failure: failure.clone(),
         }));
@@ -136,6 +138,8 @@ fn of_size<const K: usize, const N: usize>(motion: AnyMotion<K>) -> PyResult<Any
 /// A motion that is written in Python.
 struct PythonMotion<const N: usize> {
     is_vectorized: bool,
+    /// True if the object has its own derivative; otherwise it is taken by differences.
+    has_jacobian: bool,
     object: Py<PyAny>,
     failure: Failure,
 }
@@ -158,6 +162,21 @@ impl<const N: usize> MotionModel<N> for PythonMotion<N> {
             let state = PyArray1::from_slice(py, state.as_slice());
             let factor = self.object.bind(py).call_method1("noise_factor", (state, dt))?;
             arrays::matrix(&factor, "what noise_factor returns")
+        };
+        Python::attach(call).unwrap_or_else(|error| {
+            self.failure.keep(error);
+            SMatrix::repeat(f64::NAN)
+        })
+    }
+
+    fn jacobian(&self, state: &State<N>, dt: f64) -> SMatrix<f64, N, N> {
+        if !self.has_jacobian {
+            return numeric_jacobian(state, |x| self.propagate(x, dt), |a, b| a - b);
+        }
+        let call = |py: Python<'_>| {
+            let state = PyArray1::from_slice(py, state.as_slice());
+            let jacobian = self.object.bind(py).call_method1("jacobian", (state, dt))?;
+            arrays::matrix(&jacobian, "what jacobian returns")
         };
         Python::attach(call).unwrap_or_else(|error| {
             self.failure.keep(error);

@@ -28,6 +28,22 @@ def test_a_log_holds_what_was_flown(flown):
     assert len(log.frame("received")) >= len(track)
 
 
+def test_beacons_have_names_and_mistakes_are_named(flown):
+    log = foxhunt.read_log(flown[1])
+    names = [each["name"] for each in log.header["beacons"]]
+    assert log.track(names[1]).equals(log.track(1))
+    np.testing.assert_array_equal(log.truth(names[1], 0.0), log.truth(1, 0.0))
+    known = ", ".join(f"{number} {name!r}" for number, name in enumerate(names))
+    for wrong in (7, -1, "no such beacon"):
+        for call in (log.track, lambda beacon: plots.track(log, beacon)):
+            with pytest.raises(ValueError) as caught:
+                call(wrong)
+            assert str(caught.value) == f"no beacon {wrong!r}; there are {known}"
+    with pytest.raises(ValueError, match="no event `recieved`, expected .*`received`"):
+        log.frame("recieved")
+    assert log.frame("resumed").empty
+
+
 def test_a_log_that_was_cut_is_read_up_to_there(flown, tmp_path):
     whole = flown[1].read_bytes()
     cut = tmp_path / "cut.jsonl"

@@ -30,6 +30,13 @@ class Range:
         return np.hypot(state[..., 0] - receiver[0], state[..., 1] - receiver[1])
 
 
+class Scaled(Range):
+    scale = 1.0
+
+    def expected(self, state, receiver):
+        return self.scale * super().expected(state, receiver)
+
+
 class OneByOne(Range):
     vectorized = False
 
@@ -89,6 +96,25 @@ def test_tables_in_memory_are_files(walk, tmp_path, table):
     of_table = foxhunt.locate(table(walk))
     assert of_table["estimate"] == of_file["estimate"]
     assert str(tmp_path.parent.parent) not in str(of_table)
+
+
+def test_a_table_that_is_read_whole_is_read_without_a_word(walk, capfd):
+    foxhunt.locate(walk)
+    assert capfd.readouterr() == ("", "")
+    up = [*walk["up_m"][:-1], "high"]
+    foxhunt.locate({**walk, "up_m": up})
+    printed = capfd.readouterr().err
+    assert printed.startswith("table.csv: format foxhunt, 199 of 200 rows\n")
+
+
+@pytest.mark.parametrize("pair", [tuple, list, np.array, lambda pair: "50.0755,14.4378"])
+def test_a_place_is_a_pair_of_numbers(walk, tmp_path, pair):
+    export = tmp_path / "place.geojson"
+    foxhunt.locate(walk, origin=pair((50.0755, 14.4378)), export=export)
+    foxhunt.run("locate", walk, origin=pair((50.0755, 14.4378)), export=export)
+    assert "50.07" in export.read_text()
+    with pytest.raises(ValueError, match="truth"):
+        foxhunt.locate(walk, truth=pair((90.0, 75.0)))
 
 
 def test_a_table_s_mistakes_are_named(walk):
@@ -166,6 +192,17 @@ def test_estimators_go_through_copies_and_pickles(kind, way):
     before = estimator.estimate().mean
     assert not np.array_equal(again.estimate().mean, before)
     same(stepped(estimator), again)
+
+
+def test_a_pickle_whose_model_was_changed_is_refused():
+    class_of = made(foxhunt.Ekf, Scaled())
+    sent = pickle.dumps(stepped(class_of))
+    same(pickle.loads(sent), class_of)
+    model = Scaled()
+    changed = stepped(made(foxhunt.Ekf, model))
+    model.scale = 1.1
+    with pytest.raises(ValueError, match="pickled Ekf .*model was changed between two steps"):
+        pickle.loads(pickle.dumps(stepped(changed)))
 
 
 def test_work_goes_to_other_processes():
@@ -267,6 +304,14 @@ def test_receivers_are_arrays_and_poses():
     assert type(pose + 1) is np.ndarray and type(pose[:2]) is np.ndarray
 
 
+def test_an_angle_in_degrees_is_refused_by_its_name():
+    class Degrees(Range):
+        quantities = [("bearing_deg", "angle")]
+
+    with pytest.raises(ValueError, match="bearing_deg .* radians"):
+        made(foxhunt.Ekf, Degrees())
+
+
 @pytest.mark.parametrize("size", range(2, 9))
 def test_states_of_many_sizes(size):
     class Place:
@@ -319,6 +364,9 @@ def test_estimators_are_judged():
     assert foxhunt.whiteness(innovations, lags=5).lags == 5
     with pytest.raises(ValueError, match="probability"):
         foxhunt.consistency(nees, 2, probability=2.0)
+    for wrong in (None, np.nan, -1.0, np.inf):
+        with pytest.raises(ValueError, match=rf"squares\[1\] is {wrong}; "):
+            foxhunt.consistency([4.0, wrong], 4)
 
 
 def test_a_moving_beacon_is_followed(tmp_path):

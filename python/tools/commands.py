@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from foxhunt._foxhunt import commands_json
+from foxhunt._program import PLACES
 
 TARGET = Path(__file__).parents[1] / "python" / "foxhunt" / "commands.py"
 
@@ -43,7 +44,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 from . import _program
-from ._program import Path, Result, Table, run
+from ._program import Path, Place, Result, Table, run
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -59,7 +60,7 @@ def text() -> str:
         each for each in described if each["arguments"] and name_of(each) not in LEFT_OUT
     ]
     names = [name_of(each) for each in described]
-    exported = ["CampaignOptions", "Path", "Result", "Table", "run", *sorted(names)]
+    exported = ["CampaignOptions", "Path", "Place", "Result", "Table", "run", *sorted(names)]
     listed = "".join(f'    "{name}",\n' for name in exported)
     aliases: dict[str, str] = {}
     parts = [function(each, aliases) for each in described]
@@ -97,6 +98,8 @@ def type_of(argument: dict[str, Any], of_tables: bool, aliases: dict[str, str]) 
         return "bool"
     if argument["choices"]:
         return choice_of(argument, aliases)
+    if argument["name"] in PLACES:
+        return "Place"
     if argument["positional"] and of_tables:
         return "Table"
     if argument["positional"] and argument["kind"] == "text":

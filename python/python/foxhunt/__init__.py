@@ -15,7 +15,7 @@ False
 True
 """
 
-from . import commands, plots
+from . import commands, laws, plots
 from ._foxhunt import Correction, Estimate, Motion, Model, __version__
 from .commands import (
     bearing,
@@ -28,7 +28,7 @@ from .commands import (
     results,
     run,
 )
-from .estimators import Ckf, Ekf, Estimator, GridFilter, ParticleFilter, Ukf
+from .estimators import Ckf, Ekf, Estimator, GridFilter, ParticleFilter, Remembering, Ukf
 from .judging import Consistency, Whiteness, consistency, whiteness
 from .logs import Log, read_log
 from .poses import Pose
@@ -46,6 +46,7 @@ __all__ = [
     "Motion",
     "ParticleFilter",
     "Pose",
+    "Remembering",
     "Ukf",
     "Whiteness",
     "__version__",
@@ -56,6 +57,7 @@ __all__ = [
     "consistency",
     "hunt",
     "judge",
+    "laws",
     "locate",
     "plots",
     "read_log",

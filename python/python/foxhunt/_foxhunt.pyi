@@ -1,5 +1,5 @@
 from os import PathLike
-from typing import Protocol, Self, Sequence
+from typing import Callable, Protocol, Self, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,14 +9,15 @@ from .poses import Pose
 __version__: str
 
 class MotionLike(Protocol):
-    """A motion of your own. With ``vectorized = True`` it is given many states, one a row, too."""
+    """A motion of your own. With ``vectorized = True`` it is given many states, one a row, too.
+    ``jacobian(state, dt)`` is used if there is one."""
 
     def propagate(self, state: NDArray[np.float64], dt: float) -> ArrayLike: ...
     def noise_factor(self, state: NDArray[np.float64], dt: float) -> ArrayLike: ...
 
 class ModelLike(Protocol):
     """A measurement model of your own. With ``vectorized = True`` it is given many states, one a
-    row, too, and returns a row for each."""
+    row, too, and returns a row for each. ``jacobian(state, receiver)`` is used if there is one."""
 
     @property
     def quantities(self) -> Sequence[tuple[str, str]]: ...
@@ -106,6 +107,9 @@ class Estimator:
         velocity: ArrayLike | None = None,
         time: float = 0.0,
     ) -> Correction: ...
+    def smooth(self, later: Estimator, dt: float) -> None: ...
+    @property
+    def quantities(self) -> Sequence[tuple[str, str]]: ...
     def estimate(self) -> Estimate: ...
     def samples(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
     def nees(self, truth: ArrayLike) -> float | None: ...
@@ -114,8 +118,31 @@ class Estimator:
     def __copy__(self) -> Self: ...
     def __deepcopy__(self, memo: object) -> Self: ...
     def _take(self, steps: list[object]) -> None: ...
+    def _remembered(self) -> Self: ...
     def _take_over(self, other: Estimator) -> None: ...
 
+def check_estimator(
+    make: Callable[[], object],
+    pairs: Sequence[tuple[str, str]],
+    value: ArrayLike,
+    noise: ArrayLike,
+    receiver: ArrayLike | None,
+    heading: float | None,
+    velocity: ArrayLike | None,
+    step: float,
+    worthless_tolerance: float | None,
+    predictive: tuple[float, float, bool] | None,
+) -> None: ...
+def check_event(kind: str) -> None: ...
+def check_model(
+    object: AnyModel,
+    state: ArrayLike,
+    value: ArrayLike,
+    noise: ArrayLike,
+    receiver: ArrayLike | None,
+    heading: float | None,
+    velocity: ArrayLike | None,
+) -> None: ...
 def commands_json() -> str: ...
 def judge_squares(
     squares: list[float], degrees_of_freedom: list[int], probability: float
@@ -124,4 +151,6 @@ def judge_whiteness(
     runs: list[NDArray[np.float64]], lags: int
 ) -> tuple[float, int, float, list[tuple[int, float, float]]]: ...
 def places_at(beacon: str, times: list[float]) -> NDArray[np.float64] | None: ...
-def run_json(arguments: Sequence[str | PathLike[str]]) -> str: ...
+def run_json(
+    arguments: Sequence[str | PathLike[str]], heard: list[str] | None = None
+) -> str: ...

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+
+import numpy as np
 
 from ._foxhunt import run_json
 from ._tables import is_table, write_table
 
 if TYPE_CHECKING:
     import pandas as pd
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
     class Frame(Protocol):
         """A frame of pandas, polars or the like: columns by name."""
@@ -27,7 +31,11 @@ if TYPE_CHECKING:
 Path = str | os.PathLike[str]
 Result = dict[str, Any]
 Table: TypeAlias = "Path | Frame | Mapping[str, ArrayLike]"
+Place: TypeAlias = "str | Sequence[float] | NDArray[np.float64]"
 Option: TypeAlias = "Path | float | bool | Sequence[Path | float] | None"
+
+PLACES = {"origin", "truth"}
+"""Flags with a place: a text such as ``"50.1,14.4"``, or two numbers."""
 
 
 def run(*arguments: Table | float, **options: Option) -> Any:
@@ -65,13 +73,19 @@ def command(arguments: Sequence[Any], flags: Mapping[str, Any]) -> Any:
             path = folder + ("table.csv" if number == 1 else f"table-{number}.csv")
             write_table(argument, path)
             words.append(path)
-        try:
+        if folder is None:
             result = run_json(words + _flags(flags))
+            return json.loads(result) if result else None
+        heard: list[str] = []
+        try:
+            result = run_json(words + _flags(flags), heard)
         except (RuntimeError, ValueError) as error:
-            if folder is None:
-                raise
             raise type(error)(str(error).replace(folder, "")) from None
-    if folder is not None:
+        finally:
+            for line in (each.replace(folder, "") for each in heard):
+                # A table in memory that was read whole is not worth a line.
+                if not re.fullmatch(r"table\S*\.csv: format \S+, (\d+) of \1 rows", line):
+                    print(line, file=sys.stderr)
         result = result.replace(json.dumps(folder)[1:-1], "")
     return json.loads(result) if result else None
 
@@ -171,6 +185,11 @@ def _text(value: Any) -> str:
     return os.fspath(value) if isinstance(value, os.PathLike) else str(value)
 
 
+def _is_pair(name: str, value: Any) -> bool:
+    """True for a place of two numbers, which is one value."""
+    return name in PLACES and not isinstance(value, (str, os.PathLike)) and np.shape(value) == (2,)
+
+
 def _flags(options: Mapping[str, Any]) -> list[str]:
     flags = []
     for name, value in options.items():
@@ -179,5 +198,6 @@ def _flags(options: Mapping[str, Any]) -> list[str]:
             flags.append(flag)
         elif value is not None and value is not False:
             # With an equals sign a negative number is no flag.
+            value = ",".join(map(_text, value)) if _is_pair(name, value) else value
             flags += [f"{flag}={_text(each)}" for each in several(value)]
     return flags

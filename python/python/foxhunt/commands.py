@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 from . import _program
-from ._program import Path, Result, Table, run
+from ._program import Path, Place, Result, Table, run
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -143,6 +143,7 @@ WhatName = Literal[
 __all__ = [
     "CampaignOptions",
     "Path",
+    "Place",
     "Result",
     "Table",
     "run",
@@ -213,7 +214,7 @@ def hunt(
     pace: float | None = None,
     out: Path | None = None,
     export: Path | Sequence[Path] | None = None,
-    origin: Path | float | None = None,
+    origin: Place | None = None,
     start_utc: float | None = None,
 ) -> Result:
     """Fly one simulated hunt: ``foxhunt hunt``.
@@ -521,7 +522,7 @@ def soak(
 
 def locate(
     *files: Table,
-    truth: Path | float | None = None,
+    truth: Place | None = None,
     every_beacon: bool = False,
     track: bool = False,
     window_s: float | None = None,
@@ -571,7 +572,7 @@ def locate(
     report: Path | None = None,
     tiles: Path | None = None,
     export: Path | Sequence[Path] | None = None,
-    origin: Path | float | None = None,
+    origin: Place | None = None,
     start_utc: float | None = None,
     cot: Path | float | Sequence[Path | float] | None = None,
     cot_ca: Path | None = None,
@@ -818,7 +819,7 @@ def bearing(
     report: Path | None = None,
     tiles: Path | None = None,
     export: Path | Sequence[Path] | None = None,
-    origin: Path | float | None = None,
+    origin: Place | None = None,
     start_utc: float | None = None,
 ) -> Result:
     """Find the bearing of each recorded turn: ``foxhunt bearing``.
@@ -931,7 +932,7 @@ def bearing(
 
 def calibrate(
     *files: Path,
-    truth: Path | float | None = None,
+    truth: Place | None = None,
     target_up_m: float | None = None,
     max_exponent: float | None = None,
     least_range_m: float | None = None,
@@ -1067,7 +1068,7 @@ def antenna(
     antenna: Path | None = None,
     *,
     learn: Path | Sequence[Path] | None = None,
-    truth: Path | float | None = None,
+    truth: Place | None = None,
     bearing_deg: float | None = None,
     format: Path | float | None = None,
     columns: Path | float | Sequence[Path | float] | None = None,
@@ -1424,7 +1425,7 @@ def replay(
     report: Path | None = None,
     tiles: Path | None = None,
     export: Path | Sequence[Path] | None = None,
-    origin: Path | float | None = None,
+    origin: Place | None = None,
     start_utc: float | None = None,
 ) -> Result:
     """Run a log through an estimator again: ``foxhunt replay``.
@@ -1535,7 +1536,7 @@ def listen(
 
 def judge(
     *files: Table,
-    truth: Path | float | None = None,
+    truth: Place | None = None,
     against: Path | float | Sequence[Path | float] | None = None,
     calibrate: Path | None = None,
     estimator: EstimatorName2 | None = None,
@@ -2468,7 +2469,7 @@ def plot_levels(
 def plot_rssi(
     *files: Path,
     out: Path | float,
-    truth: Path | float | None = None,
+    truth: Place | None = None,
     extractor: ExtractorName | None = None,
     antenna: Path | float | None = None,
     format: Path | float | None = None,
@@ -2582,7 +2583,7 @@ def plot_rssi(
 def plot_bearing_errors(
     *files: Path,
     out: Path | float,
-    truth: Path | float | None = None,
+    truth: Place | None = None,
     extractor: ExtractorName | None = None,
     antenna: Path | float | None = None,
     format: Path | float | None = None,

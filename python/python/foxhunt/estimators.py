@@ -6,7 +6,9 @@ All of them take a motion, a measurement model and a Gaussian prior, and have th
 Motion and model are the library's (:class:`foxhunt.Motion`, :class:`foxhunt.Model`) or objects of
 your own. A model has ``quantities``, pairs of a name and ``"linear"`` or ``"angle"``, and
 ``expected(state, receiver)``; a motion has ``propagate(state, dt)`` and ``noise_factor(state,
-dt)``, whose product with its own transpose is the covariance of the noise. The receiver is a
+dt)``, whose product with its own transpose is the covariance of the noise. Either may have
+``jacobian``, with the arguments of ``expected`` and ``propagate``; the :class:`Ekf` and smoothers
+take differences without one. The receiver is a
 :class:`foxhunt.Pose`: an array of East, North and Up that has a heading and, where known, a
 velocity.
 
@@ -15,7 +17,8 @@ True``: clouds then call it once for hundreds of states, one a row. ``state[...,
 noise factor may be one matrix for all states.
 
 Estimators can be pickled and copied. A pickle holds the arguments and the steps, up to 100 000,
-which are taken again when it is read; a copy has the belief, and shares motion and model.
+which are taken again when it is read; a copy has the belief, and shares motion and model. Motion
+and model must therefore not change: reading such a pickle raises ValueError.
 
 >>> class GroundRange:
 ...     quantities = [("range_m", "linear")]
@@ -45,16 +48,30 @@ True
 
 from __future__ import annotations
 
+import copy
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from ._foxhunt import Estimator, Motion
+import numpy as np
+
+from ._foxhunt import Correction, Estimate, Estimator, Model, Motion
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
     from ._foxhunt import AnyModel, AnyMotion
 
-__all__ = ["Ckf", "Ekf", "Estimator", "GridFilter", "Motion", "ParticleFilter", "Ukf"]
+__all__ = [
+    "Ckf",
+    "Ekf",
+    "Estimator",
+    "GridFilter",
+    "Model",
+    "Motion",
+    "ParticleFilter",
+    "Remembering",
+    "Ukf",
+]
 
 
 def _made(cls: Any, method: str, keywords: dict[str, Any]) -> Any:
@@ -68,12 +85,24 @@ def _made_again(
     keywords: dict[str, Any],
     steps: list[Any],
     own: dict[str, Any] | None,
+    stored: Estimate | None = None,
 ) -> Estimator:
     """Makes an estimator of a pickle: from its arguments, by the steps that it took."""
     estimator = Estimator.__new__(cls, *positional, **keywords)
     if own:
         estimator.__dict__.update(own)
     estimator._take(steps)
+    if stored is not None:
+        made = estimator.estimate()
+        sigma = np.sqrt(np.diag(stored.covariance))
+        mean = np.abs(made.mean - stored.mean) / sigma
+        covariance = np.abs(made.covariance - stored.covariance) / np.outer(sigma, sigma)
+        # Another machine may round otherwise.
+        if not max(mean.max(), covariance.max()) < 1e-6:
+            raise ValueError(
+                f"the steps of the pickled {cls.__name__} do not lead to its belief: its motion or "
+                "its model was changed between two steps; send estimate() instead"
+            )
     return estimator
 
 
@@ -87,6 +116,63 @@ def _copied(
     estimator = _made_again(type(original), positional, keywords, [], own)
     estimator._take_over(original)
     return estimator
+
+
+class Remembering:
+    """An estimator that keeps a copy of itself after the updates of each time, to be smoothed.
+
+    ``time`` in seconds is that of the estimator's belief; :meth:`predict` counts from there.
+
+    >>> ekf = Ekf(Motion.random_walk(0.1), Model.bearing(), [50, 10], 400 * np.eye(2))
+    >>> run = Remembering(ekf)
+    >>> for step in range(20):
+    ...     run.predict(1.0)
+    ...     _ = run.update(np.arctan2(40, 30 - 3 * step), 0.02, receiver=(3 * step, 0))
+    >>> times, smoothed = run.smoothed()
+    >>> len(times), bool(smoothed[0].nees([30, 40]) < 13.8)
+    (20, True)
+    """
+
+    def __init__(self, estimator: Estimator, time: float = 0.0) -> None:
+        self.estimator = estimator
+        self.time = time
+        self._run: list[tuple[float, Estimator]] = []
+
+    def predict(self, dt: float) -> None:
+        """Carries the belief ``dt`` seconds forward."""
+        self.estimator.predict(dt)
+        self.time += dt
+
+    def update(
+        self,
+        value: float | Sequence[float | None] | NDArray[np.float64],
+        noise: ArrayLike,
+        **receiver: Any,
+    ) -> Correction:
+        """Conditions the belief on a measurement; arguments as those of ``Estimator.update``."""
+        correction = self.estimator.update(value, noise, **receiver)
+        # Measurements of one time are one step.
+        if self._run and self._run[-1][0] >= self.time:
+            self._run.pop()
+        self._run.append((self.time, self.estimator._remembered()))
+        return correction
+
+    def estimate(self) -> Estimate:
+        """The mean and the covariance of the belief now."""
+        return self.estimator.estimate()
+
+    def smoothed(self) -> tuple[NDArray[np.float64], list[Estimator]]:
+        """The times in seconds, and for each time an estimator with the belief given all
+        measurements.
+
+        Raises ValueError where there is no smoother: for a :class:`GridFilter` whose state holds
+        more than a place, or whose motion carries the place along.
+        """
+        run = [copy.copy(estimator) for _, estimator in self._run]
+        times = np.array([time for time, _ in self._run])
+        for k in range(len(run) - 1, 0, -1):
+            run[k - 1].smooth(run[k], times[k] - times[k - 1])
+        return times, run
 
 
 class Ekf(Estimator):

@@ -62,6 +62,9 @@ def consistency(
     'over-confident'
     """
     values = np.atleast_1d(np.asarray(squares, float))
+    for index in np.flatnonzero(~(np.isfinite(values) & (values >= 0.0))):
+        wrong = np.atleast_1d(np.asarray(squares, object)).flat[index]
+        raise ValueError(f"squares[{index}] is {wrong}; it must be a number of 0 or more")
     degrees = np.broadcast_to(np.asarray(degrees_of_freedom, int), values.shape)
     average, expected, interval, verdict = judge_squares(
         values.tolist(), degrees.tolist(), probability

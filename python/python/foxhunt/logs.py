@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ._foxhunt import places_at
+from ._foxhunt import check_event, places_at
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,19 +43,34 @@ class Log:
         import pandas as pd
 
         chosen = [each for each in self.events if event is None or each["event"] == event]
+        if event is not None and not chosen:
+            # It may be one that did not happen.
+            check_event(event)
         return pd.json_normalize(chosen)
 
-    def truth(self, beacon: int, times: ArrayLike) -> NDArray[np.float64] | None:
+    def index(self, beacon: int | str) -> int:
+        """The number of a beacon that is given by its number or its name."""
+        names = [each["name"] for each in self.header["beacons"]]
+        if isinstance(beacon, str) and beacon in names:
+            return names.index(beacon)
+        if not isinstance(beacon, str) and 0 <= beacon < len(names):
+            return int(beacon)
+        known = ", ".join(f"{number} {name!r}" for number, name in enumerate(names))
+        raise ValueError(f"no beacon {beacon!r}; there are {known}")
+
+    def truth(self, beacon: int | str, times: ArrayLike) -> NDArray[np.float64] | None:
         """The true places of a beacon at some times in seconds, East and North, one a row; None if
         the log has no truth. A beacon that moves is followed on its course."""
+        beacon = self.index(beacon)
         moments = np.atleast_1d(np.asarray(times, float)).tolist()
         return places_at(json.dumps(self.header["beacons"][beacon]), moments)
 
-    def track(self, beacon: int = 0) -> pd.DataFrame:
+    def track(self, beacon: int | str = 0) -> pd.DataFrame:
         """The estimates of one beacon: time, East, North, covariance, NIS, and where the log has
         the truth the true place at that time, the error and the NEES."""
         import pandas as pd
 
+        beacon = self.index(beacon)
         corrected = [
             each
             for each in self.events

@@ -14,9 +14,10 @@ if TYPE_CHECKING:
     from .logs import Log
 
 
-def track(log: Log, beacon: int = 0, ax: Axes | None = None) -> Axes:
+def track(log: Log, beacon: int | str = 0, ax: Axes | None = None) -> Axes:
     """Where the drones received, where the beacon was thought to be, its last 95 % ellipse, and
     where it was, if the log has the truth: its way, if it moved, and its last place."""
+    beacon = log.index(beacon)
     ax = ax or _axes()
     receptions = [each["reception"] for each in log.events if each["event"] == "received"]
     places = [each["receiver"]["position"][:2] for each in receptions if each["beacon"] == beacon]
