@@ -94,15 +94,21 @@ fn estimator<const N: usize, const M: usize>(
     let quantities = quantities::<M>(pairs)?;
     let observation = given.observation()?;
     let name = make.call0()?.get_type().name()?.to_string();
+    let refusal = Failure::default();
     let fresh = || {
         let object = make.call0().unwrap_or_else(raise).unbind();
-        PythonEstimator::<N, M> { object, quantities }
+        PythonEstimator::<N, M> { object, quantities, refusal: refusal.clone() }
     };
     kept(|| laws::estimator_with(fresh, &observation, checks)).map_err(|breach| {
-        let text = breach.value(make.py()).to_string();
+        let py = make.py();
+        let text = breach.value(py).to_string();
         let own = type_name::<PythonEstimator<N, M>>();
-        if breach.is_instance_of::<PyAssertionError>(make.py()) && text.starts_with(own) {
-            return PyAssertionError::new_err(text.replacen(own, &name, 1));
+        if !breach.is_instance_of::<PyAssertionError>(py) || !text.contains(own) {
+            return breach;
+        }
+        let breach = PyAssertionError::new_err(text.replacen(own, &name, 1));
+        if text.contains("was refused") || text.contains("no observation is possible") {
+            breach.set_cause(py, refusal.take());
         }
         breach
     })
@@ -159,13 +165,18 @@ fn raise<T>(error: PyErr) -> T {
 struct PythonEstimator<const N: usize, const M: usize> {
     object: Py<PyAny>,
     quantities: [Quantity; M],
+    /// The first ValueError for a step that is valid.
+    refusal: Failure,
 }
 
 impl<const N: usize, const M: usize> PythonEstimator<N, M> {
     /// Result of a call; `None` if the object refused it with ValueError.
     fn call<T>(&self, call: impl FnOnce(&Bound<'_, PyAny>) -> PyResult<T>) -> Option<T> {
         Python::attach(|py| match call(self.object.bind(py)) {
-            Err(error) if error.is_instance_of::<PyValueError>(py) => None,
+            Err(error) if error.is_instance_of::<PyValueError>(py) => {
+                self.refusal.keep(error);
+                None
+            }
             called => Some(called.unwrap_or_else(raise)),
         })
     }
@@ -183,6 +194,10 @@ where
 impl<const N: usize, const M: usize> Estimator<N, M> for PythonEstimator<N, M> {
     fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
         let called = self.call(|object| object.call_method1("predict", (dt,)).map(drop));
+        if EstimatorError::check_time_step(dt).is_err() {
+            // As it should be: no reason for a breach.
+            self.refusal.take();
+        }
         called.ok_or(EstimatorError::TimeStep { dt })
     }
 

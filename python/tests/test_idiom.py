@@ -98,7 +98,7 @@ def test_tables_in_memory_are_files(walk, tmp_path, table):
     assert str(tmp_path.parent.parent) not in str(of_table)
 
 
-def test_a_table_that_is_read_whole_is_read_without_a_word(walk, capfd):
+def test_a_table_that_is_read_whole_prints_nothing(walk, capfd):
     foxhunt.locate(walk)
     assert capfd.readouterr() == ("", "")
     up = [*walk["up_m"][:-1], "high"]

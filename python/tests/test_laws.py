@@ -112,7 +112,20 @@ def test_mistakes_come_through():
         def estimate(self):
             raise KeyError("no belief")
 
+    class Refusing(Kalman):
+        def predict(self, dt):
+            np.zeros(3) @ np.zeros(4)
+
+    class Careless(Kalman):
+        def update(self, value, noise):
+            return super().update([value[0] or 0.3], noise)
+
     one = Kalman()
+    with pytest.raises(AssertionError, match="Refusing: a step of 1 s was refused") as caught:
+        laws.check(Refusing, 0.3, 0.1)
+    assert "matmul" in str(caught.value.__cause__)
+    with pytest.raises(AssertionError, match="Careless: an observation without components"):
+        laws.check(Careless, 0.3, 0.1)
     with pytest.raises(KeyError, match="no belief"):
         laws.check(Broken, 0.3, 0.1)
     with pytest.raises(ValueError, match="same estimator again"):

@@ -83,7 +83,7 @@ def command(arguments: Sequence[Any], flags: Mapping[str, Any]) -> Any:
             raise type(error)(str(error).replace(folder, "")) from None
         finally:
             for line in (each.replace(folder, "") for each in heard):
-                # A table in memory that was read whole is not worth a line.
+                # The caller knows how many rows a table in memory has.
                 if not re.fullmatch(r"table\S*\.csv: format \S+, (\d+) of \1 rows", line):
                     print(line, file=sys.stderr)
         result = result.replace(json.dumps(folder)[1:-1], "")
