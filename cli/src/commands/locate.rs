@@ -1,4 +1,5 @@
 mod found;
+mod rows;
 mod silent;
 #[cfg(feature = "batch")]
 mod tracked;
@@ -11,17 +12,19 @@ use foxhunt::{
     calibration::{ConformalFile, ConformalRegions},
     core::{Ellipse, Remark, nalgebra::Vector2},
     geodesy::Geodetic,
-    locate::{CommonErrors, Explanation, FoundOffset, Located, Measurand, Region, Residual, Rival},
+    locate::{CommonErrors, Explanation, FoundOffset, Located, Region, Rival},
     movebank::{MovebankFix, write_movebank},
     overview::{Overview, SearchOverview},
-    recorded::RowResidual,
     recording::Recording,
     registry::Registry,
     report::Place,
 };
 use serde::Serialize;
 
-use self::found::{Estimated, Found, Others, likeliest};
+use self::{
+    found::{Estimated, Found, Others, likeliest},
+    rows::rows_of,
+};
 use super::{
     cot::{CotArgs, Teams},
     fixes::doubts,
@@ -198,7 +201,9 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let beacon = args.locating.beacon(prepared.recordings())?;
     #[cfg(feature = "batch")]
     if args.track {
-        let (report, found) = tracked::report(args, &prepared, beacon, output)?;
+        let shown = (args.rows, args.views.any());
+        let (report, found) =
+            tracked::report(&args.tracking, args.truth, shown, &prepared, beacon, output)?;
         output.result(&report, tracked::text)?;
         return show(args, registry, &prepared, (vec![found], None), teams, output);
     }
@@ -541,64 +546,6 @@ fn conformal(regions: &ConformalRegions, whose: &str) -> String {
         ellipse.semi_minor,
         ellipse.orientation.to_degrees(),
     )
-}
-
-/// Probability of a residual somewhere among all rows, below which its row is listed unasked.
-const DOES_NOT_FIT_P: f64 = 0.01;
-
-/// Number of rows that are listed unasked.
-const LISTED: usize = 5;
-
-/// Returns true if a row does not fit, by the probability of its residual, or was left out.
-fn is_odd(p: Option<f64>, left_out: bool, total: usize) -> bool {
-    let all = f64::from(u32::try_from(total).unwrap_or(u32::MAX));
-    left_out || p.is_some_and(|p| p * all < DOES_NOT_FIT_P)
-}
-
-/// Lists the `listed` rows that fit worst, or else the few that do not fit or were left out.
-fn rows_of(rows: &Residuals, listed: Option<usize>, whose: &str) -> String {
-    let total = rows.len();
-    let is_listed = |of: &Residual| listed.is_some() || is_odd(of.p, of.left_out, total);
-    let mut worst: Vec<RowResidual> = rows.chosen(is_listed).collect();
-    worst.sort_by(|a, b| a.worst_first(b));
-    let odd = worst.len();
-    worst.truncate(listed.unwrap_or(LISTED));
-    if worst.is_empty() {
-        return String::new();
-    }
-    let mut table = table(&["row", "receiver", "measured", "residual", "p", "left out"]);
-    for row in &worst {
-        let unit = if row.unit == "deg" { "°" } else { row.unit };
-        table.add_row([
-            format!("{}:{}", row.file, row.line),
-            row.receiver.clone().unwrap_or_default(),
-            kind(row.kind).to_owned(),
-            format!("{:+.1} {unit}", row.residual),
-            text(row.p.map(|p| format!("{p:.1e}"))),
-            if row.left_out { "yes" } else { "no" }.to_owned(),
-        ]);
-    }
-    let which = match listed {
-        Some(_) => format!("The {} of {total} measurements{whose} that fit worst", worst.len()),
-        None => {
-            let shown = worst.len();
-            let of = if odd > shown { format!(", the worst {shown}") } else { String::new() };
-            format!("Measurements{whose} that do not fit or were left out: {odd} of {total}{of}")
-        }
-    };
-    format!("\n\n{which} (see --rows; --json has all):\n{table}")
-}
-
-/// Returns the word for a quantity.
-fn kind(measurand: Measurand) -> &'static str {
-    match measurand {
-        Measurand::Bearing => "bearing",
-        Measurand::Range => "range",
-        Measurand::RangeDifference => "range difference",
-        Measurand::Level => "level",
-        Measurand::Silence => "silence",
-        Measurand::Saturation => "saturation",
-    }
 }
 
 /// Returns the best explanation of the levels, in a sentence.

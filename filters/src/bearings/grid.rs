@@ -87,6 +87,10 @@ pub struct StationError {
     pub error: Marginal,
 }
 
+/// Share of the place's prior whose tail has one degree of freedom: bearings are taken from a short
+/// base to targets at many times its length.
+const FAR_SHARE: f64 = 0.1;
+
 /// Receivers as near as this to each other, in metres, are at one place: so far a hover drifts.
 const SAME_PLACE_M: f64 = 5.0;
 
@@ -110,7 +114,7 @@ impl BearingGrid {
         let search = Search {
             low,
             high,
-            place: PlacePrior::NearReceivers,
+            place: PlacePrior::NearReceivers { far_share: FAR_SHARE },
             margin_m: self.margin_m,
             cell_m: diagonal_m / 64.0,
             max_cells: self.max_cells,

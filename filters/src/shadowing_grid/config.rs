@@ -127,22 +127,22 @@ pub(super) fn log_gaussian(value: f64, mean: f64, sd: f64) -> f64 {
 }
 
 /// Prior of the target's place.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PlacePrior {
     /// It lies within the receivers' bounding box and the margin about it, anywhere with equal
     /// density: the answer depends on the margin.
     Even,
-    /// The density is even within the receivers' bounding box and falls beyond it, as flights are
-    /// flown where a target is looked for: 0.9 (1 + d²/s²)^(−5/2) + 0.1 (1 + d²/s²)^(−3/2) for a
-    /// distance d from a box with half the diagonal s, Student's t with three degrees of freedom
-    /// and with one. Receivers that stay, and paths on other business, hear targets at many times
-    /// their own extent: of the targets beyond the box one in eighty lies farther away than 20 s.
-    /// The search begins with the margin and widens until next to nothing lies on its border.
-    NearReceivers,
+    /// The density is even within the receivers' bounding box and falls beyond it, as receivers
+    /// are brought to where a target is looked for: (1 − q) (1 + d²/s²)^(−5/2) + q (1 +
+    /// d²/s²)^(−3/2) for a distance d from a box with half the diagonal s, Student's t with three
+    /// degrees of freedom and with one. The search begins with the margin and widens until next to
+    /// nothing lies on its border.
+    NearReceivers {
+        /// The share q, from 0 to 1. With 0.1, of the targets beyond the box one in eighty lies
+        /// farther away than 20 s, with 0 one in 8,000.
+        far_share: f64,
+    },
 }
-
-/// Share of [`PlacePrior::NearReceivers`] whose tail is that of one degree of freedom.
-const FAR_SHARE: f64 = 0.1;
 
 impl PlacePrior {
     /// The log-density of a place, up to a constant.
@@ -156,10 +156,10 @@ impl PlacePrior {
         let high = *high;
         move |place| match self {
             Self::Even => 0.0,
-            Self::NearReceivers => {
+            Self::NearReceivers { far_share } => {
                 let beyond = (low - place).sup(&(place - high)).sup(&Vector2::zeros()).norm();
                 let near = 1.0 / (1.0 + (beyond / scale) * (beyond / scale));
-                libm::log((1.0 - FAR_SHARE) * near + FAR_SHARE) + 1.5 * libm::log(near)
+                libm::log((1.0 - far_share) * near + far_share) + 1.5 * libm::log(near)
             }
         }
     }
@@ -230,7 +230,7 @@ impl Default for ShadowingGridConfig {
             slope: Slope::gaussian(2.3, 0.5, 1.0, 4.0, 0.25).expect(proper),
             gain: Slope::gaussian(0.5, 1.0, -1.5, 2.5, 0.5).expect(proper),
             height: Slope::Known(0.0),
-            place: PlacePrior::NearReceivers,
+            place: PlacePrior::NearReceivers { far_share: 0.0 },
             correlation_lengths_m: vec![15.0, 30.0, 60.0, 120.0, 240.0],
             nuggets: vec![0.03, 0.1, 0.3, 1.0],
             margin_m: 200.0,
@@ -334,7 +334,7 @@ mod tests {
         let low = Vector2::new(-10.0, 0.0);
         let high = Vector2::new(50.0, 80.0);
         let density = |east, north| {
-            let prior = PlacePrior::NearReceivers.log_density(&low, &high);
+            let prior = PlacePrior::NearReceivers { far_share: 0.1 }.log_density(&low, &high);
             libm::exp(prior(&Vector2::new(east, north)))
         };
         let students = |beyond: f64| {

@@ -53,7 +53,7 @@ impl Search {
         let margin = Vector2::repeat(self.margin_m);
         let clamped = |low: Vector2<f64>, high: Vector2<f64>| match self.place {
             PlacePrior::Even => (low.sup(&(self.low - margin)), high.inf(&(self.high + margin))),
-            PlacePrior::NearReceivers => (low, high),
+            PlacePrior::NearReceivers { .. } => (low, high),
         };
         let mut last = None;
         let mut cells = self.max_cells / 2;
@@ -86,7 +86,7 @@ impl Search {
         };
         let mut margin_m = self.margin_m;
         let mut searched = within(margin_m)?;
-        if self.place == PlacePrior::NearReceivers {
+        if matches!(self.place, PlacePrior::NearReceivers { .. }) {
             for _ in 0..WIDENINGS {
                 if map(&searched).border_mass() < LITTLE_ON_BORDER {
                     break;
@@ -229,7 +229,7 @@ mod tests {
         let search = Search {
             low: Vector2::repeat(-50.0),
             high: Vector2::repeat(50.0),
-            place: PlacePrior::NearReceivers,
+            place: PlacePrior::NearReceivers { far_share: 0.0 },
             margin_m: 200.0,
             cell_m: 5.0,
             max_cells: 40_000,

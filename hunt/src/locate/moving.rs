@@ -930,6 +930,36 @@ mod tests {
     /// Five bearings that meet within metres, and one a minute later, when it may be anywhere in a
     /// kilometre: the cells of that search are larger than what the first ones tell.
     #[test]
+    fn the_wrong_bearing_of_a_track_has_the_least_p() {
+        let mut p = Vec::new();
+        for seed in 0..6 {
+            let (mut received, _) = walk(seed, 1e-3);
+            if let Some(bearing) = &mut received[50].bearing {
+                bearing.angle = angle::wrap(bearing.angle + 1.5);
+            }
+            let tracked = follow(
+                &received,
+                &listeners(),
+                &LocateConfig::default(),
+                &TrackingConfig::default(),
+            );
+            let of = |kind| move |own: &&Residual| own.kind == kind;
+            let rows = tracked.expect("a track").residuals;
+            let bearings: Vec<_> = rows.iter().filter(of(Measurand::Bearing)).collect();
+            assert_eq!(bearings.len(), received.len());
+            let worst = bearings.iter().min_by(|a, b| a.p.partial_cmp(&b.p).expect("numbers"));
+            let worst = worst.expect("there are some");
+            assert_eq!(worst.reception, 50, "seed {seed}");
+            assert!((1.2..1.8).contains(&worst.residual) && worst.p < Some(1e-4), "{worst:?}");
+            p.extend(rows.iter().filter(of(Measurand::Level)).filter_map(|own| own.p));
+        }
+        // Of residuals with a true σ one in twenty is below 5 %; the 7 dB of the law are more than
+        // the 6 dB here.
+        let small = p.iter().filter(|p| **p < 0.05).count();
+        assert!(p.len() > 500 && small < p.len() / 20, "{small} of {}", p.len());
+    }
+
+    #[test]
     fn a_wide_search_does_not_lose_a_sharp_place() {
         let places = [(0.0, 0.0), (60.0, 0.0), (0.0, 60.0), (60.0, 60.0), (40.0, 0.0), (20.0, 0.0)];
         for size in [1.0, 1.5, 2.0, 5.0] {

@@ -109,7 +109,7 @@ impl Locator for CorrelatedShadowing {
             slope,
             gain,
             height: if is_free { heights(receptions) } else { Slope::Known(up) },
-            place: PlacePrior::NearReceivers,
+            place: PlacePrior::NearReceivers { far_share: 0.0 },
             margin_m: config.margin_m.min(defaults.margin_m),
             receiver_sigma_m,
             sigma_prior,

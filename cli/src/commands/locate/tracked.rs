@@ -17,11 +17,10 @@ use serde::Serialize;
 use super::{
     super::{
         locating::{Prepared, Residuals, TRUTH_GAP_S, Track},
-        recorded::no_degrees,
+        recorded::{LatLon, no_degrees},
     },
-    Args,
     found::{Estimated, Found, likeliest},
-    rows_of,
+    rows::rows_of,
 };
 use crate::{
     error::CliError,
@@ -91,13 +90,15 @@ struct Passed {
     inside_95: Option<bool>,
 }
 
+/// Tracks a beacon; the table lists `listed` rows, and pages are given all of them if `is_shown`.
 pub(super) fn report(
-    args: &Args,
+    tracking: &Tracking,
+    truth: Option<LatLon>,
+    (listed, is_shown): (Option<usize>, bool),
     prepared: &Prepared,
     beacon: Option<String>,
     output: Output,
 ) -> Result<(Report, Found), CliError> {
-    let Args { tracking, truth, .. } = args;
     let recordings = prepared.recordings();
     let config = TrackingConfig {
         window_s: tracking.window_s,
@@ -148,7 +149,7 @@ pub(super) fn report(
     };
     let places: Vec<Passed> = tracked.places.iter().map(passed).collect();
     let called = beacon.clone().unwrap_or_else(|| "transmitter".to_owned());
-    let shown = rows.chosen(|_| args.views.any()).collect();
+    let shown = rows.chosen(|_| is_shown).collect();
     let search = SearchOverview::tracked(called, &tracked, truth_of).with_rows(shown);
     let tracks = prepared.tracks((config, listeners, steps.get()), &search, beacon.as_deref())?;
     let method = "track".to_owned();
@@ -157,7 +158,7 @@ pub(super) fn report(
     let mut report = Report::new(beacon, places, tracked, ignored)?;
     report.remarks = recordings.iter().flat_map(Recording::remarks).cloned().collect();
     report.rows = rows;
-    report.listed = args.rows;
+    report.listed = listed;
     Ok((report, found))
 }
 
