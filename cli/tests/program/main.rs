@@ -13,6 +13,8 @@ mod fly;
 mod gazebo;
 mod help;
 mod hunt;
+#[cfg(feature = "batch")]
+mod kinds;
 mod listen;
 mod lists;
 mod live;

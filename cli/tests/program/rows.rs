@@ -3,19 +3,12 @@
 use std::{
     fs,
     io::Write as _,
-    path::Path,
     process::{Command, Stdio},
 };
 
 use serde_json::Value;
 
-use crate::support::{folder, foxhunt};
-
-/// The path of a file of the archive's tests.
-fn data(name: &str) -> String {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../archive/tests/data");
-    folder.join(name).to_str().expect("UTF-8").to_owned()
-}
+use crate::support::{data, folder, foxhunt};
 
 fn place(report: &Value) -> [f64; 2] {
     ["east_m", "north_m"].map(|axis| report["estimate"][axis].as_f64().expect("metres"))

@@ -1,7 +1,7 @@
 use std::{
     ffi::OsStr,
     fs,
-    path::PathBuf,
+    path::{Path, PathBuf},
     process::{Command, Output},
 };
 
@@ -101,4 +101,10 @@ kind = "hold"
 turns = 4
 "#
     .to_owned()
+}
+
+/// The path of a file of the archive's tests.
+pub(crate) fn data(name: &str) -> String {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../archive/tests/data");
+    folder.join(name).to_str().expect("UTF-8").to_owned()
 }
