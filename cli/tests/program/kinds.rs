@@ -3,7 +3,7 @@
 
 use serde_json::Value;
 
-use crate::support::{data, folder, foxhunt};
+use crate::support::{data, foxhunt};
 
 /// Classes that draw the kinds (docs/judging.md). Of one place and of none nothing may be answered.
 const KINDS: [&str; 17] = [
@@ -28,10 +28,9 @@ const KINDS: [&str; 17] = [
 
 #[test]
 fn draws_of_each_kind_are_right_or_in_doubt() {
-    let out = folder("kinds");
     let classes = KINDS.join(",");
     let args = ["soak", "--recordings", "--runs", "3", "--seed", "11", "--against", "strongest"];
-    let more = ["--class", &classes, "--quiet", "--json", "--out", out.to_str().expect("UTF-8")];
+    let more = ["--class", &classes, "--quiet", "--json"];
     let report = foxhunt(args.into_iter().chain(more)).json();
     let drawn = report["classes"].as_array().expect("classes");
     assert_eq!(drawn.len(), KINDS.len());

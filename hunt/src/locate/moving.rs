@@ -934,7 +934,8 @@ mod tests {
         let mut p = Vec::new();
         for seed in 0..6 {
             let (mut received, _) = walk(seed, 1e-3);
-            if let Some(bearing) = &mut received[50].bearing {
+            let turned = received.len() / 2;
+            if let Some(bearing) = &mut received[turned].bearing {
                 bearing.angle = angle::wrap(bearing.angle + 1.5);
             }
             let tracked = follow(
@@ -949,14 +950,14 @@ mod tests {
             assert_eq!(bearings.len(), received.len());
             let worst = bearings.iter().min_by(|a, b| a.p.partial_cmp(&b.p).expect("numbers"));
             let worst = worst.expect("there are some");
-            assert_eq!(worst.reception, 50, "seed {seed}");
-            assert!((1.2..1.8).contains(&worst.residual) && worst.p < Some(1e-4), "{worst:?}");
+            assert_eq!(worst.reception, turned, "seed {seed}");
+            assert!((0.9..2.1).contains(&worst.residual) && worst.p < Some(1e-2), "{worst:?}");
             p.extend(rows.iter().filter(of(Measurand::Level)).filter_map(|own| own.p));
         }
         // Of residuals with a true σ one in twenty is below 5 %; the 7 dB of the law are more than
         // the 6 dB here.
         let small = p.iter().filter(|p| **p < 0.05).count();
-        assert!(p.len() > 500 && small < p.len() / 20, "{small} of {}", p.len());
+        assert!(p.len() > 200 && small < p.len() / 20, "{small} of {}", p.len());
     }
 
     #[test]
