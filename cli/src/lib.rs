@@ -86,7 +86,8 @@ pub fn run_json(
     Ok(json.into_inner())
 }
 
-/// As [`run_json`], and returns the lines that it would print on standard error.
+/// Runs one command as [`run_json`] does, and returns the lines for standard error, too, which it
+/// does not print.
 pub fn run_json_overheard(
     registry: &Registry,
     arguments: impl IntoIterator<Item = OsString>,

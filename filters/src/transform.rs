@@ -57,9 +57,9 @@ pub trait DynamicTransform: Transform {
 /// Rule by which a Gaussian goes through a map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TransformRule {
-    /// By the slope of the map at the mean.
+    /// The slope of the map at the mean.
     Slope,
-    /// By pairs of points x̂ ± c lᵢ about the mean, with lᵢ the columns of a factor of the
+    /// Pairs of points x̂ ± c lᵢ about the mean, with lᵢ the columns of a factor of the
     /// covariance.
     Pairs {
         /// c², positive.

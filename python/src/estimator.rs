@@ -292,11 +292,11 @@ impl Estimator {
         self.update_by(py, Update { value, noise, receiver, time })
     }
 
-    /// Conditions the belief on `later`: the smoothed belief `dt` seconds afterwards, of a copy that
-    /// went on from this one (`Remembering` does so for a whole run).
+    /// Conditions the belief on `later`: the smoothed belief `dt` seconds afterwards, of a copy
+    /// that went on from this one (`Remembering` does so for a whole run).
     ///
-    /// Raises ValueError, and leaves the belief as it was, for an estimator of another kind or size,
-    /// a negative `dt`, and a setting for which there is no smoother.
+    /// Raises ValueError, and leaves the belief as it was, for an estimator of another kind or
+    /// size, a negative `dt`, and a setting for which there is no smoother.
     fn smooth(&mut self, py: Python<'_>, later: &Bound<'_, Self>, dt: f64) -> PyResult<()> {
         let later = later.try_borrow().map_err(|_| {
             PyValueError::new_err("an estimator cannot be smoothed by itself, but by a later copy")
@@ -362,8 +362,8 @@ impl Estimator {
         let Some(history) = &estimator.history else {
             return Err(PyValueError::new_err(format!(
                 "the estimator was smoothed, or has taken more than {MOST_STEPS} steps, which a \
-                 pickle would take again; copy.deepcopy copies it, and an estimator that is made of \
-                 its estimate goes on from there"
+                 pickle would take again; copy.deepcopy copies it, and an estimator that is made \
+                 of its estimate goes on from there"
             )));
         };
         let steps = PyList::empty(py);

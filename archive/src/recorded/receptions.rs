@@ -34,8 +34,9 @@ impl Default for ReceptionConfig {
     /// 8 dB, 6°, 128 positions, bearings as they are, receivers as satellites place them, whole
     /// turns.
     ///
-    /// Published σ of bearings taken by hand range from 2° to 15° (White & Garrott 1990); 6° lies
-    /// in the middle of their logarithms.
+    /// Measured σ of bearings to tags at known places are 1.6° (Podruzny 1996), 4.9° and 9.9°
+    /// (Grovenburg et al. 2013) and some 16°, of a mean error of 12.6° (Hystrix 23(2), 2012). Their
+    /// geometric mean is 6°.
     fn default() -> Self {
         let bearing_sigma = 6.0_f64.to_radians();
         Self {

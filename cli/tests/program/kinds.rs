@@ -35,7 +35,8 @@ fn draws_of_each_kind_are_right_or_in_doubt() {
     let drawn = report["classes"].as_array().expect("classes");
     assert_eq!(drawn.len(), KINDS.len());
     for class in drawn {
-        let (name, own) = (&class["class"], &class["default"]);
+        let name = &class["class"];
+        let own = &class["default"];
         assert_eq!(own["silent_and_wrong"], 0, "{name}");
         let answered = own["scores"]["fixes"].as_u64().unwrap_or(0)
             - own["scores"]["failed"].as_u64().unwrap_or(0);

@@ -32,7 +32,8 @@ use crate::{Axis, MeasurementModel, MotionModel, Pose, Quantity, State};
 ///
 /// # Laws
 ///
-/// Those of [`MotionModel`], checked by `laws::motion_model` over [`AtSize`](crate::AtSize).
+/// A model keeps the laws of [`MotionModel`], checked by `laws::motion_model` over
+/// [`AtSize`](crate::AtSize).
 pub trait DynamicMotion {
     /// f(x, Δt): the state after `dt` seconds without noise.
     fn propagate(&self, state: &DVector<f64>, dt: f64) -> DVector<f64>;
@@ -56,9 +57,9 @@ pub trait DynamicMotion {
         numeric_jacobian(state, |x| self.propagate(x, dt), |a, b| difference(&axes, a, b))
     }
 
-    /// The odd and the even part of the change over an offset δ:
-    /// (Δ(δ) − Δ(−δ)) / 2 and (Δ(δ) + Δ(−δ)) / 2 with Δ(δ) = f(x + δ, Δt) ⊖ f(x, Δt), x the `state`
-    /// and f(x, Δt) where x is `propagated` to.
+    /// The odd and the even part of the change over an offset δ: (Δ(δ) − Δ(−δ)) / 2 and
+    /// (Δ(δ) + Δ(−δ)) / 2 with Δ(δ) = f(x + δ, Δt) ⊖ f(x, Δt), where x is the `state` and f(x, Δt)
+    /// is where it is `propagated` to.
     fn propagated_parts(
         &self,
         state: &DVector<f64>,
@@ -100,7 +101,7 @@ pub trait DynamicMotion {
 ///
 /// # Laws
 ///
-/// Those of [`MeasurementModel`], checked by `laws::measurement_model` over
+/// A model keeps the laws of [`MeasurementModel`], checked by `laws::measurement_model` over
 /// [`AtSize`](crate::AtSize).
 pub trait DynamicMeasurement {
     /// The quantity of each component of a measurement.

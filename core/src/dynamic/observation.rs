@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 
 use crate::{Observation, ObservationError, Pose};
 
-/// As many numbers as there are, measured by one receiver at one time, any of them missing.
+/// Numbers of any count, measured by one receiver at one time, of which any may be missing.
 ///
 /// It is an [`Observation`] whose size is known at run time only, and is made of one with `from`.
 /// Limits and competing directions are not carried over: a component below a limit is missing, and
@@ -24,8 +24,8 @@ impl DynamicObservation {
     ///
     /// # Errors
     ///
-    /// Those of [`Observation::new`], and [`ObservationError::Size`] when the covariance has not
-    /// as many rows and columns as there are components.
+    /// The errors of [`Observation::new`], and [`ObservationError::Size`] when the covariance has
+    /// not as many rows and columns as there are components.
     #[inline]
     pub fn new(
         time: f64,
@@ -33,27 +33,13 @@ impl DynamicObservation {
         value: DVector<f64>,
         noise: DMatrix<f64>,
     ) -> Result<Self, ObservationError> {
-        if !time.is_finite() {
-            return Err(ObservationError::Time { time });
-        }
-        if !receiver.is_finite() {
-            return Err(ObservationError::Receiver { pose: receiver });
-        }
         let components = value.len();
         let (rows, columns) = noise.shape();
         if rows != components || columns != components {
             return Err(ObservationError::Size { components, rows, columns });
         }
-        for component in 0..components {
-            let value = value[component];
-            let variance = noise[(component, component)];
-            if !value.is_finite() {
-                return Err(ObservationError::Value { component, value });
-            }
-            if !(variance > 0.0 && variance.is_finite()) {
-                return Err(ObservationError::Variance { component, variance });
-            }
-        }
+        let variances = (0..components).map(|i| noise[(i, i)]);
+        ObservationError::check(time, &receiver, value.iter().copied().zip(variances))?;
         let symmetric = (&noise - noise.transpose()).norm() <= 1e-9 * noise.norm();
         if !symmetric || noise.clone().cholesky().is_none() {
             return Err(ObservationError::Covariance);
@@ -78,10 +64,8 @@ impl DynamicObservation {
     /// [`ObservationError::ReceiverSigma`] when one is negative or not finite.
     #[inline]
     pub fn with_receiver_sigma(self, sigma: Vector3<f64>) -> Result<Self, ObservationError> {
-        match sigma.iter().find(|s| !(**s >= 0.0 && s.is_finite())) {
-            Some(&sigma) => Err(ObservationError::ReceiverSigma { sigma }),
-            None => Ok(Self { receiver_sigma: Some(sigma), ..self }),
-        }
+        ObservationError::check_receiver_sigma(&sigma)?;
+        Ok(Self { receiver_sigma: Some(sigma), ..self })
     }
 
     /// The time of the observation, in seconds.

@@ -67,6 +67,39 @@ pub enum ObservationError {
     Covariance,
 }
 
+impl ObservationError {
+    /// Checks what observations of every size have: a time, a receiver, and values with variances.
+    pub(crate) fn check(
+        time: f64,
+        receiver: &Pose,
+        components: impl Iterator<Item = (f64, f64)>,
+    ) -> Result<(), Self> {
+        if !time.is_finite() {
+            return Err(Self::Time { time });
+        }
+        if !receiver.is_finite() {
+            return Err(Self::Receiver { pose: *receiver });
+        }
+        for (component, (value, variance)) in components.enumerate() {
+            if !value.is_finite() {
+                return Err(Self::Value { component, value });
+            }
+            if !(variance > 0.0 && variance.is_finite()) {
+                return Err(Self::Variance { component, variance });
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks the standard deviations of a receiver's own place.
+    pub(crate) fn check_receiver_sigma(sigma: &Vector3<f64>) -> Result<(), Self> {
+        match sigma.iter().find(|s| !(**s >= 0.0 && s.is_finite())) {
+            Some(&sigma) => Err(Self::ReceiverSigma { sigma }),
+            None => Ok(()),
+        }
+    }
+}
+
 /// `M` numbers measured by one receiver at one time, each with its own noise, any of them
 /// missing.
 ///
@@ -111,22 +144,8 @@ impl<const M: usize> Observation<M> {
         value: SVector<f64, M>,
         noise: Covariance<M>,
     ) -> Result<Self, ObservationError> {
-        if !time.is_finite() {
-            return Err(ObservationError::Time { time });
-        }
-        if !receiver.is_finite() {
-            return Err(ObservationError::Receiver { pose: receiver });
-        }
-        for component in 0..M {
-            let value = value[component];
-            let variance = noise[(component, component)];
-            if !value.is_finite() {
-                return Err(ObservationError::Value { component, value });
-            }
-            if !(variance > 0.0 && variance.is_finite()) {
-                return Err(ObservationError::Variance { component, variance });
-            }
-        }
+        let variances = (0..M).map(|i| noise[(i, i)]);
+        ObservationError::check(time, &receiver, value.iter().copied().zip(variances))?;
         // The factor is that of the lower triangle; NaN in the upper one is no symmetry either.
         let symmetric = (noise - noise.transpose()).norm() <= 1e-9 * noise.norm();
         let root = noise.cholesky().filter(|_| symmetric);
@@ -242,10 +261,8 @@ impl<const M: usize> Observation<M> {
     ///
     /// [`ObservationError::ReceiverSigma`] when one is negative or not finite.
     pub fn with_receiver_sigma(self, sigma: Vector3<f64>) -> Result<Self, ObservationError> {
-        match sigma.iter().find(|s| !(**s >= 0.0 && s.is_finite())) {
-            Some(&sigma) => Err(ObservationError::ReceiverSigma { sigma }),
-            None => Ok(Self { receiver_sigma: Some(sigma), ..self }),
-        }
+        ObservationError::check_receiver_sigma(&sigma)?;
+        Ok(Self { receiver_sigma: Some(sigma), ..self })
     }
 
     /// σ of the receiver's own place, if it is uncertain.

@@ -1,5 +1,5 @@
-//! Factorisations of matrices of any size, by nalgebra; with the feature `large-states` by faer from
-//! `LARGE` dimensions on.
+//! Factorisations of matrices of any size, by nalgebra; with the feature `large-states` by faer
+//! from `LARGE` dimensions on.
 
 use nalgebra::DMatrix;
 

@@ -190,7 +190,7 @@ impl<T: DynamicTransform> DynamicKalman<T> {
     ///
     /// # Errors
     ///
-    /// Those of [`new`](Self::new). On any error the filter is left as it was.
+    /// The errors of [`new`](Self::new). On any error the filter is left as it was.
     pub fn append(
         &mut self,
         motion: JointMotion,
@@ -279,7 +279,7 @@ impl<T: DynamicTransform> DynamicKalman<T> {
     ///
     /// # Errors
     ///
-    /// Those of [`update`](Self::update).
+    /// The errors of [`update`](Self::update).
     pub fn innovation(
         &self,
         measurement: &(impl DynamicMeasurement + ?Sized),
@@ -482,7 +482,7 @@ impl<T: DynamicTransform> DynamicKalman<T> {
         nis.is_finite().then(|| Conditioned { posterior, nis, log_root: log_root(&root) })
     }
 
-    /// The same over factors, by one triangle (Kailath, Sayed & Hassibi 2000, §12.3): with
+    /// The update over factors, by one triangle (Kailath, Sayed & Hassibi 2000, §12.3): with
     /// N Nᵀ = R,
     ///
     /// \[N W A L; 0 0 L\] U = \[G 0; H L⁺\], U orthogonal.

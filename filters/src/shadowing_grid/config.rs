@@ -280,6 +280,9 @@ impl ShadowingGridConfig {
                 positive("the calibration's variance", variance)?;
             }
         }
+        if let PlacePrior::NearReceivers { far_share } = self.place {
+            in_range("far_share", far_share, 0.0..=1.0, "from 0 to 1")?;
+        }
         self.slope.check(["the slope", "the number of slopes", "the slope's weight"])?;
         self.gain.check(["the gain", "the number of gains", "the gain's weight"])?;
         self.height.check(["the height", "the number of heights", "the height's weight"])?;

@@ -12,8 +12,10 @@ use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Listener, LocateConfig, LocateError, Located, Measurand, Power, Residual, area::extent_m,
-    examination::two_sided, region::regions,
+    Listener, LocateConfig, LocateError, Located, Measurand, Power, Residual,
+    area::extent_m,
+    examination::{of_nearest_mode, two_sided},
+    region::regions,
 };
 
 /// Settings for tracking a moving transmitter.
@@ -190,14 +192,12 @@ fn residuals(
                 (None, None) => add(Measurand::Saturation, apart.max(0.0), Some(1.0 - below)),
             }
         }
-        let apart = |angle: f64| angle::wrap(angle - libm::atan2(way.y, way.x));
-        let modes = received.modes.as_slice().iter().map(|mode| apart(mode.angle));
-        if let Some(nearest) = modes.min_by(|a, b| a.abs().total_cmp(&b.abs())) {
+        if let Some(nearest) = of_nearest_mode(&received, &at.mean) {
             add(Measurand::Bearing, nearest, None);
         } else if let Some(bearing) = received.bearing {
             let across = Vector2::new(-way.y, way.x) / square;
             let of_place = across.dot(&(at.covariance * across)).max(0.0);
-            let residual = apart(bearing.angle);
+            let residual = angle::wrap(bearing.angle - libm::atan2(way.y, way.x));
             let deviation = residual / libm::hypot(bearing.sigma, of_place.sqrt());
             add(Measurand::Bearing, residual, two_sided(deviation));
         }

@@ -16,13 +16,13 @@ mod shared;
 
 use std::collections::BTreeSet;
 
-use foxhunt_core::{Receptions, Remark, angle};
+use foxhunt_core::{Receptions, Remark};
 use foxhunt_wire::geodesy::radians_to_compass_deg;
 
 pub(crate) use self::fit::{Datum, Kind, Outliers, Scale, misfit_p, outliers, reversals};
 use self::fit::{Meeting, meeting};
-pub(crate) use self::residuals::two_sided;
 pub use self::residuals::{Measurand, Residual};
+pub(crate) use self::residuals::{of_nearest_mode, two_sided};
 use self::shared::{APART, data, is_assumed, scale, spoken};
 pub(crate) use self::shared::{Name, Uses};
 use super::{Area, LocateConfig, Located};
@@ -36,8 +36,9 @@ const MEETS_P: f64 = 0.01;
 /// Bearings that scatter by more than this, in degrees, do not meet, whatever their σ.
 const SCATTER_DEG: f64 = 25.0;
 
-/// σ of a bearing without one of its own, in radians, for the question whether bearings meet: the
-/// largest that is published of bearings taken by hand (White & Garrott 1990).
+/// σ of a bearing without one of its own, in radians, for the question whether bearings meet: about
+/// the largest that was measured of bearings taken by hand
+/// (`foxhunt_archive::recorded::ReceptionConfig`).
 const UNKNOWN_SIGMA: f64 = 15.0 * std::f64::consts::PI / 180.0;
 
 /// Measurements that scatter by more than this many of their σ make a remark.
@@ -115,10 +116,7 @@ pub(crate) fn residuals(
     if uses.bearings {
         let place = located.estimate.mean;
         residuals.extend(receptions.iter().enumerate().filter_map(|(reception, received)| {
-            let way = place - received.receiver.position.xy();
-            let towards = libm::atan2(way.y, way.x);
-            let apart = received.modes.as_slice().iter().map(|m| angle::wrap(m.angle - towards));
-            let residual = apart.min_by(|a, b| a.abs().total_cmp(&b.abs()))?;
+            let residual = residuals::of_nearest_mode(&received, &place)?;
             let kind = Measurand::Bearing;
             let left_out = without.contains(&reception);
             Some(Residual { reception, kind, residual, p: None, left_out })

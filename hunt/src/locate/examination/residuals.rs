@@ -1,6 +1,6 @@
 use std::collections::BTreeSet;
 
-use foxhunt_core::Receptions;
+use foxhunt_core::{Reception, Receptions, angle};
 use nalgebra::Vector2;
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
@@ -102,6 +102,15 @@ pub(super) fn of_geometry(
         }
     };
     data.iter().map(residual).collect()
+}
+
+/// Returns the residual of the nearest of the directions that compete for a bearing, in radians;
+/// `None` for a bearing of one direction.
+pub(crate) fn of_nearest_mode(received: &Reception, place: &Vector2<f64>) -> Option<f64> {
+    let way = place - received.receiver.position.xy();
+    let towards = libm::atan2(way.y, way.x);
+    let apart = received.modes.as_slice().iter().map(|mode| angle::wrap(mode.angle - towards));
+    apart.min_by(|a, b| a.abs().total_cmp(&b.abs()))
 }
 
 /// Returns the probability of a deviation of a normal distribution as large, on either side.
