@@ -22,6 +22,7 @@ use foxhunt_wire::geodesy::radians_to_compass_deg;
 pub(crate) use self::fit::{Datum, Kind, Outliers, Scale, misfit_p, outliers, reversals};
 use self::fit::{Meeting, meeting};
 pub use self::residuals::{Measurand, Residual};
+#[cfg(feature = "batch")]
 pub(crate) use self::residuals::{of_nearest_mode, two_sided};
 use self::shared::{APART, data, is_assumed, scale, spoken};
 pub(crate) use self::shared::{Name, Uses};
