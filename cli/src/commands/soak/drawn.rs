@@ -18,9 +18,11 @@ use foxhunt::{
     core::Reception, locate::TrackingConfig, recorded::recorded_way, recorded::truth_at,
 };
 
+#[cfg(feature = "batch")]
+use super::super::locating::{TRUTH_GAP_S, Track};
 use super::{
     super::{
-        locating::{Locating, Prepared, TRUTH_GAP_S, Track, truth},
+        locating::{Locating, Prepared, truth},
         recorded::LatLon,
         scores::Answer,
     },
