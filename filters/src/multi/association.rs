@@ -14,6 +14,14 @@ const MOST_ROUNDS: usize = 300;
 /// Change of a message below which loopy belief propagation ends.
 const SETTLED: f64 = 1e-9;
 
+/// Largest number of tracks of a region that is summed exactly within loopy belief propagation. Two
+/// tracks that both surely made one of the same two observations are off by up to 0.4 by
+/// propagation alone.
+const REGION: usize = 5;
+
+/// Largest number of states of the exact sum over a region; it has fewer tracks beyond it.
+const REGION_STATES: usize = 1 << 10;
+
 /// Probabilities that each track made each observation of a scan.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Associations {
@@ -33,7 +41,7 @@ impl Associations {
         let mut exact = true;
         for group in groups(weights) {
             let scaled = Group::new(weights, &group);
-            let rows = scaled.exact().unwrap_or_else(|| {
+            let rows = scaled.exact(MOST_STATES).unwrap_or_else(|| {
                 exact = false;
                 scaled.propagated()
             });
@@ -79,7 +87,8 @@ impl Associations {
     }
 
     /// Returns true if every probability is exact. A group of very many tracks that compete for the
-    /// same observations is approximated by loopy belief propagation (Williams & Lau 2014).
+    /// same observations is approximated by loopy belief propagation (Williams & Lau 2014) beyond
+    /// the closest of them.
     #[must_use]
     pub fn is_exact(&self) -> bool {
         self.exact
@@ -115,12 +124,14 @@ struct Group {
 }
 
 /// Weights of one track, the largest of them 1.
+#[derive(Clone)]
 struct Row {
     missed: f64,
     candidates: Vec<Candidate>,
 }
 
 /// An observation that a track may have made.
+#[derive(Clone)]
 struct Candidate {
     /// Column of the weights.
     column: usize,
@@ -134,27 +145,34 @@ type Probabilities = Vec<(usize, f64)>;
 
 impl Group {
     fn new(weights: &DMatrix<f64>, members: &[usize]) -> Self {
-        let mut local: BTreeMap<usize, usize> = BTreeMap::new();
-        let mut tracks = Vec::with_capacity(members.len());
-        for track in members {
+        let row = |track: &usize| {
             // A product over many tracks of unscaled weights overflows.
             let scale = weights.row(*track).max();
-            let mut candidates = Vec::new();
-            for column in (1..weights.ncols()).filter(|c| weights[(*track, *c)] > 0.0) {
-                let next = local.len();
-                let local = *local.entry(column).or_insert(next);
-                let weight = weights[(*track, column)] / scale;
-                candidates.push(Candidate { column, local, weight });
-            }
-            tracks.push(Row { missed: weights[(*track, 0)] / scale, candidates });
+            let wanted = (1..weights.ncols()).filter(|c| weights[(*track, *c)] > 0.0);
+            let candidates = wanted.map(|column| Candidate {
+                column,
+                local: 0,
+                weight: weights[(*track, column)] / scale,
+            });
+            Row { missed: weights[(*track, 0)] / scale, candidates: candidates.collect() }
+        };
+        Self::of_rows(members.iter().map(row).collect())
+    }
+
+    /// Numbers the observations that the tracks want.
+    fn of_rows(mut tracks: Vec<Row>) -> Self {
+        let mut local: BTreeMap<usize, usize> = BTreeMap::new();
+        for candidate in tracks.iter_mut().flat_map(|row| &mut row.candidates) {
+            let next = local.len();
+            candidate.local = *local.entry(candidate.column).or_insert(next);
         }
         Self { tracks, observations: local.len() }
     }
 
     /// The exact probabilities. The sum runs over the tracks; its state is the set of taken
     /// observations that a later track may still want (Horridge & Maskell 2006). `None` where there
-    /// are too many states, or the sum underflows.
-    fn exact(&self) -> Option<Vec<Probabilities>> {
+    /// are more states than `most_states`, or the sum underflows.
+    fn exact(&self, most_states: usize) -> Option<Vec<Probabilities>> {
         if self.observations > 128 {
             return None;
         }
@@ -174,7 +192,7 @@ impl Group {
                     *next.entry(taken).or_insert(0.0) += sum * candidate.weight;
                 }
             }
-            if next.len() > MOST_STATES {
+            if next.len() > most_states {
                 return None;
             }
             forward.push(next);
@@ -211,24 +229,78 @@ impl Group {
         Some(probabilities)
     }
 
-    /// Approximate probabilities by loopy belief propagation (Williams & Lau 2014, fig. 2).
+    /// Approximate probabilities: each track with its closest competitors exactly, all others by
+    /// the messages of loopy belief propagation.
     fn propagated(&self) -> Vec<Probabilities> {
+        let Messages { sent, beliefs } = self.messages();
+        let exact = |(track, belief): (usize, &Probabilities)| {
+            let mut region = self.region(track, &beliefs);
+            while region.len() > 1 {
+                let exact = self.within(&region, &sent).exact(REGION_STATES);
+                if let Some(first) = exact.and_then(|rows| rows.into_iter().next()) {
+                    return first;
+                }
+                region.pop();
+            }
+            belief.clone()
+        };
+        beliefs.iter().enumerate().map(exact).collect()
+    }
+
+    /// Some of the tracks; an observation that they leave may be of a track that is not among them.
+    fn within(&self, region: &[usize], sent: &[Vec<f64>]) -> Self {
+        let mut outside = vec![0.0; self.observations];
+        let rows = self.tracks.iter().zip(sent).enumerate();
+        for (_, (row, sent)) in rows.filter(|(track, _)| !region.contains(track)) {
+            add(&mut outside, row, sent);
+        }
+        let mut tracks: Vec<Row> =
+            region.iter().map(|member| self.tracks[*member].clone()).collect();
+        for candidate in tracks.iter_mut().flat_map(|row| &mut row.candidates) {
+            candidate.weight /= 1.0 + outside[candidate.local];
+        }
+        Self::of_rows(tracks)
+    }
+
+    /// Numbers of a track and of the tracks that most likely want the same observations.
+    fn region(&self, track: usize, beliefs: &[Probabilities]) -> Vec<usize> {
+        let made = |track: usize| beliefs[track].iter().skip(1).map(|(_, made)| *made);
+        let mut wanted = vec![0.0; self.observations];
+        let mut members = vec![track];
+        while members.len() < REGION.min(self.tracks.len()) {
+            let last = members.last().copied().unwrap_or(track);
+            add(&mut wanted, &self.tracks[last], &made(last).collect::<Vec<_>>());
+            let contest = |other: &usize| -> f64 {
+                let candidates = self.tracks[*other].candidates.iter();
+                candidates.zip(made(*other)).map(|(c, made)| wanted[c.local] * made).sum()
+            };
+            let others = (0..self.tracks.len()).filter(|other| !members.contains(other));
+            let Some(closest) = others.max_by(|a, b| contest(a).total_cmp(&contest(b))) else {
+                break;
+            };
+            members.push(closest);
+        }
+        members
+    }
+
+    /// Messages of loopy belief propagation (Williams & Lau 2014, fig. 2).
+    fn messages(&self) -> Messages {
         // Weights over that of a missed track, which is positive.
         let ratio = |row: &Row, c: &Candidate| c.weight / row.missed.max(f64::MIN_POSITIVE);
         let mut from_observation: Vec<Vec<f64>> =
             self.tracks.iter().map(|row| vec![1.0; row.candidates.len()]).collect();
+        let mut from_track = from_observation.clone();
         for _ in 0..MOST_ROUNDS {
-            let mut from_track = from_observation.clone();
             let mut sums = vec![1.0; self.observations];
             for ((row, own), out) in self.tracks.iter().zip(&from_observation).zip(&mut from_track)
             {
                 let wants: Vec<f64> =
                     row.candidates.iter().zip(own).map(|(c, m)| ratio(row, c) * m).collect();
                 let all: f64 = 1.0 + wants.iter().sum::<f64>();
-                for ((candidate, want), out) in row.candidates.iter().zip(&wants).zip(out) {
+                for ((candidate, want), out) in row.candidates.iter().zip(&wants).zip(&mut *out) {
                     *out = ratio(row, candidate) / (all - want).max(1.0);
-                    sums[candidate.local] += *out;
                 }
+                add(&mut sums, row, out);
             }
             let mut change = 0.0_f64;
             for ((row, sent), out) in self.tracks.iter().zip(&from_track).zip(&mut from_observation)
@@ -251,7 +323,23 @@ impl Group {
             let made = columns.map(|(column, want)| (column, want / all));
             core::iter::once((0, 1.0 / all)).chain(made).collect()
         };
-        self.tracks.iter().zip(&from_observation).map(of_track).collect()
+        let beliefs = self.tracks.iter().zip(&from_observation).map(of_track).collect();
+        Messages { sent: from_track, beliefs }
+    }
+}
+
+/// What loopy belief propagation ends with.
+struct Messages {
+    /// Of each track to each of its candidates: how much it wants it, to 1 of an observation that
+    /// no track wants.
+    sent: Vec<Vec<f64>>,
+    beliefs: Vec<Probabilities>,
+}
+
+/// Adds a value for each candidate of a row to its observation.
+fn add(sums: &mut [f64], row: &Row, values: &[f64]) {
+    for (candidate, value) in row.candidates.iter().zip(values) {
+        sums[candidate.local] += value;
     }
 }
 
@@ -291,21 +379,21 @@ mod tests {
         sums / total
     }
 
-    fn weights() -> impl Strategy<Value = DMatrix<f64>> {
+    /// Weights of up to so many tracks and observations.
+    fn weights(most: usize) -> impl Strategy<Value = DMatrix<f64>> {
         let weight = prop_oneof![1 => Just(0.0), 2 => (-4.0..8.0_f64).prop_map(libm::exp)];
-        (1..5_usize, 0..5_usize, proptest::collection::vec(weight, 30)).prop_map(
-            |(tracks, observations, values)| {
-                DMatrix::from_fn(tracks, observations + 1, |row, column| match column {
-                    0 => 0.05 + 0.1 * crate::count::number(row),
-                    _ => values[row * 6 + column],
-                })
-            },
-        )
+        let values = proptest::collection::vec(weight, most * (most + 1));
+        (1..=most, 0..=most, values).prop_map(move |(tracks, observations, values)| {
+            DMatrix::from_fn(tracks, observations + 1, |row, column| match column {
+                0 => 0.05 + 0.1 * crate::count::number(row),
+                _ => values[row * (most + 1) + column],
+            })
+        })
     }
 
     proptest! {
         #[test]
-        fn exact_probabilities_are_those_of_all_joint_associations(weights in weights()) {
+        fn exact_probabilities_are_those_of_all_joint_associations(weights in weights(4)) {
             let found = Associations::of_weights(&weights);
             prop_assert!(found.is_exact());
             let expected = by_enumeration(&weights);
@@ -314,7 +402,7 @@ mod tests {
         }
 
         #[test]
-        fn propagated_probabilities_are_close_and_sum_to_one(weights in weights()) {
+        fn propagated_probabilities_are_close_and_sum_to_one(weights in weights(6)) {
             let expected = by_enumeration(&weights);
             for group in groups(&weights) {
                 let rows = Group::new(&weights, &group).propagated();
@@ -322,10 +410,9 @@ mod tests {
                     let sum: f64 = row.iter().map(|(_, p)| p).sum();
                     prop_assert!(abs_diff_eq!(sum, 1.0, epsilon = 1e-6));
                     for (column, p) in row {
-                        // Williams & Lau 2014 report errors of up to some 0.1 where several tracks
-                        // want the same observations.
+                        // Propagation alone is off by up to 0.4.
                         let off = (p - expected[(*track, column)]).abs();
-                        prop_assert!(off < 0.35, "{off} of track {track}\n{weights}{expected}");
+                        prop_assert!(off < 0.25, "{off} of track {track}\n{weights}{expected}");
                     }
                 }
             }
