@@ -6,7 +6,7 @@ use foxhunt_core::{BeaconId, Estimate, EstimatorError, Reception, Receptions, Re
 use foxhunt_filters::consistency::{ChiSquaredAverage, Whiteness};
 use foxhunt_hunt::{
     config::{ModelConfig, ModelError},
-    hunt::{Event, Fix, Search, Track, TrackStep, Tracks},
+    hunt::{Event, Fix, Search, Track, TrackStep, Tracks, remarks_of_receivers},
     log::{Log, LogHeader},
     registry::{EstimatorEntry, Registry, RegistryError, TrackRequest, beacon_seed},
 };
@@ -278,9 +278,9 @@ impl<'a> Replayer<'a> {
             return Some(Moment { search: number, track, step: None });
         }
         // What the estimator refuses now it refused in flight, or would have.
-        let step = track.update(reception, first_position).ok();
+        let step = track.heard_by(drone).update(reception, first_position).ok();
         if self.examined.is_some() && matches!(step, Some(TrackStep::Updated { .. })) {
-            receptions.push(*reception);
+            receptions.push((drone, *reception));
         }
         if let Some(TrackStep::Updated { correction, degrees_of_freedom }) = step {
             fix.nis.extend(correction.nis().map(|nis| (nis, degrees_of_freedom)));
@@ -357,8 +357,9 @@ fn last_of(searches: &mut [ReplayedSearch], beacon: BeaconId) -> Option<&mut Rep
 struct ReplayedSearch {
     track: Track,
     fix: ReplayedFix,
-    /// Receptions that went through the track, where the answer is examined.
-    receptions: Receptions,
+    /// Receptions that went through the track, with the drones that made them, where the answer is
+    /// examined.
+    receptions: Vec<(usize, Reception)>,
 }
 
 impl ReplayedSearch {
@@ -377,13 +378,24 @@ impl ReplayedSearch {
             remarks: Vec::new(),
             logged: None,
         };
-        Self { track, fix, receptions: Receptions::default() }
+        Self { track, fix, receptions: Vec::new() }
     }
 
     fn into_fix(mut self, examined: Option<&(EstimatorEntry, ModelConfig)>) -> ReplayedFix {
         if let Some((estimator, model)) = examined.filter(|_| !self.receptions.is_empty()) {
+            let learned = self.track.learned_receivers();
+            let mut receptions = Receptions::default();
+            for (drone, reception) in &self.receptions {
+                let of_drone = learned.iter().find(|(receiver, _)| receiver == drone);
+                receptions.push(match of_drone {
+                    Some((_, receiver)) => receiver.corrected(reception),
+                    None => *reception,
+                });
+            }
             let estimate = &self.fix.estimate;
-            self.fix.remarks = estimator.remarks_in_flight(estimate, &self.receptions, model);
+            self.fix.remarks = estimator.remarks_in_flight(estimate, &receptions, model);
+            let name = |drone: usize| format!("drone {}", drone.saturating_add(1));
+            self.fix.remarks.extend(remarks_of_receivers(&learned, name));
         }
         self.track.add_innovations_to(&mut self.fix.whiteness);
         self.fix

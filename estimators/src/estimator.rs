@@ -14,7 +14,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     AnyModel, AnyMotion, BoxedEstimator, FilterConfig, FilterOf, TimeStep, Track, TrackConfig,
-    filter::generator,
+    filter::{generator, grid_config},
+    team::{ReceiversConfig, Team},
 };
 
 /// A model of signal strength and bearing, as hunts have it.
@@ -41,6 +42,10 @@ pub struct EstimatorConfig {
     /// power; known where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exponent_sigma: Option<f64>,
+    /// Offsets of each receiver's levels and bearings, which are then estimated along with the
+    /// reference power on a grid, and each receiver's own σ; all receivers are alike where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub receivers: Option<ReceiversConfig>,
     /// Motion of the beacon; it stays where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moving: Option<MovingConfig>,
@@ -106,6 +111,11 @@ impl EstimatorConfig {
     ) -> Result<Track, EstimatorError> {
         self.track.check()?;
         let model = model.into();
+        if let Some(receivers) = &self.receivers {
+            let own = self.prior(prior)?;
+            let team = self.build_team(receivers, &model, own)?;
+            return Ok(Track::of_team(team, self.track).with_prior(own));
+        }
         let estimator = self.build(model.clone(), prior, seed)?;
         let track = if monitored {
             Track::monitored::<2, 2>(estimator, model, self.track)
@@ -129,6 +139,9 @@ impl EstimatorConfig {
     ) -> Result<Track, EstimatorError> {
         self.track.check()?;
         let model = model.into();
+        if self.receivers.is_some() {
+            return self.track(model, prior, seed, false);
+        }
         let estimator = self.build(model.clone(), prior, seed)?;
         let track = Track::smoothable::<2, 2>(estimator, model, self.track);
         Ok(track.with_prior(self.prior(prior)?))
@@ -147,7 +160,11 @@ impl EstimatorConfig {
         seed: u64,
     ) -> Result<BoxedEstimator<2, 2>, EstimatorError> {
         let prior = self.prior(prior)?;
-        let estimator = self.build_in_order(model.into(), &prior, seed)?;
+        let model = model.into();
+        if let Some(receivers) = &self.receivers {
+            return Ok(Box::new(self.build_team(receivers, &model, prior)?));
+        }
+        let estimator = self.build_in_order(model, &prior, seed)?;
         let Some(lag_s) = self.lag_s else { return Ok(estimator) };
         if self.track.time_step == TimeStep::PerReception {
             return Err(EstimatorError::Unsupported {
@@ -208,6 +225,39 @@ impl EstimatorConfig {
                 what: "an unknown exponent (exponent_sigma) with a known power",
             }),
         }
+    }
+
+    /// The estimator of the place, the reference power and each receiver's offsets.
+    fn build_team(
+        &self,
+        receivers: &ReceiversConfig,
+        model: &ReceiverModel,
+        prior: Estimate<2>,
+    ) -> Result<Team, EstimatorError> {
+        let unsupported = |what| Err(EstimatorError::Unsupported { what });
+        let FilterConfig::Grid { side, level_noise_spread: None } = self.filter else {
+            return unsupported(
+                "offsets of receivers (receivers) with another filter than a grid whose levels                  have the σ that they state",
+            );
+        };
+        let Some(sigma) = self.power_sigma_db else {
+            return unsupported("offsets of receivers (receivers) with a known power");
+        };
+        if self.exponent_sigma.is_some() || self.moving.is_some() || self.lag_s.is_some() {
+            return unsupported(
+                "offsets of receivers (receivers) with an unknown exponent, a beacon that may                  move or late receptions (exponent_sigma, moving, lag_s)",
+            );
+        }
+        if self.start_on_grid.is_some() {
+            return unsupported("offsets of receivers (receivers) with start_on_grid");
+        }
+        let law = *model.model().model().propagation();
+        let sigma = positive("power_sigma_db", sigma)?;
+        let prior = with_power(&prior, law.reference_dbm(), sigma);
+        let cliffs = model.loss().is_some();
+        let cells = GridConfig { cliffs, ..grid_config(side, None)? };
+        let model = model.clone().map(|model| model.map(FreePowerRssBearing::from));
+        Team::new(receivers, shared(model), &self.walk()?, &prior, cells)
     }
 
     /// Builds the estimator of a state that begins with the place and otherwise does not move, over

@@ -472,7 +472,7 @@ fn as_walk<const N: usize>(
 }
 
 /// The cells of a grid.
-fn grid_config(side: usize, spread: Option<f64>) -> Result<GridConfig, EstimatorError> {
+pub(crate) fn grid_config(side: usize, spread: Option<f64>) -> Result<GridConfig, EstimatorError> {
     let noise_scales = spread.map(noise_scales).transpose()?;
     Ok(GridConfig { side, most_per_side: 2 * side, noise_scales, ..GridConfig::default() })
 }

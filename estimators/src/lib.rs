@@ -7,6 +7,7 @@
 
 mod estimator;
 mod filter;
+mod team;
 mod track;
 
 use std::any::Any;
@@ -15,6 +16,7 @@ use foxhunt_core::{Estimator, EstimatorError, Smooth};
 
 pub use estimator::{EstimatorConfig, MovingConfig, ReceiverModel};
 pub use filter::{AnyModel, AnyMotion, FilterConfig, FilterOf, GateConfig, OutlierConfig, Prior};
+pub use team::{LearnedReceiver, MOST_RECEIVERS, ReceiversConfig};
 pub use track::{Components, TimeStep, Track, TrackConfig, TrackError, TrackStep, WithoutBearing};
 
 /// An estimator that was chosen at run time, and can be copied with all that it believes.

@@ -11,6 +11,8 @@ use foxhunt_filters::{
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
+use crate::team::{LearnedReceiver, Team};
+
 /// Way in which receptions are put to an estimator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -194,6 +196,12 @@ impl Track {
         Self::of(Remembered(Watched(Joined { estimator, intake })), config)
     }
 
+    /// A track whose receivers have offsets of their own.
+    pub(crate) fn of_team(team: Team, config: TrackConfig) -> Self {
+        let intake = ByQuantity(team.quantities());
+        Self::of(OfTeam(Joined { estimator: team, intake }), config)
+    }
+
     fn of(estimator: impl Fed + 'static, config: TrackConfig) -> Self {
         let watchdog = NisWatchdog::default();
         Self {
@@ -220,6 +228,20 @@ impl Track {
     #[must_use]
     pub fn starting_at(self, time: f64) -> Self {
         Self { time: Some(time), ..self }
+    }
+
+    /// Sets the receiver of the next receptions, counted from 0; the first one unless set. It
+    /// counts for estimators that learn what each receiver gets wrong.
+    pub fn heard_by(&mut self, receiver: usize) -> &mut Self {
+        self.estimator.heard_by(receiver);
+        self
+    }
+
+    /// What was learned of each receiver that has received, with its number; empty for an estimator
+    /// that takes all receivers for alike.
+    #[must_use]
+    pub fn learned_receivers(&self) -> Vec<(usize, LearnedReceiver)> {
+        self.estimator.learned_receivers()
     }
 
     /// Predicts to the reception's time and conditions the belief on it. For a reception that is
@@ -375,6 +397,12 @@ trait Fed: Belief {
 
     fn as_belief(&self) -> &dyn Belief;
 
+    fn heard_by(&mut self, _receiver: usize) {}
+
+    fn learned_receivers(&self) -> Vec<(usize, LearnedReceiver)> {
+        Vec::new()
+    }
+
     fn add_innovations_to(&self, _whiteness: &mut Whiteness) {}
 
     /// Number of the beliefs that are remembered.
@@ -442,6 +470,49 @@ where
 
     fn as_belief(&self) -> &dyn Belief {
         self
+    }
+}
+
+/// An estimator whose receivers have offsets of their own.
+struct OfTeam(Joined<Team, ByQuantity<2>, 2, 2>);
+
+impl Belief for OfTeam {
+    fn position(&self) -> Estimate<2> {
+        self.0.position()
+    }
+
+    fn visit_positions(&self, visit: &mut dyn FnMut(&Vector2<f64>, f64)) {
+        self.0.visit_positions(visit);
+    }
+}
+
+impl Fed for OfTeam {
+    fn quantities(&self) -> Vec<Quantity> {
+        self.0.quantities()
+    }
+
+    fn check(&self, reception: &Reception) -> Result<(), ObservationError> {
+        self.0.check(reception)
+    }
+
+    fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
+        self.0.predict(dt)
+    }
+
+    fn update(&mut self, reception: &Reception) -> Result<(Correction, usize), TrackError> {
+        self.0.update(reception)
+    }
+
+    fn as_belief(&self) -> &dyn Belief {
+        self
+    }
+
+    fn heard_by(&mut self, receiver: usize) {
+        self.0.estimator.heard_by(receiver);
+    }
+
+    fn learned_receivers(&self) -> Vec<(usize, LearnedReceiver)> {
+        self.0.estimator.learned()
     }
 }
 

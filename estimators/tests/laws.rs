@@ -6,10 +6,13 @@ use foxhunt_core::{
     laws::{self, Checks, Predictive},
 };
 use foxhunt_estimators::{
-    BoxedEstimator, EstimatorConfig, FilterConfig, GateConfig, MovingConfig, TrackConfig,
+    BoxedEstimator, EstimatorConfig, FilterConfig, GateConfig, LearnedReceiver, MovingConfig,
+    ReceiversConfig, TrackConfig, TrackStep,
 };
 use foxhunt_sensors::{LogDistance, RssBearing};
 use nalgebra::{Matrix2, Vector2};
+use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
+use rand_distr::StandardNormal;
 
 fn model() -> RssBearing<LogDistance> {
     RssBearing::new(LogDistance::new(-29.06, 2.765).expect("in range"))
@@ -35,6 +38,7 @@ fn of(filter: FilterConfig) -> EstimatorConfig {
         prior_sigma_m: None,
         power_sigma_db: None,
         exponent_sigma: None,
+        receivers: None,
         moving: None,
         lag_s: None,
         start_on_grid: None,
@@ -59,6 +63,12 @@ const IMM: FilterConfig =
 
 fn cloud(count: usize) -> FilterConfig {
     FilterConfig::Particle { count, adaptive_bin: None, every_step: false }
+}
+
+/// Receivers of different makes.
+fn team() -> EstimatorConfig {
+    let receivers = ReceiversConfig { level_sigma_db: 4.0, bearing_sigma_deg: 10.0 };
+    EstimatorConfig { power_sigma_db: Some(5.0), receivers: Some(receivers), ..of(GRID) }
 }
 
 fn moving(filter: FilterConfig) -> EstimatorConfig {
@@ -128,6 +138,7 @@ fn filters_of_settings_have_smoothers_or_say_so() {
         laws::smoother(|| build(&config), &observed(), 2.0, tolerance);
     }
     for (config, refusal) in [
+        (team(), "smoothing a place with offsets of receivers is not supported"),
         (power(GRID), "smoothing cells whose state holds more than a place is not supported"),
         (
             power(FilterConfig::RaoBlackwellised { count: 50 }),
@@ -186,4 +197,105 @@ fn a_track_is_smoothed() {
     let plain = moving(EKF).track(model(), &prior(), 1, true).expect("in order");
     let refused = plain.smoothed().expect_err("no earlier beliefs").to_string();
     assert!(refused.starts_with("smoothing an estimator that keeps no earlier beliefs"));
+}
+
+#[test]
+fn a_team_keeps_the_laws() {
+    let checks = Checks { worthless_tolerance: None, predictive: None, ..Checks::default() };
+    laws::estimator_with(|| build(&team()), &observed(), checks);
+}
+
+/// Two minutes: each of some thousand observations is a grid of 19 components.
+#[test]
+#[ignore = "two minutes"]
+fn a_team_keeps_the_laws_of_its_predictive_density() {
+    let predictive = Some(Predictive { tolerance: 0.02, ..Predictive::default() });
+    let checks = Checks { worthless_tolerance: None, predictive, ..Checks::default() };
+    laws::estimator_with(|| build(&team()), &observed(), checks);
+}
+
+/// Settings that a team does not use are refused by name.
+#[test]
+fn a_team_uses_what_it_is_given() {
+    let known = EstimatorConfig { power_sigma_db: None, ..team() };
+    let cloud = EstimatorConfig { filter: cloud(100), ..team() };
+    let late = EstimatorConfig { lag_s: Some(5.0), ..team() };
+    let started = EstimatorConfig { start_on_grid: Some(2), ..team() };
+    for (config, named) in [
+        (known, "a known power"),
+        (cloud, "another filter"),
+        (late, "lag_s"),
+        (started, "start_on_grid"),
+    ] {
+        let refused = config.build(model(), &prior(), 1).err().expect("not used").to_string();
+        assert!(refused.contains(named), "{refused}");
+    }
+}
+
+/// What a drawn team believes: the place's NEES, and what it learned of each receiver, with the
+/// true offsets.
+fn drawn_team(seed: u64) -> (f64, Vec<(LearnedReceiver, [f64; 2])>) {
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+    let mut normal = move || -> f64 { random.sample(StandardNormal) };
+    let prior = Estimate::isotropic(Vector2::new(0.0, 0.0), 40.0);
+    let place = Vector2::new(40.0 * normal(), 40.0 * normal());
+    let power = 5.0 * normal();
+    let offsets: [[f64; 2]; 4] =
+        std::array::from_fn(|_| [4.0 * normal(), 10.0_f64.to_radians() * normal()]);
+    let mut track = team().track(model(), &prior, 1, false).expect("in order");
+    for round in 0..12_u8 {
+        for (receiver, [level_off, bearing_off]) in offsets.into_iter().enumerate() {
+            let pose = Pose::at(30.0 * normal(), 30.0 * normal(), 10.0);
+            let expected = MeasurementModel::<2, 2>::expected(&model(), &place, &pose);
+            // The last one scatters three times as much as it says.
+            let scatter = if receiver == 3 { 3.0 } else { 1.0 };
+            let rss_dbm = expected[0] + power + level_off + 3.0 * scatter * normal();
+            let angle = expected[1] + bearing_off + 0.1 * scatter * normal();
+            let reception = Reception {
+                time: f64::from(round),
+                receiver: pose,
+                level: Some(Level { rss_dbm, sigma_db: 3.0 }),
+                bearing: Some(Bearing { angle, sigma: 0.1, confidence: 1.0 }),
+                ..Reception::default()
+            };
+            let step = track.heard_by(receiver).update(&reception, false);
+            assert!(matches!(step, Ok(TrackStep::Updated { .. })), "{step:?}");
+        }
+    }
+    let belief = track.position();
+    let off = belief.mean - place;
+    let factor = belief.covariance.cholesky().expect("definite");
+    let learned = track.learned_receivers().into_iter();
+    let with_truth = learned.map(|(receiver, learned)| (learned, offsets[receiver]));
+    (off.dot(&factor.solve(&off)), with_truth.collect())
+}
+
+/// Over 20 teams whose receivers are off as much as their prior says: the place's ANEES and the
+/// squared errors of the offsets in their σ are those of a consistent estimator (95 %), and the
+/// receiver that scatters is found.
+#[test]
+fn a_team_learns_what_each_receiver_gets_wrong() {
+    const RUNS: u32 = 20;
+    let mut nees = 0.0;
+    let mut squares = [0.0; 2];
+    let mut scatters = [0.0; 4];
+    for seed in 0..RUNS {
+        let (own, learned) = drawn_team(u64::from(seed));
+        nees += own / f64::from(RUNS);
+        assert_eq!(learned.len(), 4);
+        for (receiver, (learned, [level, bearing])) in learned.iter().enumerate() {
+            assert_eq!(learned.receptions, 12);
+            let pairs = [(learned.level_offset_db, level), (learned.bearing_offset, bearing)];
+            for (sum, ([mean, sigma], truth)) in squares.iter_mut().zip(pairs) {
+                *sum += ((mean - truth) / sigma).powi(2) / f64::from(4 * RUNS);
+            }
+            scatters[receiver] += learned.scatter.iter().sum::<f64>() / f64::from(2 * RUNS);
+        }
+    }
+    // χ² of 40 degrees, and of some 20 independent offsets, over their number.
+    assert!((1.22..2.97).contains(&nees), "{nees}");
+    assert!(squares.iter().all(|square| (0.48..1.71).contains(square)), "{squares:?}");
+    let [sound @ .., scattered] = scatters;
+    assert!(sound.iter().all(|scatter| (0.8..1.2).contains(scatter)), "{scatters:?}");
+    assert!((1.9..3.0).contains(&scattered), "{scatters:?}");
 }

@@ -271,7 +271,7 @@ impl Field {
                 {
                     let delivered = self.as_delivered(*drone, reception);
                     let track = track.as_mut().expect("its search began before");
-                    let _ = track.update(&delivered, *first_position);
+                    let _ = track.heard_by(*drone).update(&delivered, *first_position);
                 }
                 _ => {}
             }

@@ -329,6 +329,9 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         }
         while let Some(event) = mission.poll_event() {
             notices.print(&event);
+            notices.print_receivers(&event, mission.hunt(), |number| {
+                config.drones.get(number).map(|drone| drone.name.clone())
+            });
             stream(output, &event);
             if let Some(live) = &live {
                 live.show(&event, &turns.borrow());

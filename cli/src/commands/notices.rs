@@ -1,8 +1,11 @@
 //! Notices on standard error while a hunt goes on.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-use foxhunt::{hunt::Event, overview::notice};
+use foxhunt::{
+    hunt::{Event, Hunt, remarks_of_receivers},
+    overview::notice,
+};
 
 use crate::output::warn;
 
@@ -13,6 +16,8 @@ const AWAY_S: f64 = 60.0;
 #[derive(Debug, Default)]
 pub(super) struct Notices {
     troubles: BTreeMap<String, Trouble>,
+    /// Receivers that were said to be off, by number and code of the remark.
+    off: BTreeSet<(usize, String)>,
 }
 
 /// A trouble that was printed.
@@ -29,6 +34,25 @@ impl Notices {
     pub(super) fn print(&mut self, event: &Event) {
         if let Some(line) = self.line(event) {
             warn(&line);
+        }
+    }
+
+    /// Prints once of each receiver, after a reception, what the estimator has learned that it gets
+    /// wrong; `name` is its name, if it has one.
+    pub(super) fn print_receivers(
+        &mut self,
+        event: &Event,
+        hunt: &Hunt,
+        name: impl Fn(usize) -> Option<String>,
+    ) {
+        let Event::Corrected { time, .. } = event else { return };
+        let name = |number: usize| name(number).unwrap_or_else(|| format!("drone {}", number + 1));
+        for learned in hunt.learned_receivers() {
+            for remark in remarks_of_receivers(&[*learned], name) {
+                if self.off.insert((learned.0, remark.code.into_owned())) {
+                    warn(&format!("{time:7.0} s  {}", remark.text));
+                }
+            }
         }
     }
 

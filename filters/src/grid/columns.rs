@@ -249,11 +249,39 @@ impl<const N: usize> Columns<N> {
         }
     }
 
+    /// Λ, where all cells share it: with N > 3 it is factored once then, and not in every cell.
+    fn shared(&self, hypothesis: usize) -> Option<Cell<N>> {
+        let Hypothesis { information, .. } = &self.hypotheses[hypothesis];
+        let is_same = |column: &Column| matches!(column, Column::Same(_));
+        let shared = N > 3 && information.iter().all(is_same);
+        shared.then(|| Cell { log: 0.0, shift: State::zeros(), ..self.cell(hypothesis, 0) })
+    }
+
+    /// η of a cell; 0 in the first two components.
+    fn shift_of(&self, hypothesis: usize, index: usize) -> State<N> {
+        let mut shift = State::zeros();
+        let shifts = &self.hypotheses[hypothesis].shifts;
+        (2..N).for_each(|i| shift[i] = shifts[i - 2][index]);
+        shift
+    }
+
     /// ln p(x) of every cell.
     pub(super) fn log_marginals(&self, hypothesis: usize, out: &mut [f64]) {
         let Hypothesis { logs, shifts, information } = &self.hypotheses[hypothesis];
         if N == 2 {
             return out.copy_from_slice(logs);
+        }
+        if let Some(shared) = self.shared(hypothesis) {
+            let Some(factor) = shared.information.cholesky() else {
+                return out.fill(f64::NEG_INFINITY);
+            };
+            let at_zero = shared.log_marginal();
+            for (index, (out, log)) in out.iter_mut().zip(logs).enumerate() {
+                let shift = self.shift_of(hypothesis, index);
+                let white = factor.l_dirty().solve_lower_triangular_unchecked(&shift);
+                *out = log + at_zero + 0.5 * white.norm_squared();
+            }
+            return;
         }
         if N > 3 {
             let cells = out.iter_mut().enumerate();
@@ -288,6 +316,12 @@ impl<const N: usize> Columns<N> {
                     run(Map { columns: [shifts, information], of, out });
                 }
             }
+        } else if let Some(shared) = self.shared(hypothesis) {
+            let within = shared.conditional().map_or(Covariance::zeros(), |(_, within)| within);
+            for index in 0..out[0].len() {
+                let mean = within * self.shift_of(hypothesis, index);
+                (2..N).for_each(|i| out[i - 2][index] = mean[i]);
+            }
         } else if N > 3 {
             for index in 0..out[0].len() {
                 let conditional = self.cell(hypothesis, index).conditional();
@@ -316,6 +350,9 @@ impl<const N: usize> Columns<N> {
                     run(Dot(weights, &variances))
                 }
             };
+        } else if let Some(shared) = self.shared(hypothesis) {
+            let within = shared.conditional().map_or(Covariance::zeros(), |(_, within)| within);
+            spread = within * run(Sum(weights));
         } else if N > 3 {
             for (index, weight) in weights.iter().enumerate().filter(|(_, w)| **w > 0.0) {
                 let conditional = self.cell(hypothesis, index).conditional();
@@ -335,6 +372,29 @@ impl<const N: usize> Columns<N> {
         more: &Covariance<N>,
     ) -> Result<(), EstimatorError> {
         let no_factor = EstimatorError::NotPositiveDefinite { role: Role::Posterior };
+        if let Some(shared) = self.shared(hypothesis) {
+            let (_, within) = shared.conditional().ok_or(no_factor)?;
+            let mut covariance = within + more;
+            (0..2).for_each(|i| covariance[(i, i)] = 1.0);
+            let wider = Cell::of(0.0, &State::zeros(), &covariance).ok_or(no_factor)?;
+            let before = shared.log_marginal();
+            for (index, weight) in weights.iter().enumerate() {
+                let shift = self.shift_of(hypothesis, index);
+                let mean = within * shift;
+                let log = self.hypotheses[hypothesis].logs[index];
+                let log = log_density(*weight, log_one, log + before + 0.5 * shift.dot(&mean));
+                let shift = wider.information * mean;
+                let log = log + wider.log - 0.5 * shift.dot(&mean);
+                let Hypothesis { logs, shifts, .. } = &mut self.hypotheses[hypothesis];
+                logs[index] = log;
+                (2..N).for_each(|i| shifts[i - 2][index] = shift[i]);
+            }
+            let information = &mut self.hypotheses[hypothesis].information;
+            for ((i, j), column) in behind().zip(information) {
+                *column = Column::Same(wider.information[(i, j)]);
+            }
+            return Ok(());
+        }
         if N > 3 {
             for (index, weight) in weights.iter().enumerate() {
                 let cell = self.cell(hypothesis, index);
@@ -384,6 +444,33 @@ impl<const N: usize> Columns<N> {
         Ok(())
     }
 
+    /// What is read between cells. With one Λ for several components it is ln p(x) and the mean: l
+    /// and η nearly cancel there, and what is read of them between bearings a turn apart does not.
+    fn readable(&self, hypothesis: usize) -> Cow<'_, Hypothesis> {
+        let own = &self.hypotheses[hypothesis];
+        if self.shared(hypothesis).is_none() {
+            return Cow::Borrowed(own);
+        }
+        let mut readable = own.clone();
+        self.log_marginals(hypothesis, &mut readable.logs);
+        self.means(hypothesis, &mut readable.shifts);
+        Cow::Owned(readable)
+    }
+
+    /// Makes l and η of what is [readable](Self::readable).
+    fn read_back(&mut self, hypothesis: usize) {
+        let Some(shared) = self.shared(hypothesis) else { return };
+        let at_zero = shared.log_marginal();
+        for index in 0..self.hypotheses[hypothesis].logs.len() {
+            let mean = self.shift_of(hypothesis, index);
+            let mut shift = shared.information * mean;
+            shift.fixed_rows_mut::<2>(0).fill(0.0);
+            let Hypothesis { logs, shifts, .. } = &mut self.hypotheses[hypothesis];
+            logs[index] -= at_zero + 0.5 * shift.dot(&mean);
+            (2..N).for_each(|i| shifts[i - 2][index] = shift[i]);
+        }
+    }
+
     /// Makes `out` the same belief over other cells. Beyond the old ones l is what it is on their
     /// border, and what `fall` makes of the way from there, which is never positive.
     pub(super) fn over(
@@ -394,16 +481,19 @@ impl<const N: usize> Columns<N> {
         out: &mut Self,
     ) {
         out.hypotheses.resize_with(self.hypotheses.len(), Hypothesis::default);
+        let readable: Vec<_> = (0..self.hypotheses.len()).map(|j| self.readable(j)).collect();
         let mut logs = (Vec::new(), Vec::new());
         let mut others = (Vec::new(), Vec::new());
-        for (to_fill, hypothesis) in out.hypotheses.iter_mut().zip(&self.hypotheses) {
+        for ((to_fill, hypothesis), readable) in
+            out.hypotheses.iter_mut().zip(&self.hypotheses).zip(&readable)
+        {
             let Hypothesis { logs: logs_to_fill, shifts, information } = to_fill;
             shifts.resize_with(N - 2, Vec::new);
             information.clone_from(&hypothesis.information);
             logs_to_fill.resize(to.len(), 0.0);
-            logs.0.push(&hypothesis.logs[..]);
+            logs.0.push(&readable.logs[..]);
             logs.1.push(&mut logs_to_fill[..]);
-            for (column, to_fill) in hypothesis.shifts.iter().zip(shifts) {
+            for (column, to_fill) in readable.shifts.iter().zip(shifts) {
                 to_fill.resize(to.len(), 0.0);
                 others.0.push(&column[..]);
                 others.1.push(&mut to_fill[..]);
@@ -424,6 +514,7 @@ impl<const N: usize> Columns<N> {
             logs: (&logs.0, &mut logs.1),
             others: (&others.0, &mut others.1),
         });
+        (0..self.hypotheses.len()).for_each(|j| out.read_back(j));
         let last = number(from.side()) - 0.5;
         let beyond = |index: usize| {
             let cell = Vector2::new(number(index % to.side()), number(index / to.side()));
@@ -575,6 +666,51 @@ mod tests {
         covariance[(0, 0)] = 0.0;
         covariance[(1, 1)] = 0.0;
         assert!((spread - covariance).norm() < 1e-14);
+    }
+
+    /// Cells that share Λ and cells that each have the same one.
+    #[test]
+    fn shared_information_is_as_each_cells_own() {
+        let information = nalgebra::SMatrix::<f64, 5, 5>::from_fn(|i, j| match (i, j) {
+            _ if i == j => 2.0,
+            (2.., 2..) => 0.3,
+            _ => 0.0,
+        });
+        let mut shared = Columns::<5>::new(1, 4, &information);
+        for (row, shifts) in shared.hypotheses[0].shifts.iter_mut().enumerate() {
+            shifts.iter_mut().enumerate().for_each(|(i, s)| *s = number(row + 2 * i) - 2.5);
+        }
+        shared.hypotheses[0].logs = vec![0.1, -0.2, 0.3, 0.0];
+        let mut each = shared.clone();
+        each.hypotheses[0].information.iter_mut().for_each(|column| {
+            column.each_mut(4);
+        });
+        let close = |shared: &Columns<5>, each: &Columns<5>| {
+            let marginals = [shared, each].map(|columns| {
+                let mut out = vec![0.0; 4];
+                columns.log_marginals(0, &mut out);
+                out
+            });
+            let means = [shared, each].map(|columns| {
+                let mut out = vec![vec![0.0; 4]; 3];
+                columns.means(0, &mut out);
+                out
+            });
+            let weights = [0.4, 0.1, 0.3, 0.2];
+            let spreads = [shared, each].map(|columns| columns.spread(0, &weights));
+            let pairs = marginals[0].iter().zip(&marginals[1]);
+            let behind = means[0].iter().flatten().zip(means[1].iter().flatten());
+            pairs.chain(behind).all(|(a, b)| (a - b).abs() < 1e-12)
+                && (spreads[0] - spreads[1]).norm() < 1e-12
+        };
+        assert!(close(&shared, &each));
+        let mut more = Covariance::zeros();
+        (2..5).for_each(|i| more[(i, i)] = 0.1 * number(i));
+        let weights = [0.5, 0.25, 0.0, 1.0];
+        shared.diffuse(0, &weights, -1.0, &more).expect("definite");
+        each.diffuse(0, &weights, -1.0, &more).expect("definite");
+        assert!(shared.shared(0).is_some() && each.shared(0).is_none());
+        assert!(close(&shared, &each));
     }
 
     #[test]

@@ -21,7 +21,9 @@ const POSITIONS: u16 = 360;
 const PAUSES: u32 = 1_000_000;
 
 /// A `KrakenSDR` as a source of turns that take no turning: its pseudo-spectrum is the pattern, one
-/// sample for each of 360 directions, whose highest has the power that it measured.
+/// sample for each of 360 directions. Their mean in dB is the power that it measured, as the mean
+/// over a turn of an antenna is the level of the place: how deep the spectrum is says nothing of
+/// the power.
 ///
 /// The page is fetched again and again over connections that `open` makes. What stands in it when a
 /// turn begins was measured before; a beacon's first new line is its turn. A line that is torn is
@@ -133,7 +135,8 @@ where
         if !receiver.is_finite() {
             return Ok(());
         }
-        let level = line.power_db + self.config.calibration_db;
+        let mean = line.spectrum_db.iter().sum::<f64>() / f64::from(POSITIONS);
+        let level = line.power_db + self.config.calibration_db - mean;
         let front = receiver.heading + self.config.mount_offset_rad;
         let sample = |(position, value): (u16, &f64)| {
             let aside = TAU * f64::from(position) / f64::from(POSITIONS);

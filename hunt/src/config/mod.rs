@@ -14,7 +14,7 @@ pub use extractor::{
 };
 pub use foxhunt_estimators::{
     AnyModel, AnyMotion, BoxedEstimator, CloneEstimator, EstimatorConfig, FilterConfig, FilterOf,
-    GateConfig, MovingConfig, OutlierConfig, Prior, ReceiverModel,
+    GateConfig, MovingConfig, OutlierConfig, Prior, ReceiverModel, ReceiversConfig,
 };
 pub(crate) use model::FREQUENCY_MHZ;
 pub use model::{ModelConfig, ModelError};

@@ -10,7 +10,7 @@ use foxhunt_formation::{Phase, PhaseError, Phases, Progress, Signal, StopWatch};
 use nalgebra::{Vector2, Vector3};
 
 use super::{
-    Command, Event, Fix, HuntConfig, HuntError, Track, TrackStep,
+    Command, Event, Fix, HuntConfig, HuntError, LearnedReceiver, Track, TrackStep,
     cloud::{LOGGED_PLACES, cloud},
     flight::{Flight, Recall},
     outbox::Outbox,
@@ -141,6 +141,8 @@ pub struct Hunt {
     attempts: u32,
     fixes: Vec<Fix>,
     outbox: Outbox,
+    /// What the last reception's estimator had learned of each receiver, with the drone's number.
+    learned: Vec<(usize, LearnedReceiver)>,
     /// Receptions that were fused: drone, beacon, and the bits of the time.
     fused: BTreeSet<(usize, BeaconId, u64)>,
 }
@@ -254,6 +256,7 @@ impl Hunt {
             attempts: 0,
             fixes: Vec::new(),
             outbox: Outbox::default(),
+            learned: Vec::new(),
             fused: BTreeSet::new(),
         })
     }
@@ -496,6 +499,13 @@ impl Hunt {
         believed
     }
 
+    /// What was learned of each receiver at the search that received last, with the drone's number;
+    /// empty for an estimator that takes all receivers for alike.
+    #[must_use]
+    pub fn learned_receivers(&self) -> &[(usize, LearnedReceiver)] {
+        &self.learned
+    }
+
     /// Returns true if there is a fix of every beacon.
     fn all_found(&self) -> bool {
         self.fixes.len() == self.targets.len()
@@ -641,7 +651,7 @@ impl Hunt {
         self.fused.insert((drone, beacon, reception.time.to_bits()));
         let first_position = search.measured == 0;
         self.outbox.emit(Event::Received { time, drone, first_position, reception });
-        let reason = match search.track.update(&reception, first_position) {
+        let reason = match search.track.heard_by(drone).update(&reception, first_position) {
             Ok(TrackStep::Updated { correction, degrees_of_freedom }) => {
                 // A late one is of the place where it was made, and not of this position.
                 let counts = in_time && listening && correction != Correction::Empty;
@@ -659,6 +669,7 @@ impl Hunt {
                     let event = Event::FilterDiverged { time, beacon, average_nis, interval };
                     self.outbox.emit(event);
                 }
+                self.learned = search.track.learned_receivers();
                 self.planner.observe(&reception);
                 return;
             }

@@ -7,6 +7,7 @@ mod drive;
 mod error;
 mod event;
 mod flight;
+mod learned;
 mod machine;
 mod outbox;
 mod place_estimate;
@@ -22,8 +23,10 @@ pub use drive::{
 pub use error::HuntError;
 pub use event::{Event, Fix, FlightStage};
 pub use foxhunt_estimators::{
-    Components, TimeStep, Track, TrackConfig, TrackError, TrackStep, WithoutBearing,
+    Components, LearnedReceiver, TimeStep, Track, TrackConfig, TrackError, TrackStep,
+    WithoutBearing,
 };
+pub use learned::remarks_of_receivers;
 pub use machine::{Believed, Hunt, Parts, Search, Tracks};
 pub use place_estimate::PlaceEstimate;
 pub use tapped::{Tap, Tapped};

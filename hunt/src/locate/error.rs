@@ -57,6 +57,9 @@ pub enum LocateError {
         /// The place's North in metres.
         north: f64,
     },
+    /// The estimator learns what each receiver of a hunt gets wrong.
+    #[error("it is for hunts: it learns what each of several receivers gets wrong")]
+    OfHunts,
     /// The estimator needs a known power.
     #[error("it needs the transmitter's power and the exponent (--p0-dbm, --exponent)")]
     NoPower,

@@ -5,7 +5,9 @@ use foxhunt_filters::Loss;
 
 use super::{EstimatorEntry, combined, locators};
 use crate::{
-    config::{EstimatorConfig, FilterConfig, GateConfig, MovingConfig, OutlierConfig},
+    config::{
+        EstimatorConfig, FilterConfig, GateConfig, MovingConfig, OutlierConfig, ReceiversConfig,
+    },
     hunt::{Components, TimeStep, TrackConfig, WithoutBearing},
 };
 
@@ -53,6 +55,7 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
         prior_sigma_m: None,
         power_sigma_db: None,
         exponent_sigma: None,
+        receivers: None,
         moving: None,
         lag_s: None,
         start_on_grid: None,
@@ -66,6 +69,7 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
         prior_sigma_m: Some(PRITZL_PRIOR_SIGMA_M),
         power_sigma_db: None,
         exponent_sigma: None,
+        receivers: None,
         moving: None,
         lag_s: None,
         start_on_grid: None,
@@ -88,6 +92,16 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
             EstimatorConfig {
                 power_sigma_db: Some(5.0),
                 ..as_read(FilterConfig::Grid { side: 64, level_noise_spread: Some(0.5) })
+            },
+        ),
+        EstimatorEntry::of_settings(
+            "team",
+            "the grid of `default`, with an offset of level and compass and a σ for each receiver",
+            "Doucet et al. 2000 (Rao-Blackwell); Särkkä & Nummenmaa 2009",
+            EstimatorConfig {
+                power_sigma_db: Some(5.0),
+                receivers: Some(ReceiversConfig { level_sigma_db: 8.0, bearing_sigma_deg: 10.0 }),
+                ..as_read(FilterConfig::Grid { side: 64, level_noise_spread: None })
             },
         ),
         EstimatorEntry::of_settings(
@@ -244,6 +258,7 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
             EstimatorConfig {
                 power_sigma_db: Some(5.0),
                 exponent_sigma: Some(0.5),
+                receivers: None,
                 ..as_read(FilterConfig::Grid { side: 64, level_noise_spread: None })
             },
         ),

@@ -303,6 +303,9 @@ fn in_time(
     estimator: &EstimatorEntry,
     config: &LocateConfig,
 ) -> Result<Located, LocateError> {
+    if estimator.settings().is_some_and(|settings| settings.receivers.is_some()) {
+        return Err(LocateError::OfHunts);
+    }
     let area = Area::about(receptions, config.margin_m);
     let prior = area.prior();
     let (law, power_sigma_db) = match config.power.law() {

@@ -108,6 +108,13 @@ const TABLES: [KeyTable; 26] = [
             key("stuck", "s", "none", "times in which it hovers where it is"),
             key("lost", "s", "none", "times in which nobody has a link to it"),
             key("late_s", "s", "0", "the delay of its sweeps"),
+            key("level_offset_db", "dB", "0", "what its receiver reads all levels too high"),
+            key(
+                "compass_offset_deg",
+                "degrees",
+                "0",
+                "what its compass, and all of its bearings, read too far clockwise",
+            ),
         ],
     },
     KeyTable {

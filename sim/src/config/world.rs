@@ -73,6 +73,13 @@ pub struct DroneConfig {
     /// ([`World::late`](crate::World::late)).
     #[serde(default, skip_serializing_if = "is_zero")]
     pub late_s: f64,
+    /// Its receiver reads all levels so much too high, in dB; 0 unless given.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub level_offset_db: f64,
+    /// Its compass reads so many degrees too far clockwise, and all of its bearings with it; 0
+    /// unless given.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub compass_offset_deg: f64,
 }
 
 impl DroneConfig {
@@ -83,6 +90,8 @@ impl DroneConfig {
         finite("heading_deg_ccw_from_east", self.heading_deg_ccw_from_east)?;
         not_negative("silent_after_s", self.silent_after_s.unwrap_or(0.0))?;
         not_negative("late_s", self.late_s)?;
+        finite("level_offset_db", self.level_offset_db)?;
+        finite("compass_offset_deg", self.compass_offset_deg)?;
         let failures = [("silent", &self.silent), ("stuck", &self.stuck), ("lost", &self.lost)];
         for (name, intervals) in failures {
             for (i, interval) in intervals.iter().enumerate() {

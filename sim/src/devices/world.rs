@@ -213,6 +213,16 @@ impl World {
         Ok(self.on_board(drone)?.with(|drone, _| drone.body.path_length()))
     }
 
+    /// What a drone's compass turns its bearings by, in radians counter-clockwise.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Drone`] if there is no such drone.
+    #[cfg(feature = "emulators")]
+    pub(crate) fn bearing_offset(&self, drone: usize) -> Result<f64, SimError> {
+        Ok(self.on_board(drone)?.with(|drone, _| drone.receiver.bearing_offset()))
+    }
+
     /// Puts a drone where something outside of the world flies it: its antenna and its radio go
     /// along, and orders of this world move it no more. Over terrain its Up counts from the ground
     /// below its first place.

@@ -58,7 +58,7 @@ impl Drone {
         Ok(Self {
             body: Body::new(vehicle, pose, streams.gust.clone())?,
             motor: Turntable::new(stepper.rotator_speed_rad_s),
-            receiver: Receiver::new(streams, stepper.radio_latency_s),
+            receiver: Receiver::new(streams, stepper.radio_latency_s, config),
             failures: config.clone(),
             course: Course::at(0.0),
             order: None,

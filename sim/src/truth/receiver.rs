@@ -13,7 +13,7 @@ use rand::{RngExt, rngs::Xoshiro256PlusPlus};
 use rand_distr::{Distribution, StandardNormal};
 
 use super::{Channel, Port, Streams, is_due};
-use crate::ScatteringConfig;
+use crate::{DroneConfig, ScatteringConfig};
 
 /// A drone that moves farther than this begins a new pattern, in metres: fading is another one
 /// there.
@@ -115,6 +115,9 @@ pub(crate) struct Receiver {
     streams: Streams,
     /// Time from a request to its answer, in seconds.
     latency: f64,
+    /// What it reads all levels too high, in dB, and all bearings too far counter-clockwise.
+    level_offset_db: f64,
+    bearing_offset: f64,
     /// The present ones, of different beacons.
     patterns: Vec<Pattern>,
     /// The last ones, of different beacons.
@@ -203,8 +206,23 @@ impl Way {
 }
 
 impl Receiver {
-    pub(super) fn new(streams: Streams, latency: f64) -> Self {
-        Self { streams, latency, patterns: Vec::new(), ways: Vec::new(), last: None, answer: None }
+    pub(super) fn new(streams: Streams, latency: f64, drone: &DroneConfig) -> Self {
+        Self {
+            streams,
+            latency,
+            level_offset_db: drone.level_offset_db,
+            bearing_offset: -drone.compass_offset_deg.to_radians(),
+            patterns: Vec::new(),
+            ways: Vec::new(),
+            last: None,
+            answer: None,
+        }
+    }
+
+    /// What it reads all bearings too far counter-clockwise, in radians.
+    #[cfg(feature = "emulators")]
+    pub(crate) fn bearing_offset(&self) -> f64 {
+        self.bearing_offset
     }
 
     /// Time from a request to its answer, in seconds.
@@ -372,8 +390,10 @@ impl Receiver {
             beacon: arrival.beacon,
             place: arrival.receiver.position,
             spun: arrival.spun,
-            offset_db: channel.pattern_sigma_db * offset + share_db.unwrap_or(0.0),
-            bearing_error: channel.bearing_sigma * error,
+            offset_db: channel.pattern_sigma_db * offset
+                + share_db.unwrap_or(0.0)
+                + self.level_offset_db,
+            bearing_error: channel.bearing_sigma * error + self.bearing_offset,
             scattered,
             ended: false,
         };

@@ -159,6 +159,7 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         }
         while let Some(event) = node.poll_event() {
             notices.print(&event);
+            notices.print_receivers(&event, node.hunt(), |_| None);
             if let Some(live) = &live {
                 live.show(&event, &[]);
             }

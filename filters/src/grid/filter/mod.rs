@@ -162,6 +162,12 @@ where
         weights.map(move |(i, weight)| (self.lattice.place(i), scale * weight))
     }
 
+    /// The measurement model of the next observations, for one that changes from one to the next,
+    /// as between receivers of different makes. Its components must stay what they are.
+    pub fn measurement_mut(&mut self) -> &mut H {
+        &mut self.measurement
+    }
+
     /// Returns the number of cells along each side.
     #[must_use]
     pub fn side(&self) -> usize {

@@ -144,7 +144,7 @@ impl Hunt {
             return;
         };
         // What was refused is refused again.
-        let step = search.track.update(reception, first_position);
+        let step = search.track.heard_by(drone).update(reception, first_position);
         if let Ok(TrackStep::Updated { correction, .. }) = step {
             search.received += u32::from(in_time && correction != Correction::Empty);
             self.planner.observe(reception);

@@ -225,7 +225,8 @@ impl<S: ByteStream> EmulatedKraken<S> {
         let pose = self.world.pose(self.drone).ok()?;
         let to = self.world.truth(beacon)? - pose.position;
         let error: f64 = self.random.sample(StandardNormal);
-        let error = self.config.sigma_deg.to_radians() * error;
+        let aslant = self.world.bearing_offset(self.drone).ok()?;
+        let error = aslant + self.config.sigma_deg.to_radians() * error;
         let direction = angle::wrap(to.y.atan2(to.x) - pose.heading + error);
         let spectrum = (0..360).map(|degree| {
             let aside = angle::distance(f64::from(degree).to_radians(), direction).to_degrees();
