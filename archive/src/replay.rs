@@ -6,7 +6,7 @@ use foxhunt_core::{BeaconId, Estimate, EstimatorError, Reception, Receptions, Re
 use foxhunt_filters::consistency::{ChiSquaredAverage, Whiteness};
 use foxhunt_hunt::{
     config::{ModelConfig, ModelError},
-    hunt::{Event, Fix, Search, Track, TrackStep, Tracks, remarks_of_receivers},
+    hunt::{Event, Fix, LearnedReceiver, Search, Track, TrackStep, Tracks, remarks_of_receivers},
     log::{Log, LogHeader},
     registry::{EstimatorEntry, Registry, RegistryError, TrackRequest, beacon_seed},
 };
@@ -54,6 +54,9 @@ pub struct ReplayedFix {
     pub diverged: u32,
     /// Doubts about the place (docs/remarks.md); empty for [`replay_with`].
     pub remarks: Vec<Remark>,
+    /// What was learned of each receiver, with the drone's number; empty for an estimator that takes
+    /// all receivers for alike.
+    pub receivers: Vec<(usize, LearnedReceiver)>,
     /// The fix of the log, if the search ended.
     pub logged: Option<Fix>,
 }
@@ -376,14 +379,16 @@ impl ReplayedSearch {
             rejected: 0,
             diverged: 0,
             remarks: Vec::new(),
+            receivers: Vec::new(),
             logged: None,
         };
         Self { track, fix, receptions: Vec::new() }
     }
 
     fn into_fix(mut self, examined: Option<&(EstimatorEntry, ModelConfig)>) -> ReplayedFix {
+        self.fix.receivers = self.track.learned_receivers();
         if let Some((estimator, model)) = examined.filter(|_| !self.receptions.is_empty()) {
-            let learned = self.track.learned_receivers();
+            let learned = &self.fix.receivers;
             let mut receptions = Receptions::default();
             for (drone, reception) in &self.receptions {
                 let of_drone = learned.iter().find(|(receiver, _)| receiver == drone);
@@ -395,7 +400,7 @@ impl ReplayedSearch {
             let estimate = &self.fix.estimate;
             self.fix.remarks = estimator.remarks_in_flight(estimate, &receptions, model);
             let name = |drone: usize| format!("drone {}", drone.saturating_add(1));
-            self.fix.remarks.extend(remarks_of_receivers(&learned, name));
+            self.fix.remarks.extend(remarks_of_receivers(learned, name));
         }
         self.track.add_innovations_to(&mut self.fix.whiteness);
         self.fix

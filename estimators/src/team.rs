@@ -23,7 +23,7 @@ const LEVEL_DRIFT_DB: f64 = 0.01;
 const BEARING_DRIFT: f64 = 0.001;
 
 /// Number of receptions that the stated σ of a receiver counts for when its own is learned.
-const STATED_FOR: f64 = 10.0;
+const STATED_FOR: f64 = 4.0;
 
 /// Ratio of a receiver's σ to that with which its receptions were used from which on all receptions
 /// are used again.

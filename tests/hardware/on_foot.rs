@@ -9,7 +9,7 @@ use foxhunt::{
         EmulatedField, EmulatedFieldConfig, EmulatedFieldError, EmulatedPlatform, EmulatedReceiver,
         EmulatedVehicle, FlightConfig, Mission, Tap,
     },
-    hunt::{Event, FlightStage},
+    hunt::{Event, FlightStage, LearnedReceiver},
     registry::Registry,
     scenario::Scenario,
     sim::World,
@@ -24,6 +24,7 @@ struct Hunted {
     heard: Vec<(f64, FlightStage)>,
     /// Way that the first receiver truly went, in metres.
     walked_m: f64,
+    learned: Vec<(usize, LearnedReceiver)>,
 }
 
 /// Hunts with the platforms in place of the scenario's drones.
@@ -72,7 +73,9 @@ fn hunt(scenario: &str, platforms: &[(EmulatedVehicle, Option<EmulatedReceiver>)
     let fix = mission.hunt().fixes().first().expect("a fix");
     let heard = heard.take();
     let duration_s = world.time();
-    Hunted { error_m: (fix.estimate.mean - truth).norm(), duration_s, events, heard, walked_m }
+    let error_m = (fix.estimate.mean - truth).norm();
+    let learned = mission.hunt().learned_receivers().to_vec();
+    Hunted { error_m, duration_s, events, heard, walked_m, learned }
 }
 
 fn modes(events: &[Event]) -> Vec<&str> {
@@ -113,6 +116,28 @@ fn a_walker_without_a_direction_hears_the_level_on_the_way() {
     let gaps = hunted.heard.windows(2).map(|pair| pair[1].0 - pair[0].0);
     let longest = gaps.fold(0.0, f64::max);
     assert!(longest < 4.0, "{longest:.1} s without a level");
+}
+
+/// A walker whose levels are 8 dB too high, a car whose compass reads 25° too far clockwise, and two
+/// drones have one belief, which has both errors within three of their σ.
+#[test]
+fn a_mixed_team_learns_what_its_receivers_get_wrong() {
+    let carried = EmulatedVehicle::Carried;
+    let omni = Some(EmulatedReceiver::Omnidirectional);
+    let kraken = Some(EmulatedReceiver::Kraken);
+    let hunted = hunt("mixed-team", &[(carried, omni), (carried, kraken)]);
+    // Without offsets of their own the same receptions end 3.2 m away.
+    assert!(hunted.error_m < 2.5, "{:.1} m", hunted.error_m);
+    let [(0, walker), (1, car), (2, _), (3, _)] = hunted.learned[..] else {
+        panic!("{:?}", hunted.learned)
+    };
+    let [level, level_sigma] = walker.level_from_others_db.expect("there are others");
+    assert!(
+        (level - 8.0).abs() < 3.0 * level_sigma && level > level_sigma,
+        "{level} {level_sigma}"
+    );
+    let [turned, sigma] = car.bearing_offset.map(f64::to_degrees);
+    assert!((turned + 25.0).abs() < 3.0 * sigma && turned < -2.0 * sigma, "{turned}° {sigma}°");
 }
 
 #[test]

@@ -3,7 +3,7 @@ use std::{collections::BTreeSet, path::PathBuf};
 use foxhunt::{
     core::{Ellipse, Outcome, Remark},
     filters::consistency::Verdict,
-    hunt::PlaceEstimate,
+    hunt::{LearnedReceiver, PlaceEstimate},
     log::{Log, LogError},
     overview::{Believed, Overview, SearchOverview},
     page::PageLog,
@@ -93,12 +93,41 @@ struct Replayed {
     diverged: u32,
     /// Doubts about the place, each with what to do about it.
     remarks: Vec<Remark>,
+    /// What was learned of each receiver; absent for an estimator that takes all for alike.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    receivers: Vec<Learned>,
     outcome: Option<Outcome>,
     logged_estimate: Option<PlaceEstimate>,
     logged_error_m: Option<f64>,
     /// The smoothed track; absent without `--smooth`.
     #[serde(skip_serializing_if = "Option::is_none")]
     smoothed: Option<SmoothedTrack>,
+}
+
+/// What was learned of a receiver: each offset with its σ. Bearings are off counter-clockwise.
+#[derive(Debug, Serialize)]
+struct Learned {
+    /// Number of the receiver, from 1.
+    drone: usize,
+    level_offset_db: [f64; 2],
+    level_from_others_db: Option<[f64; 2]>,
+    bearing_offset_deg: [f64; 2],
+    /// Factors by which its levels and its bearings scatter more than they state.
+    scatter: [f64; 2],
+    receptions: u32,
+}
+
+impl From<&(usize, LearnedReceiver)> for Learned {
+    fn from((drone, learned): &(usize, LearnedReceiver)) -> Self {
+        Self {
+            drone: drone + 1,
+            level_offset_db: learned.level_offset_db,
+            level_from_others_db: learned.level_from_others_db,
+            bearing_offset_deg: learned.bearing_offset.map(f64::to_degrees),
+            scatter: learned.scatter,
+            receptions: learned.receptions,
+        }
+    }
 }
 
 /// The track of a beacon given all receptions, with its errors and the errors of the estimates that
@@ -211,6 +240,7 @@ impl Replayed {
             whiteness_p: fix.whiteness.ljung_box().map(|test| test.p_value),
             diverged: fix.diverged,
             remarks: fix.remarks.clone(),
+            receivers: fix.receivers.iter().map(Learned::from).collect(),
             outcome: logged.map(|logged| logged.outcome),
             logged_estimate: logged.map(|logged| (&logged.estimate).into()),
             smoothed: None,
