@@ -37,11 +37,16 @@ pub mod cot;
 mod finding;
 #[cfg(feature = "gnss")]
 mod gnss;
+mod host;
 pub mod link;
 #[cfg(feature = "mavlink")]
 mod mavlink;
 #[cfg(feature = "ardrone")]
 mod motion_capture;
+#[cfg(feature = "mqtt")]
+mod mqtt_sender;
+#[cfg(any(feature = "cot", feature = "mqtt"))]
+mod outbox;
 #[cfg(feature = "receivers")]
 mod receivers;
 mod reconnecting;
@@ -71,6 +76,8 @@ pub use mavlink::{
 };
 #[cfg(feature = "ardrone")]
 pub use motion_capture::{MotionCapture, MotionCaptureConfig, PosesLost};
+#[cfg(feature = "mqtt")]
+pub use mqtt_sender::MqttSender;
 #[cfg(feature = "receivers")]
 pub use receivers::{
     KrakenConfig, KrakenSource, KrakenSourceError, PulseConfig, RtlTcpConfig, RtlTcpRadio,

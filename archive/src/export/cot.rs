@@ -1,10 +1,9 @@
-use std::collections::HashMap;
-
 use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
 
 use super::{
     ExportError,
     feature::{Feature, Kind, LonLat, Shape, features, lon_lat},
+    team::Names,
     xml::{Xml, printable},
 };
 use crate::{overview::Overview, recording::utc::utc};
@@ -46,7 +45,7 @@ pub(super) fn write(overview: &Overview, frame: &LocalFrame) -> Result<Vec<u8>, 
     let times = |time: f64| [epoch + time, epoch + time, epoch + time + HOLDS_S];
     for receiver in &overview.receivers {
         let Some(last) = receiver.path.last() else { continue };
-        let uid = names.uid(overview, "receiver", &receiver.name);
+        let uid = names.unique(uid(overview, "receiver", &receiver.name));
         let place = lon_lat(frame, &last.place.xy());
         let times = times(last.time);
         let how = "m-g";
@@ -55,29 +54,12 @@ pub(super) fn write(overview: &Overview, frame: &LocalFrame) -> Result<Vec<u8>, 
         xml.line()?;
     }
     for feature in &features(overview, frame) {
-        let uid = names.uid(overview, feature.kind.name(), &feature.name);
+        let uid = names.unique(uid(overview, feature.kind.name(), &feature.name));
         let time = feature.time.unwrap_or(end);
         put(&mut xml, frame, feature, &uid, how(feature.kind), times(time))?;
         xml.line()?;
     }
     Ok(xml.into_bytes())
-}
-
-/// Unique names of events. A name that is used again has a number behind it.
-#[derive(Default)]
-pub(super) struct Names(HashMap<String, usize>);
-
-impl Names {
-    fn uid(&mut self, overview: &Overview, kind: &str, name: &str) -> String {
-        self.unique(uid(overview, kind, name))
-    }
-
-    /// Returns the name, with a number behind it if it is used again.
-    pub(super) fn unique(&mut self, name: String) -> String {
-        let count = self.0.entry(name.clone()).or_default();
-        *count += 1;
-        if *count == 1 { name } else { format!("{name}.{count}") }
-    }
 }
 
 /// Returns the unique name of a thing. It depends on no other thing and on no time, so that an

@@ -5,11 +5,12 @@ use nalgebra::Vector3;
 
 use super::{
     ExportError,
-    cot::{HOLDS_S, Head, IN_THE_AIR, Names, ON_THE_GROUND, how, platform, put, uid},
+    cot::{HOLDS_S, Head, IN_THE_AIR, ON_THE_GROUND, how, platform, put, uid},
     feature::{Feature, Kind, bearing, found, lon_lat, reach_m},
+    team::{CotPlatform, Receivers, is_found, unique},
     xml::Xml,
 };
-use crate::overview::{Overview, Received, SearchOverview};
+use crate::overview::{Overview, Received};
 
 /// Validity of a receiver's place, in seconds: half a minute of a turn, and a gap of the link.
 const PLATFORM_HOLDS_S: f64 = 120.0;
@@ -38,27 +39,16 @@ pub struct CotEvent {
     pub stale_unix_s: f64,
 }
 
-/// A receiver as teams see it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct CotPlatform {
-    /// Name of the receiver.
-    pub name: String,
-    /// True for a person, a car, a boat or a station.
-    pub on_the_ground: bool,
-}
-
 /// Events of a hunt that goes on: receivers, fixes, ellipses, rivals and the last bearings.
 ///
 /// Each thing has one name for the whole hunt, so that a fix moves rather than multiplies. An
 /// unchanged thing has the same event to the byte for half a minute.
 #[derive(Clone, Debug, Default)]
 pub struct CotFeed {
-    platforms: Vec<CotPlatform>,
+    receivers: Receivers,
     is_simulated: bool,
     /// True if the receivers are not where they were received from any more.
     is_past: bool,
-    /// Places of receivers that were reported beside receptions, with their times.
-    places: Vec<Option<(f64, Vector3<f64>)>>,
     /// Times and lengths of what was shown, by its name.
     shown: HashMap<String, Shown>,
 }
@@ -78,7 +68,7 @@ impl CotFeed {
     /// are in the air. Events of a simulated hunt say so.
     #[must_use]
     pub fn new(platforms: Vec<CotPlatform>, is_simulated: bool) -> Self {
-        Self { platforms, is_simulated, ..Self::default() }
+        Self { receivers: Receivers::new(platforms), is_simulated, ..Self::default() }
     }
 
     /// Returns the feed of recordings: their receivers and times are past, so that receivers are
@@ -90,12 +80,7 @@ impl CotFeed {
 
     /// Takes the place of a receiver at a time of the hunt: East, North and Up in metres.
     pub fn place(&mut self, receiver: usize, time: f64, place: Vector3<f64>) {
-        if self.places.len() <= receiver {
-            self.places.resize(receiver + 1, None);
-        }
-        if let Some(kept) = self.places.get_mut(receiver) {
-            *kept = Some((time, place));
-        }
+        self.receivers.place(receiver, time, place);
     }
 
     /// Returns the event of each thing at a UNIX time. A hunt without an epoch has its times by the
@@ -112,8 +97,7 @@ impl CotFeed {
     ) -> Result<Vec<CotEvent>, ExportError> {
         let frame = overview.frame.ok_or(ExportError::NoOrigin)?;
         let mut events = Vec::new();
-        let receivers = overview.receivers.len().max(self.places.len());
-        let receivers = unique((0..receivers).map(|receiver| self.name(overview, receiver)));
+        let receivers = unique(self.receivers.names(overview));
         let searches = unique(overview.searches.iter().map(|search| search.name.clone()));
         if !self.is_past {
             for (receiver, unique) in receivers.iter().enumerate() {
@@ -145,7 +129,7 @@ impl CotFeed {
                 .and_modify(|shown| shown.renew(epoch, received.time, now_unix_s, reach_m))
                 .or_insert_with(|| Shown::new(epoch, received.time, now_unix_s, reach_m));
             let stale = unix_s + if is_over { HOLDS_S } else { BEARING_HOLDS_S };
-            let name = self.name(overview, received.receiver);
+            let name = self.receivers.name(overview, received.receiver);
             let Some(line) = bearing(overview, &frame, received, reach_m) else { continue };
             let line = Feature { name, ..line };
             events.push(self.event(&frame, &line, uid, [unix_s, unix_s, stale])?);
@@ -175,16 +159,12 @@ impl CotFeed {
         unique: &str,
         now_unix_s: f64,
     ) -> Result<Option<CotEvent>, ExportError> {
-        let reported = self.places.get(receiver).copied().flatten();
-        let of_hunt = overview.receivers.get(receiver).and_then(|receiver| receiver.path.last());
-        let of_hunt = of_hunt.map(|knot| (knot.time, knot.place));
-        // The hunt has a drone whose link is lost where it was sent.
-        let Some((time, place)) = reported.or(of_hunt) else { return Ok(None) };
-        let name = self.name(overview, receiver);
+        let Some((time, place)) = self.receivers.last(overview, receiver) else { return Ok(None) };
+        let name = self.receivers.name(overview, receiver);
         let uid = uid(overview, "receiver", unique);
         let unix_s = self.shown(&uid, overview, time, now_unix_s).unix_s;
         let stale_unix_s = unix_s + PLATFORM_HOLDS_S;
-        let on_the_ground = self.platforms.get(receiver).is_some_and(|it| it.on_the_ground);
+        let on_the_ground = self.receivers.is_on_the_ground(receiver);
         let head = Head {
             uid: &uid,
             kind: if on_the_ground { ON_THE_GROUND } else { IN_THE_AIR },
@@ -196,14 +176,6 @@ impl CotFeed {
         let mut xml = Xml::new();
         platform(&mut xml, &head, &name)?;
         Ok(Some(CotEvent { uid, xml: xml.into_bytes(), stale_unix_s }))
-    }
-
-    /// The name of a receiver.
-    fn name(&self, overview: &Overview, receiver: usize) -> String {
-        let own = self.platforms.get(receiver).map(|platform| &platform.name);
-        let of_hunt = overview.receivers.get(receiver).map(|receiver| &receiver.name);
-        let name = own.or(of_hunt).filter(|name| !name.is_empty());
-        name.map_or_else(|| format!("receiver {}", receiver + 1), Clone::clone)
     }
 
     fn how(&self, real: &'static str) -> &'static str {
@@ -236,17 +208,6 @@ impl Shown {
             *self = Self::new(epoch_unix_s, time, now_unix_s, reach_m);
         }
     }
-}
-
-/// Returns names of which no two are one: one that is used again has a number behind it.
-fn unique(names: impl Iterator<Item = String>) -> Vec<String> {
-    let mut used = Names::default();
-    names.map(|name| used.unique(name)).collect()
-}
-
-/// Returns true if the belief is about receptions: a prior is no fix.
-fn is_found(search: &SearchOverview) -> bool {
-    search.last().is_some_and(|last| last.steps > 0)
 }
 
 /// The features, each with the end of its name: rivals are counted.

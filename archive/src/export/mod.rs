@@ -1,7 +1,8 @@
 //! Places, bearings, ellipses, regions and paths in the formats of other programs: GeoJSON, KML,
 //! CZML, GPX, CSV, Cursor on Target, and MCAP with messages of ROS 2 (feature
 //! `mcap`); beliefs as GeoTIFF, as an overlay of KML, as a picture and as MBTiles (feature
-//! `sqlite`).
+//! `sqlite`). A hunt that goes on has a [`CotFeed`] for teams, and an [`MqttFeed`] for Home
+//! Assistant and Node-RED.
 //!
 //! Coordinates are WGS84. Heights are left out where a format does without: those of local frames
 //! are above the frame's origin, whose own height is often not known.
@@ -23,15 +24,20 @@ mod kmz;
 mod mbtiles;
 #[cfg(feature = "mcap")]
 mod mcap;
+mod mqtt_feed;
 mod paint;
 #[cfg(feature = "mcap")]
 mod ros;
+mod safe_name;
 mod table;
+mod team;
 mod xml;
 
-pub use cot_feed::{CotEvent, CotFeed, CotPlatform};
+pub use cot_feed::{CotEvent, CotFeed};
 pub use error::ExportError;
 pub use format::Format;
+pub use mqtt_feed::{MqttFeed, MqttMessage, availability_topic};
+pub use team::CotPlatform;
 
 use foxhunt_wire::geodesy::LocalFrame;
 

@@ -485,3 +485,86 @@ fn tiles_are_painted_where_the_fix_is() {
     drop(database);
     std::fs::remove_file(&file).expect("it was ours");
 }
+
+/// The JSON of a topic.
+fn of_topic(messages: &[MqttMessage], topic: &str) -> Value {
+    let found = messages.iter().find(|message| message.topic == topic);
+    let found = found.unwrap_or_else(|| panic!("{topic} is not in {messages:?}"));
+    serde_json::from_slice(&found.payload).expect("JSON")
+}
+
+#[test]
+fn mqtt_has_a_tracker_and_a_place_for_each_beacon_and_receiver() {
+    let mut overview = overview();
+    overview.searches[0].name = "fox 1".to_owned();
+    let walker = CotPlatform { name: "Jäger/1".to_owned(), on_the_ground: true };
+    let mut feed = MqttFeed::new(vec![walker], true);
+    let messages = feed.messages(&overview).expect("it has an origin");
+    assert_eq!(messages.len(), 4, "{messages:?}");
+    let id = "foxhunt__meadow__beacon__fox_1";
+    let config = of_topic(&messages, &format!("homeassistant/device_tracker/{id}/config"));
+    assert_eq!(config["name"], "fox 1");
+    assert_eq!(config["unique_id"], id);
+    assert_eq!(config["source_type"], "gps");
+    assert_eq!(config["json_attributes_topic"], "foxhunt/meadow/beacon/fox_1");
+    assert_eq!(config["device"]["identifiers"][0], "foxhunt__meadow");
+    assert!(config.get("availability_topic").is_none(), "a fix holds after the hunt");
+    let place = of_topic(&messages, "foxhunt/meadow/beacon/fox_1");
+    let frame = LocalFrame::new(ORIGIN).expect("an origin");
+    let fix = frame.to_geodetic(&Vector3::new(100.0, 50.0, 0.0));
+    let degrees = |name: &str| place[name].as_f64().expect("a number");
+    assert_abs_diff_eq!(degrees("latitude"), fix.lat_deg, epsilon = 1e-8);
+    assert_abs_diff_eq!(degrees("longitude"), fix.lon_deg, epsilon = 1e-8);
+    // Two standard deviations are 2.4477 of 2 m.
+    assert_abs_diff_eq!(degrees("gps_accuracy"), 4.8955, epsilon = 1e-3);
+    assert_abs_diff_eq!(degrees("semi_minor_95_m"), 2.4477, epsilon = 1e-3);
+    assert_abs_diff_eq!(degrees("along_deg_compass"), 90.0, epsilon = 1e-9);
+    assert_eq!(place["beacon"], "fox 1");
+    assert_eq!(place["simulated"], true);
+    assert_eq!(place["receptions"], 2);
+    assert!(place["outcome"].is_null());
+    assert_eq!(place["rivals"].as_array().map(Vec::len), Some(1));
+    let last = &place["last_reception"];
+    assert_eq!(last["receiver"], "Jäger/1");
+    assert_eq!(last["rss_dbm"], -60.0);
+    assert_eq!(last["used"], true);
+    let compass = last["bearing_deg_compass"].as_f64().expect("a bearing");
+    assert_abs_diff_eq!(compass, 90.0 - 1.0_f64.to_degrees(), epsilon = 1e-3);
+
+    let receiver = &messages[0].topic;
+    let safe = receiver.strip_prefix("homeassistant/device_tracker/foxhunt__meadow__receiver__");
+    let safe = safe.and_then(|rest| rest.strip_suffix("/config")).expect("its topic");
+    assert!(safe.starts_with("Jaeger_1_"), "{safe}");
+    let config = of_topic(&messages, receiver);
+    assert_eq!(config["availability_topic"], availability_topic("meadow"));
+    assert_eq!(config["icon"], "mdi:walk");
+    let topic = format!("foxhunt/meadow/receiver/{safe}");
+    let before = of_topic(&messages, &topic);
+    assert!(before.get("gps_accuracy").is_none(), "its error is not known");
+    assert_eq!(feed.messages(&overview).expect("an origin"), messages, "nothing has changed");
+
+    feed.place(0, 3.0, Vector3::new(0.0, 100.0, 4.0));
+    let after = feed.messages(&overview).expect("an origin");
+    let moved = of_topic(&after, &topic)["latitude"].as_f64() > before["latitude"].as_f64();
+    assert!(moved, "{after:?}");
+    assert_eq!(after[2..], messages[2..], "the beacon stays");
+}
+
+#[test]
+fn mqtt_sends_no_prior_and_no_receiver_of_recordings() {
+    let mut overview = overview();
+    let messages = MqttFeed::of_recordings().messages(&overview).expect("it has an origin");
+    assert_eq!(messages.len(), 2, "{messages:?}");
+    let topics: Vec<_> = messages.iter().map(|message| message.topic.as_str()).collect();
+    for topic in topics {
+        assert!(!topic.contains(['+', '#', ' ', '<', '\u{1}']), "{topic:?}");
+    }
+    overview.searches[0].beliefs[0].steps = 0;
+    assert_eq!(MqttFeed::of_recordings().messages(&overview).expect("it has an origin"), []);
+    overview.searches[0].beliefs[0].steps = 2;
+    overview.searches[0].beliefs[0].ellipse_95 = None;
+    assert_eq!(MqttFeed::of_recordings().messages(&overview).expect("it has an origin"), []);
+    overview.frame = None;
+    let error = MqttFeed::of_recordings().messages(&overview).expect_err("it is nowhere");
+    assert!(matches!(error, ExportError::NoOrigin), "{error}");
+}

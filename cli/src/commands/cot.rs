@@ -6,9 +6,13 @@ use std::{net::IpAddr, path::PathBuf};
 use foxhunt::{
     export::{CotEvent, CotFeed, CotPlatform},
     hardware::cot::{CotAddress, CotConfig, CotError, CotMessage, CotSender},
-    overview::Overview,
 };
+#[cfg(feature = "hardware")]
+use foxhunt::{hardware::link::MqttConfig, overview::Overview};
 
+use super::mqtt::MqttArgs;
+#[cfg(feature = "hardware")]
+use super::mqtt::MqttOutlet;
 use crate::error::CliError;
 #[cfg(not(feature = "cot"))]
 use crate::hints;
@@ -51,14 +55,26 @@ impl CotArgs {
         !self.cot.is_empty()
     }
 
-    /// Opens the addresses of the flags for an answer.
-    pub(super) fn teams(&self) -> Result<Teams, CliError> {
-        #[cfg(feature = "cot")]
-        return Ok(Teams { sender: self.open(None)? });
+    /// Opens the addresses of the flags and the broker of `--mqtt` for an answer.
+    pub(super) fn teams(&self, mqtt: &MqttArgs) -> Result<Teams, CliError> {
         #[cfg(not(feature = "cot"))]
+        self.check()?;
+        #[cfg(not(feature = "hardware"))]
+        mqtt.check()?;
+        Ok(Teams {
+            #[cfg(feature = "cot")]
+            sender: self.open(None)?,
+            #[cfg(feature = "hardware")]
+            mqtt: mqtt.config()?,
+        })
+    }
+
+    /// Refuses the flags in a build that sends no events.
+    #[cfg(not(feature = "cot"))]
+    pub(super) fn check(&self) -> Result<(), CliError> {
         match self.is_given() {
             true => Err(not_built("--cot")),
-            false => Ok(Teams {}),
+            false => Ok(()),
         }
     }
 
@@ -111,45 +127,63 @@ impl CotArgs {
     }
 }
 
-/// TAK servers and teams that an answer is sent to.
+/// TAK servers, teams and a broker that an answer is sent to.
 pub(super) struct Teams {
     #[cfg(feature = "cot")]
     sender: Option<CotSender>,
+    #[cfg(feature = "hardware")]
+    mqtt: Option<MqttConfig>,
 }
 
 /// Longest wait for servers to take an answer.
-#[cfg(feature = "cot")]
+#[cfg(feature = "hardware")]
 const PATIENCE: std::time::Duration = std::time::Duration::from_secs(10);
 
 impl Teams {
     /// Returns true if the answer is sent anywhere.
     pub(super) fn any(&self) -> bool {
+        self.flag().is_some()
+    }
+
+    /// The first flag that sends the answer anywhere.
+    fn flag(&self) -> Option<&'static str> {
         #[cfg(feature = "cot")]
-        return self.sender.is_some();
-        #[cfg(not(feature = "cot"))]
-        false
+        if self.sender.is_some() {
+            return Some("--cot");
+        }
+        #[cfg(feature = "hardware")]
+        return self.mqtt.is_some().then_some("--mqtt");
+        #[cfg(not(feature = "hardware"))]
+        None
     }
 
     /// Refuses places that are nowhere on Earth.
     pub(super) fn check_known(&self, origin: bool) -> Result<(), CliError> {
-        match self.any() && !origin {
-            true => Err(CliError::input(
-                "--cot: the places are in local metres; --origin LAT,LON places them on Earth",
-            )),
-            false => Ok(()),
+        match self.flag().filter(|_| !origin) {
+            Some(flag) => Err(CliError::input(format!(
+                "{flag}: the places are in local metres; --origin LAT,LON places them on Earth"
+            ))),
+            None => Ok(()),
         }
     }
 
     /// Sends the places of recordings, and waits until they have arrived.
-    #[cfg(feature = "cot")]
+    #[cfg(feature = "hardware")]
     pub(super) fn send(self, overview: &Overview) -> Result<(), CliError> {
-        let Some(sender) = self.sender else { return Ok(()) };
-        let mut outlet = CotOutlet { sender, feed: CotFeed::of_recordings() };
-        outlet.publish(overview, true);
+        let title = &overview.title;
+        let mqtt = self.mqtt.map(|config| MqttOutlet::of_recordings(&config, title)).transpose()?;
+        #[cfg(feature = "cot")]
+        if let Some(sender) = self.sender {
+            let mut outlet = CotOutlet { sender, feed: CotFeed::of_recordings() };
+            outlet.publish(overview, true);
+            outlet.finish(PATIENCE).map_err(CliError::failure)?;
+        }
+        let Some(mut outlet) = mqtt else { return Ok(()) };
+        outlet.publish(overview);
         outlet.finish(PATIENCE).map_err(CliError::failure)
     }
 
-    #[cfg(not(feature = "cot"))]
+    #[cfg(not(feature = "hardware"))]
     pub(super) fn send(self, _: &foxhunt::overview::Overview) -> Result<(), CliError> {
         Ok(())
     }

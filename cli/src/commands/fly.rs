@@ -86,12 +86,12 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE", requires = "emulate")]
     faults: Option<PathBuf>,
     /// Check the file, print the plan, and touch no device
-    #[arg(long, conflicts_with = "cot")]
+    #[arg(long, conflicts_with_all = ["cot", "mqtt"])]
     dry_run: bool,
     /// Write the flight of each drone as a mission for a ground station, and touch no device: .plan
     /// for QGroundControl, .waypoints for Mission Planner; needs a planner with places known
     /// beforehand
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["emulate", "dry_run", "cot"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["emulate", "dry_run", "cot", "mqtt"])]
     mission_to: Option<PathBuf>,
     /// The stay of a drone of the mission at each place, in seconds: the time of a turn of the
     /// antenna
@@ -220,7 +220,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let tiles = args.live.map()?;
     let live = args.live.plan_of(config.cot.as_ref(), &field.name)?;
     if live.is_none() && args.pace.is_given() {
-        return Err(CliError::input("--pace: only with --live or --cot"));
+        return Err(CliError::input("--pace: only with --live, --cot or --mqtt"));
     }
     if field.emulated.is_none() && args.pace.is_given() {
         return Err(CliError::input("--pace: real devices fly in their own time"));
@@ -275,7 +275,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         extractor: &config.extractor,
         platforms: &platforms,
         orders: true,
-        nowhere: "--cot: the flight is in local metres",
+        nowhere: "the flight is in local metres",
         is_simulated: field.emulated.is_some(),
     };
     let live = live.map(|plan| LiveView::start(plan, &shown)).transpose()?;

@@ -87,7 +87,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         extractor: &scenario.extractor,
         platforms: &[],
         orders: false,
-        nowhere: "--cot: the hunt is in local metres; --origin LAT,LON places it on Earth",
+        nowhere: "the hunt is in local metres; --origin LAT,LON places it on Earth",
         is_simulated: true,
     };
     let tiles = args.live.map()?;
@@ -96,7 +96,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     }
     let live = args.live.plan()?.map(|plan| LiveView::start(plan, &shown)).transpose()?;
     if live.is_none() && args.pace.is_given() {
-        return Err(CliError::input("--pace: only with --live or --cot"));
+        return Err(CliError::input("--pace: only with --live, --cot or --mqtt"));
     }
     fs::create_dir_all(&args.out).map_err(|error| CliError::writing(&args.out, error))?;
     let [log, picture, page] =

@@ -31,6 +31,7 @@ use super::{
     locating::{
         Locating, NAMELESS, Prepared, Received, Residuals, not_located, shared_truth, truth,
     },
+    mqtt::MqttArgs,
     recorded::LatLon,
     views::Views,
 };
@@ -102,6 +103,8 @@ pub(crate) struct Args {
     views: Views,
     #[command(flatten)]
     cot: CotArgs,
+    #[command(flatten)]
+    mqtt: MqttArgs,
 }
 
 /// A located place in JSON.
@@ -163,8 +166,8 @@ struct RivalPlace {
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
-    args.views.check(args.cot.is_given())?;
-    let teams = args.cot.teams()?;
+    args.views.check(args.cot.is_given() || args.mqtt.is_given())?;
+    let teams = args.cot.teams(&args.mqtt)?;
     args.movebank_to.iter().try_for_each(|path| writable::file(path))?;
     let conformal = args.locating.conformal()?;
     #[cfg(feature = "batch")]

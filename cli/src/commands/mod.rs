@@ -51,6 +51,7 @@ mod live;
 mod locating;
 #[cfg(feature = "hardware")]
 mod mission_files;
+mod mqtt;
 mod notices;
 mod over_terrain;
 mod overrides;

@@ -33,8 +33,8 @@ pub(super) struct Exports {
     /// each cell as .tif (GeoTIFF), .kmz (overlay), .mbtiles or .png; may be given several times
     #[arg(long = "export", value_name = "FILE")]
     exported: Vec<PathBuf>,
-    /// The place of the local origin on Earth (WGS84), for --export, --tiles, --cot and programs
-    /// that fetch a hunt from --live, if it is not known
+    /// The place of the local origin on Earth (WGS84), for --export, --tiles, --cot, --mqtt and
+    /// programs that fetch a hunt from --live, if it is not known
     #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true)]
     origin: Option<LatLon>,
     /// The UTC of the time 0, for --export, if it is not known
@@ -74,7 +74,7 @@ impl Exports {
     /// `on_map` is true if something else than exports needs the origin.
     pub(super) fn check(&self, on_map: bool) -> Result<(), CliError> {
         if self.origin.is_some() && self.exported.is_empty() && !on_map {
-            return Err(CliError::input("--origin: only for --export, --live or --cot"));
+            return Err(CliError::input("--origin: only for --export, --live, --cot or --mqtt"));
         }
         for file in &self.exported {
             Format::of_file(file).map_err(|error| CliError::input(format!("--export: {error}")))?;

@@ -18,6 +18,7 @@ mod kinds;
 mod listen;
 mod lists;
 mod live;
+mod mqtt;
 mod network;
 mod page;
 mod pipes;

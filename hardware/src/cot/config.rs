@@ -7,6 +7,8 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
+use crate::host::is_this_computer;
+
 /// Addresses that events in Cursor on Target are sent to, and the certificates for them.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -152,9 +154,7 @@ impl CotAddress {
     /// Returns true if others on the way can read and change what is sent.
     #[must_use]
     pub fn is_open(&self) -> bool {
-        let local = self.host.eq_ignore_ascii_case("localhost")
-            || self.host.parse().is_ok_and(|ip: IpAddr| ip.is_loopback());
-        self.transport != CotTransport::Tls && !local
+        self.transport != CotTransport::Tls && !is_this_computer(&self.host)
     }
 }
 

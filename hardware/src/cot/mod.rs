@@ -6,8 +6,6 @@
 
 mod config;
 #[cfg(feature = "cot")]
-mod outbox;
-#[cfg(feature = "cot")]
 mod sender;
 #[cfg(feature = "cot")]
 mod stream;
@@ -16,9 +14,7 @@ mod tls;
 
 pub use config::{CotAddress, CotConfig, CotError, CotTransport};
 #[cfg(feature = "cot")]
-pub use outbox::CotMessage;
-#[cfg(feature = "cot")]
-pub use sender::CotSender;
+pub use sender::{CotMessage, CotSender};
 
 #[cfg(all(test, feature = "cot"))]
 mod tests;

@@ -10,10 +10,10 @@ use rustls::{ClientConfig, pki_types::ServerName};
 
 use super::{
     config::{CotAddress, CotConfig, CotError, CotTransport},
-    outbox::{CotMessage, Outbox},
     stream::Stream,
     tls,
 };
+use crate::outbox::{Outbox, Parcel};
 
 /// Shortest pause before a lost address is tried again; each further one is twice as long.
 const FIRST_PAUSE: Duration = Duration::from_secs(1);
@@ -36,6 +36,17 @@ const BURST: usize = 16;
 
 /// Pause after a burst of datagrams.
 const BURST_PAUSE: Duration = Duration::from_millis(5);
+
+/// A message with the name of the thing that it is about.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CotMessage {
+    /// Name of the thing: a message replaces an earlier one of the same name.
+    pub uid: String,
+    /// The event as XML.
+    pub xml: Vec<u8>,
+    /// UNIX time from which on the message is not sent any more, in seconds.
+    pub stale_unix_s: f64,
+}
 
 /// Sends events to TAK servers and teams, and connects again whenever a server is lost.
 pub struct CotSender {
@@ -98,7 +109,7 @@ impl CotSender {
     /// Puts messages to be sent to every address. It never waits for a network.
     pub fn put(&self, messages: &[CotMessage]) {
         let now = unix_s();
-        self.lines.iter().for_each(|line| line.outbox.put(messages, now));
+        self.lines.iter().for_each(|line| line.outbox.put(messages.iter().map(parcel), now));
     }
 
     /// Returns remarks about the connections since the last call.
@@ -134,6 +145,11 @@ impl Drop for CotSender {
     fn drop(&mut self) {
         self.lines.iter().for_each(|line| line.outbox.close());
     }
+}
+
+pub(super) fn parcel(message: &CotMessage) -> Parcel<'_> {
+    let CotMessage { uid, xml, stale_unix_s } = message;
+    Parcel { name: uid, bytes: xml, stale_unix_s: *stale_unix_s }
 }
 
 /// UNIX time in seconds.

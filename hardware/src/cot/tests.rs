@@ -5,7 +5,8 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::{CotAddress, CotConfig, CotMessage, CotSender, CotTransport, outbox::Outbox, tls};
+use super::{CotAddress, CotConfig, CotMessage, CotSender, CotTransport, sender::parcel, tls};
+use crate::outbox::Outbox;
 
 /// A time that no test reaches.
 const LATER: f64 = 1e10;
@@ -151,7 +152,7 @@ fn a_server_that_is_not_there_is_an_error_in_the_end() {
     let sender = sender(&format!("tcp://127.0.0.1:{port}"));
     sender.put(&[message("fix", "unheard")]);
     let failed = sender.finish(Duration::from_secs(2)).expect_err("nobody is there");
-    assert!(failed[0].contains("1 events were not sent"), "{failed:?}");
+    assert!(failed[0].contains("1 messages were not sent"), "{failed:?}");
 }
 
 #[test]
@@ -178,12 +179,12 @@ fn datagrams_hold_one_event_each() {
 fn a_full_outbox_takes_known_names_and_what_is_written_counts() {
     let outbox = Outbox::default();
     let names = (0..2_001).map(|name| message(&name.to_string(), "old"));
-    outbox.put(&names.collect::<Vec<_>>(), 0.0);
+    outbox.put(names.collect::<Vec<_>>().iter().map(parcel), 0.0);
     let old = outbox.take(Duration::ZERO, 0.0);
     assert_eq!(old.len(), 2_000);
     assert_eq!(outbox.take(Duration::ZERO, 0.0).len(), 2_000, "nothing was written");
     // The unknown name comes first.
-    outbox.put(&[message("2000", "new"), message("7", "new")], 0.0);
+    outbox.put([message("2000", "new"), message("7", "new")].iter().map(parcel), 0.0);
     old.iter().for_each(|(uid, xml)| outbox.sent(uid, xml));
     let left = outbox.take(Duration::ZERO, 0.0);
     assert_eq!(left.iter().map(|(uid, _)| uid.as_str()).collect::<Vec<_>>(), ["7"]);
@@ -191,7 +192,7 @@ fn a_full_outbox_takes_known_names_and_what_is_written_counts() {
     outbox.lost("gone".to_owned());
     outbox.end();
     let failure = outbox.ended(Duration::ZERO).expect("messages are left");
-    assert_eq!(failure, "2000 events were not sent: gone");
+    assert_eq!(failure, "2000 messages were not sent: gone");
 }
 
 #[test]

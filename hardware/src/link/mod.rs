@@ -32,6 +32,8 @@ pub use messages::{
 };
 #[cfg(feature = "mqtt")]
 pub use mqtt::{MqttCarrier, MqttConfig};
+#[cfg(feature = "mqtt")]
+pub(crate) use mqtt::{client, options};
 #[cfg(feature = "ros1")]
 pub use ros::{Ros1Config, Ros1Drone, Ros1Fusion};
 #[cfg(feature = "ros2")]

@@ -15,6 +15,7 @@ use rumqttc::{Client, Connection, Event, MqttOptions, Packet, Publish, QoS};
 use serde::{Deserialize, Serialize};
 
 use super::{Carrier, LinkError};
+use crate::host::is_this_computer;
 
 /// Name of the link in errors.
 const OVER: &str = "MQTT";
@@ -58,6 +59,43 @@ impl Default for MqttConfig {
         let prefix = "foxhunt".to_owned();
         Self { host, port: 1883, prefix, login: None }
     }
+}
+
+impl MqttConfig {
+    /// Returns true if others on the way can read and change what is sent.
+    #[must_use]
+    pub fn is_open(&self) -> bool {
+        !is_this_computer(&self.host)
+    }
+}
+
+/// Returns the options of a client, under a name that no other client has.
+pub(crate) fn options(config: &MqttConfig, name: &str) -> Result<MqttOptions, LinkError> {
+    let open = |reason: String| LinkError::Open { over: OVER, what: name.to_owned(), reason };
+    let MqttConfig { host, port, prefix, login } = config;
+    if prefix.is_empty() || prefix.contains(['+', '#', '\0']) || prefix.starts_with('$') {
+        return Err(open(format!("prefix is {prefix:?}, which no topic can begin with")));
+    }
+    // A broker throws out the first of two clients with one name.
+    let run = getrandom::u32().map_err(|error| open(error.to_string()))?;
+    let mut options = MqttOptions::new(format!("{prefix}-{name}-{run:08x}"), host, *port);
+    options
+        .set_keep_alive(Duration::from_secs(KEEP_ALIVE_S))
+        .set_max_packet_size(MOST_PACKET_BYTES, MOST_PACKET_BYTES);
+    if let Some((user, password)) = login {
+        options.set_credentials(user, password);
+    }
+    Ok(options)
+}
+
+/// Returns a client, and the connection that does its work.
+pub(crate) fn client(options: MqttOptions) -> (Client, Connection) {
+    let (client, mut connection) = Client::new(options, MOST_WAITING);
+    let mut network = connection.eventloop.network_options();
+    network.set_tcp_nodelay(true);
+    network.set_connection_timeout(KEEP_ALIVE_S);
+    connection.eventloop.set_network_options(network);
+    (client, connection)
 }
 
 /// The password stays out of it.
@@ -145,25 +183,9 @@ impl MqttCarrier {
         first: usize,
         drones: usize,
     ) -> Result<Self, LinkError> {
-        let open = |reason: String| LinkError::Open { over: OVER, what: name.to_owned(), reason };
-        let MqttConfig { host, port, prefix, login } = config;
-        if prefix.is_empty() || prefix.contains(['+', '#', '\0']) || prefix.starts_with('$') {
-            return Err(open(format!("prefix is {prefix:?}, which no topic can begin with")));
-        }
-        // A broker throws out the first of two clients with one name.
-        let run = getrandom::u32().map_err(|error| open(error.to_string()))?;
-        let mut options = MqttOptions::new(format!("{prefix}-{name}-{run:08x}"), host, *port);
-        options
-            .set_keep_alive(Duration::from_secs(KEEP_ALIVE_S))
-            .set_max_packet_size(MOST_PACKET_BYTES, MOST_PACKET_BYTES);
-        if let Some((user, password)) = login {
-            options.set_credentials(user, password);
-        }
-        let (client, mut connection) = Client::new(options, MOST_WAITING);
-        let mut network = connection.eventloop.network_options();
-        network.set_tcp_nodelay(true);
-        network.set_connection_timeout(KEEP_ALIVE_S);
-        connection.eventloop.set_network_options(network);
+        let open = |reason| LinkError::Open { over: OVER, what: name.to_owned(), reason };
+        let (client, connection) = client(options(config, name)?);
+        let MqttConfig { host, port, prefix, .. } = config;
         let kept = Kept { queues: vec![VecDeque::new(); drones], trouble: None };
         let inbox = Inbox { first, kept: Mutex::new(kept), stop: AtomicBool::new(false) };
         let inbox = Arc::new(inbox);

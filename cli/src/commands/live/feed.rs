@@ -6,7 +6,7 @@ use std::{
 };
 
 #[cfg(feature = "hardware")]
-use foxhunt::core::Station;
+use foxhunt::{core::Station, hardware::link::MqttConfig};
 use foxhunt::{
     hunt::Event,
     nalgebra::Vector3,
@@ -19,6 +19,8 @@ use super::page::{Batch, PageNews, PageView};
 use super::{LivePlan, Shown, happening::Happening};
 #[cfg(feature = "cot")]
 use crate::commands::cot::CotOutlet;
+#[cfg(feature = "hardware")]
+use crate::commands::mqtt::MqttOutlet;
 use crate::{commands::views::Antennas, error::CliError, output::warn};
 
 /// Maximum number of places for one belief: a long hunt is sent as a whole to late browsers.
@@ -29,7 +31,7 @@ const PLACES: u32 = 500;
 const STATE: Duration = Duration::from_secs(1);
 
 /// Longest wait for teams to have the last state of a hunt before the program ends.
-#[cfg(feature = "cot")]
+#[cfg(feature = "hardware")]
 const FAREWELL: Duration = Duration::from_secs(3);
 
 /// A hunt that is shown while it goes on: to browsers, to programs that fetch it, and to teams.
@@ -50,9 +52,9 @@ impl LiveView {
     /// Opens the addresses of the plan, and shows the hunt there from now on.
     pub(in crate::commands) fn start(plan: LivePlan, shown: &Shown<'_>) -> Result<Self, CliError> {
         #[cfg(feature = "cot")]
-        if plan.cot.is_some() && shown.header.origin.is_none() {
-            return Err(CliError::input(shown.nowhere));
-        }
+        refuse_nowhere("--cot", plan.cot.is_some(), shown)?;
+        #[cfg(feature = "hardware")]
+        refuse_nowhere("--mqtt", plan.mqtt.is_some(), shown)?;
         let header = shown.header.clone();
         let registry = shown.registry.clone();
         let estimator = shown.estimator.clone();
@@ -71,6 +73,8 @@ impl LiveView {
             cot: plan
                 .cot
                 .map(|sender| CotOutlet::new(sender, shown.platforms.to_vec(), shown.is_simulated)),
+            #[cfg(feature = "hardware")]
+            mqtt: plan.mqtt.map(|config| broker(&config, shown)).transpose()?,
             due: None,
         };
         let (end, sent) = mpsc::channel();
@@ -150,40 +154,64 @@ impl LiveView {
     }
 }
 
+/// Refuses to send a hunt that has no place on Earth.
+#[cfg(feature = "hardware")]
+fn refuse_nowhere(flag: &str, is_given: bool, shown: &Shown<'_>) -> Result<(), CliError> {
+    match is_given && shown.header.origin.is_none() {
+        true => Err(CliError::input(format!("{flag}: {}", shown.nowhere))),
+        false => Ok(()),
+    }
+}
+
+/// Opens the broker for a hunt.
+#[cfg(feature = "hardware")]
+fn broker(config: &MqttConfig, shown: &Shown<'_>) -> Result<MqttOutlet, CliError> {
+    let platforms = shown.platforms.to_vec();
+    MqttOutlet::new(config, &shown.header.scenario, platforms, shown.is_simulated)
+}
+
 /// Receivers of a hunt that goes on.
 struct Outlets {
     #[cfg(feature = "live")]
     page: Option<PageNews>,
     #[cfg(feature = "cot")]
     cot: Option<CotOutlet>,
+    #[cfg(feature = "hardware")]
+    mqtt: Option<MqttOutlet>,
     /// Time of the next state for teams; `None` before the first.
     due: Option<Instant>,
 }
 
 impl Outlets {
-    #[cfg(feature = "cot")]
     fn has_teams(&self) -> bool {
-        self.cot.is_some()
-    }
-
-    #[cfg(not(feature = "cot"))]
-    fn has_teams(&self) -> bool {
+        #[cfg(feature = "cot")]
+        if self.cot.is_some() {
+            return true;
+        }
+        #[cfg(feature = "hardware")]
+        return self.mqtt.is_some();
+        #[cfg(not(feature = "hardware"))]
         false
     }
 
     fn place(&mut self, reader: &OverviewReader<'_>, time: f64, places: &[Vector3<f64>]) {
-        #[cfg(feature = "cot")]
-        if let Some(cot) = &mut self.cot {
-            for (receiver, place) in places.iter().enumerate() {
-                // Where a drone that is not heard of was last is no place of now.
-                let known = reader.overview().receivers.get(receiver);
-                let health = known.and_then(|receiver| receiver.health.last());
-                if health.is_none_or(|health| health.linked) {
-                    cot.place(receiver, time, *place);
-                }
+        #[cfg(feature = "hardware")]
+        for (receiver, place) in places.iter().enumerate() {
+            // Where a drone that is not heard of was last is no place of now.
+            let known = reader.overview().receivers.get(receiver);
+            let health = known.and_then(|receiver| receiver.health.last());
+            if health.is_some_and(|health| !health.linked) {
+                continue;
+            }
+            #[cfg(feature = "cot")]
+            if let Some(cot) = &mut self.cot {
+                cot.place(receiver, time, *place);
+            }
+            if let Some(mqtt) = &mut self.mqtt {
+                mqtt.place(receiver, time, *place);
             }
         }
-        #[cfg(not(feature = "cot"))]
+        #[cfg(not(feature = "hardware"))]
         let _ = (reader, time, places);
     }
 
@@ -203,7 +231,11 @@ impl Outlets {
         if let Some(cot) = &mut self.cot {
             cot.publish(reader.overview(), is_over);
         }
-        #[cfg(not(feature = "cot"))]
+        #[cfg(feature = "hardware")]
+        if let Some(mqtt) = &mut self.mqtt {
+            mqtt.publish(reader.overview());
+        }
+        #[cfg(not(feature = "hardware"))]
         let _ = reader;
     }
 
@@ -212,6 +244,10 @@ impl Outlets {
         self.publish(reader, true);
         #[cfg(feature = "cot")]
         if let Some(Err(error)) = self.cot.take().map(|cot| cot.finish(FAREWELL)) {
+            warn(&error);
+        }
+        #[cfg(feature = "hardware")]
+        if let Some(Err(error)) = self.mqtt.take().map(|mqtt| mqtt.finish(FAREWELL)) {
             warn(&error);
         }
     }

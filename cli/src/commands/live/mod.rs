@@ -1,9 +1,9 @@
-//! A hunt that goes on: its page, served to browsers, the hunt for programs that fetch it, and
-//! events for TAK servers and teams.
+//! A hunt that goes on: its page, served to browsers, the hunt for programs that fetch it, events
+//! for TAK servers and teams, and places for an MQTT broker.
 
-#[cfg(any(feature = "live", feature = "cot"))]
+#[cfg(any(feature = "live", feature = "hardware"))]
 mod feed;
-#[cfg(any(feature = "live", feature = "cot"))]
+#[cfg(any(feature = "live", feature = "hardware"))]
 mod happening;
 #[cfg(feature = "live")]
 mod page;
@@ -11,7 +11,7 @@ mod page;
 mod server;
 #[cfg(feature = "live")]
 mod shared;
-#[cfg(not(any(feature = "live", feature = "cot")))]
+#[cfg(not(any(feature = "live", feature = "hardware")))]
 mod without;
 
 mod pace;
@@ -22,15 +22,15 @@ pub(super) use pace::PaceArgs;
 use std::sync::Arc;
 use std::{env, net::SocketAddr, path::PathBuf};
 
-#[cfg(any(feature = "live", feature = "cot"))]
+#[cfg(any(feature = "live", feature = "hardware"))]
 pub(super) use feed::LiveView;
-#[cfg(not(any(feature = "live", feature = "cot")))]
+#[cfg(not(any(feature = "live", feature = "hardware")))]
 pub(super) use without::LiveView;
 
-#[cfg(feature = "hardware")]
-use foxhunt::hardware::cot::CotConfig;
 #[cfg(feature = "cot")]
 use foxhunt::hardware::cot::CotSender;
+#[cfg(feature = "hardware")]
+use foxhunt::hardware::{cot::CotConfig, link::MqttConfig};
 use foxhunt::{
     config::ExtractorConfig,
     export::CotPlatform,
@@ -38,7 +38,7 @@ use foxhunt::{
     registry::{EstimatorEntry, Registry},
 };
 
-use super::{cot::CotArgs, tiles::Tiles};
+use super::{cot::CotArgs, mqtt::MqttArgs, tiles::Tiles};
 use crate::{error::CliError, hints};
 
 /// Arguments of the live view of a hunt.
@@ -68,6 +68,8 @@ pub(super) struct LiveArgs {
     tiles: Option<PathBuf>,
     #[command(flatten)]
     cot: CotArgs,
+    #[command(flatten)]
+    mqtt: MqttArgs,
 }
 
 /// The environment variable of the token.
@@ -76,20 +78,22 @@ const TOKEN_VARIABLE: &str = "FOXHUNT_LIVE_TOKEN";
 /// Minimum length of a token.
 const SHORTEST_TOKEN: usize = 8;
 
-/// Plan to show a hunt: on a page, and to teams.
+/// Plan to show a hunt: on a page, to teams, and at a broker.
 #[derive(Debug)]
 #[cfg_attr(
-    not(any(feature = "live", feature = "cot")),
+    not(any(feature = "live", feature = "hardware")),
     expect(dead_code, reason = "nothing is shown")
 )]
 pub(super) struct LivePlan {
     #[cfg_attr(
-        all(feature = "cot", not(feature = "live")),
+        all(feature = "hardware", not(feature = "live")),
         expect(dead_code, reason = "nothing is served")
     )]
     page: Option<PagePlan>,
     #[cfg(feature = "cot")]
     cot: Option<CotSender>,
+    #[cfg(feature = "hardware")]
+    mqtt: Option<MqttConfig>,
 }
 
 /// Plan to serve the page of a hunt: the address, the token, the end and the map.
@@ -106,7 +110,7 @@ struct PagePlan {
 /// The hunt that is shown.
 #[derive(Clone, Copy, Debug)]
 #[cfg_attr(
-    not(any(feature = "live", feature = "cot")),
+    not(any(feature = "live", feature = "hardware")),
     expect(dead_code, reason = "nothing is shown")
 )]
 pub(super) struct Shown<'a> {
@@ -116,39 +120,40 @@ pub(super) struct Shown<'a> {
     pub(super) extractor: &'a ExtractorConfig,
     /// Names of the receivers in their order, if the hunt's own names are not theirs.
     #[cfg_attr(
-        all(feature = "live", not(feature = "cot")),
+        all(feature = "live", not(feature = "hardware")),
         expect(dead_code, reason = "nothing is sent")
     )]
     pub(super) platforms: &'a [CotPlatform],
     /// True if viewers with the token may break it off.
     #[cfg_attr(
-        all(feature = "cot", not(feature = "live")),
+        all(feature = "hardware", not(feature = "live")),
         expect(dead_code, reason = "nothing is served")
     )]
     pub(super) orders: bool,
-    /// Error of a hunt without an origin that is sent to teams.
+    /// Reason why a hunt without an origin is not sent.
     #[cfg_attr(
-        all(feature = "live", not(feature = "cot")),
+        all(feature = "live", not(feature = "hardware")),
         expect(dead_code, reason = "nothing is sent")
     )]
     pub(super) nowhere: &'static str,
     /// True if the devices are not real.
     #[cfg_attr(
-        all(feature = "live", not(feature = "cot")),
+        all(feature = "live", not(feature = "hardware")),
         expect(dead_code, reason = "nothing is sent")
     )]
     pub(super) is_simulated: bool,
 }
 
 impl LiveArgs {
-    /// Returns the plan for `--live` and `--cot`, if one is given; a wrong one is refused before
-    /// anything flies.
+    /// Returns the plan for `--live`, `--cot` and `--mqtt`, if one is given; a wrong one is refused
+    /// before anything flies.
     pub(super) fn plan(&self) -> Result<Option<LivePlan>, CliError> {
-        #[cfg(feature = "cot")]
+        #[cfg(feature = "hardware")]
         return self.plan_of(None, "");
-        #[cfg(not(feature = "cot"))]
+        #[cfg(not(feature = "hardware"))]
         {
-            let _ = self.cot.teams()?;
+            self.cot.check()?;
+            self.mqtt.check()?;
             Ok(self.page()?.map(|page| LivePlan { page: Some(page) }))
         }
     }
@@ -160,17 +165,26 @@ impl LiveArgs {
         cot: Option<&CotConfig>,
         file: &str,
     ) -> Result<Option<LivePlan>, CliError> {
-        #[cfg(feature = "cot")]
-        {
-            let page = self.page()?;
-            let cot = self.cot.open(cot.map(|cot| (cot, file)))?;
-            Ok((page.is_some() || cot.is_some()).then_some(LivePlan { page, cot }))
-        }
         #[cfg(not(feature = "cot"))]
-        match cot {
-            Some(_) => Err(super::cot::not_built(&format!("{file}: [cot]"))),
-            None => self.plan(),
+        {
+            self.cot.check()?;
+            if cot.is_some() {
+                return Err(super::cot::not_built(&format!("{file}: [cot]")));
+            }
         }
+        let page = self.page()?;
+        let mqtt = self.mqtt.config()?;
+        let is_shown = page.is_some() || mqtt.is_some();
+        #[cfg(feature = "cot")]
+        let cot = self.cot.open(cot.map(|cot| (cot, file)))?;
+        #[cfg(feature = "cot")]
+        let is_shown = is_shown || cot.is_some();
+        Ok(is_shown.then_some(LivePlan {
+            page,
+            #[cfg(feature = "cot")]
+            cot,
+            mqtt,
+        }))
     }
 
     fn page(&self) -> Result<Option<PagePlan>, CliError> {
@@ -196,7 +210,7 @@ impl LiveArgs {
 
     /// Returns true if the hunt has to have a place on Earth.
     pub(super) fn is_on_map(&self) -> bool {
-        self.tiles.is_some() || self.live.is_some() || self.cot.is_given()
+        self.tiles.is_some() || self.live.is_some() || self.cot.is_given() || self.mqtt.is_given()
     }
 }
 

@@ -6,7 +6,7 @@ use std::{
 /// Pace of simulated time in the live view.
 #[derive(Debug, clap::Args)]
 pub(in crate::commands) struct PaceArgs {
-    /// With --live or --cot: the simulated seconds that pass in one second [default: 20]
+    /// With --live, --cot or --mqtt: the simulated seconds that pass in one second [default: 20]
     #[arg(long, value_name = "FACTOR", value_parser = factor)]
     pace: Option<f64>,
 }

@@ -17,20 +17,6 @@ impl LiveView {
         match *self {}
     }
 
-    #[cfg(feature = "hardware")]
-    pub(in crate::commands) fn place(
-        &self,
-        _: f64,
-        _: impl FnOnce() -> Vec<foxhunt::core::Station>,
-    ) {
-        match *self {}
-    }
-
-    #[cfg(feature = "hardware")]
-    pub(in crate::commands) fn is_broken_off(&self) -> bool {
-        match *self {}
-    }
-
     pub(in crate::commands) fn stay(self, _: impl Fn() -> bool) {
         match self {}
     }

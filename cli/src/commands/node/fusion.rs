@@ -127,7 +127,7 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         extractor: field.extractor(),
         platforms: &platforms,
         orders: true,
-        nowhere: "--cot: the scenario's hunt is in local metres; a flight's file has its place on \
+        nowhere: "the scenario's hunt is in local metres; a flight's file has its place on \
                   Earth in [site]",
         is_simulated: false,
     };

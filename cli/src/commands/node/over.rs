@@ -21,7 +21,11 @@ use foxhunt::{
 };
 
 use super::key::key_error;
-use crate::{error::CliError, output::warn};
+use crate::{
+    commands::mqtt::{broker, login},
+    error::CliError,
+    output::warn,
+};
 
 /// The arguments of both kinds of nodes.
 #[derive(Debug, clap::Args)]
@@ -77,13 +81,7 @@ impl Shared {
     }
 
     fn mqtt(&self) -> Result<MqttConfig, CliError> {
-        let login = |user: &String| -> Result<(String, String), CliError> {
-            let password = std::env::var("FOXHUNT_MQTT_PASSWORD").map_err(|_| {
-                CliError::input("--broker-user: set its password in $FOXHUNT_MQTT_PASSWORD")
-            })?;
-            Ok((user.clone(), password))
-        };
-        let login = self.broker_user.as_ref().map(login).transpose()?;
+        let login = login("--broker-user", self.broker_user.as_deref())?;
         let (host, port) = self.broker.clone();
         Ok(MqttConfig { host, port, prefix: self.topics.clone(), login })
     }
@@ -249,17 +247,6 @@ impl Failures {
             }
             Err(error) => Err(CliError::failure(error)),
         }
-    }
-}
-
-fn broker(text: &str) -> Result<(String, u16), String> {
-    let (host, port) = match text.rsplit_once(':') {
-        Some((host, port)) => (host, port.parse().map_err(|_| format!("{port:?} is not a port"))?),
-        None => (text, 1883),
-    };
-    match host.is_empty() {
-        true => Err("the host is missing".into()),
-        false => Ok((host.to_owned(), port)),
     }
 }
 

@@ -1,6 +1,5 @@
 use std::{
     collections::BTreeMap,
-    io,
     sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
     time::Duration,
 };
@@ -12,19 +11,18 @@ const MOST_NAMES: usize = 2_000;
 const MOST_REMARKS: usize = 20;
 
 /// A message with the name of the thing that it is about.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CotMessage {
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Parcel<'a> {
     /// Name of the thing: a message replaces an earlier one of the same name.
-    pub uid: String,
-    /// The event as XML.
-    pub xml: Vec<u8>,
+    pub(crate) name: &'a str,
+    pub(crate) bytes: &'a [u8],
     /// UNIX time from which on the message is not sent any more, in seconds.
-    pub stale_unix_s: f64,
+    pub(crate) stale_unix_s: f64,
 }
 
 /// Messages of one address that wait for its thread.
 #[derive(Debug, Default)]
-pub(super) struct Outbox {
+pub(crate) struct Outbox {
     state: Mutex<State>,
     changed: Condvar,
 }
@@ -47,7 +45,7 @@ struct State {
 
 #[derive(Debug)]
 struct Kept {
-    xml: Arc<[u8]>,
+    bytes: Arc<[u8]>,
     stale_unix_s: f64,
     is_sent: bool,
     /// Place in the order in which names came: receivers go before what they have found.
@@ -61,15 +59,15 @@ impl Outbox {
     }
 
     /// Puts messages; one that is as it was is not sent again.
-    pub(super) fn put(&self, messages: &[CotMessage], now_unix_s: f64) {
+    pub(crate) fn put<'a>(&self, messages: impl IntoIterator<Item = Parcel<'a>>, now_unix_s: f64) {
         let mut state = self.state();
         state.kept.retain(|_, kept| kept.stale_unix_s > now_unix_s);
-        for CotMessage { uid, xml, stale_unix_s } in messages {
-            if *stale_unix_s <= now_unix_s || state.is_closed {
+        for Parcel { name, bytes, stale_unix_s } in messages {
+            if stale_unix_s <= now_unix_s || state.is_closed {
                 continue;
             }
-            let number = match state.kept.get(uid) {
-                Some(kept) if *kept.xml == **xml => continue,
+            let number = match state.kept.get(name) {
+                Some(kept) if *kept.bytes == *bytes => continue,
                 Some(kept) => kept.number,
                 None if state.kept.len() >= MOST_NAMES => {
                     state.remark(format!(
@@ -82,39 +80,39 @@ impl Outbox {
                     state.names
                 }
             };
-            let stale_unix_s = *stale_unix_s;
-            let kept = Kept { xml: Arc::from(&**xml), stale_unix_s, is_sent: false, number };
-            let _ = state.kept.insert(uid.clone(), kept);
+            let kept = Kept { bytes: Arc::from(bytes), stale_unix_s, is_sent: false, number };
+            let _ = state.kept.insert(name.to_owned(), kept);
         }
         drop(state);
         self.changed.notify_all();
     }
 
     /// Returns the messages that were not sent; waits for one for a while.
-    pub(super) fn take(&self, wait: Duration, now_unix_s: f64) -> Vec<(String, Arc<[u8]>)> {
+    pub(crate) fn take(&self, wait: Duration, now_unix_s: f64) -> Vec<(String, Arc<[u8]>)> {
         let waits =
             |state: &mut State| !state.is_closed && state.kept.values().all(|kept| kept.is_sent);
         let waited = self.changed.wait_timeout_while(self.state(), wait, waits);
         let (mut state, _) = waited.unwrap_or_else(PoisonError::into_inner);
         state.kept.retain(|_, kept| kept.stale_unix_s > now_unix_s);
         let unsent = state.kept.iter().filter(|(_, kept)| !kept.is_sent);
-        let mut unsent: Vec<_> =
-            unsent.map(|(uid, kept)| (kept.number, uid.clone(), Arc::clone(&kept.xml))).collect();
+        let mut unsent: Vec<_> = unsent
+            .map(|(name, kept)| (kept.number, name.clone(), Arc::clone(&kept.bytes)))
+            .collect();
         unsent.sort_unstable_by_key(|(number, ..)| *number);
-        unsent.into_iter().map(|(_, uid, xml)| (uid, xml)).collect()
+        unsent.into_iter().map(|(_, name, bytes)| (name, bytes)).collect()
     }
 
     /// Notes that a message was written, unless a later one has replaced it.
-    pub(super) fn sent(&self, uid: &str, xml: &Arc<[u8]>) {
-        if let Some(kept) = self.state().kept.get_mut(uid)
-            && Arc::ptr_eq(&kept.xml, xml)
+    pub(crate) fn sent(&self, name: &str, bytes: &Arc<[u8]>) {
+        if let Some(kept) = self.state().kept.get_mut(name)
+            && Arc::ptr_eq(&kept.bytes, bytes)
         {
             kept.is_sent = true;
         }
     }
 
     /// Sends everything again: what the lost connection had taken may not have arrived.
-    pub(super) fn lost(&self, failure: String) {
+    pub(crate) fn lost(&self, failure: String) {
         let mut state = self.state();
         state.kept.values_mut().for_each(|kept| kept.is_sent = false);
         // A server that stays away is reported once.
@@ -125,62 +123,64 @@ impl Outbox {
     }
 
     /// Notes that the connection is there.
-    pub(super) fn connected(&self, remark: String) {
+    pub(crate) fn connected(&self, remark: String) {
         let mut state = self.state();
         state.failure = None;
         state.remark(remark);
     }
 
     /// Notes that the connection broke behind the last message.
-    pub(super) fn unclosed(&self, error: &io::Error) {
+    #[cfg(feature = "cot")]
+    pub(crate) fn unclosed(&self, error: &std::io::Error) {
         self.state().unclosed = Some(error.to_string());
     }
 
-    pub(super) fn remark(&self, remark: String) {
+    #[cfg(feature = "cot")]
+    pub(crate) fn remark(&self, remark: String) {
         self.state().remark(remark);
     }
 
-    pub(super) fn take_remarks(&self) -> Vec<String> {
+    pub(crate) fn take_remarks(&self) -> Vec<String> {
         std::mem::take(&mut self.state().remarks)
     }
 
     /// Waits until a pause is over, or nothing more will be put.
-    pub(super) fn pause(&self, pause: Duration) {
+    pub(crate) fn pause(&self, pause: Duration) {
         let waited = self.changed.wait_timeout_while(self.state(), pause, |state| !state.is_closed);
         drop(waited);
     }
 
     /// Nothing more will be put.
-    pub(super) fn close(&self) {
+    pub(crate) fn close(&self) {
         self.state().is_closed = true;
         self.changed.notify_all();
     }
 
-    pub(super) fn is_closed(&self) -> bool {
+    pub(crate) fn is_closed(&self) -> bool {
         self.state().is_closed
     }
 
     /// Notes that the thread has ended.
-    pub(super) fn end(&self) {
+    pub(crate) fn end(&self) {
         self.state().has_ended = true;
         self.changed.notify_all();
     }
 
     /// Waits until the thread has ended. Returns the failure, if messages are left or may be lost.
-    pub(super) fn ended(&self, wait: Duration) -> Option<String> {
+    pub(crate) fn ended(&self, wait: Duration) -> Option<String> {
         let waits = |state: &mut State| !state.has_ended;
         let waited = self.changed.wait_timeout_while(self.state(), wait, waits);
         let (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
         if let Some(error) = &state.unclosed {
             return Some(format!(
-                "the last events may not have arrived: the connection broke as it was closed: \
+                "the last messages may not have arrived: the connection broke as it was closed: \
                  {error}"
             ));
         }
         let unsent = state.kept.values().filter(|kept| !kept.is_sent).count();
         let is_lost = state.failure.is_some() || !state.has_ended;
         let reason = state.failure.clone().unwrap_or_else(|| "it takes too long".to_owned());
-        (is_lost && unsent > 0).then(|| format!("{unsent} events were not sent: {reason}"))
+        (is_lost && unsent > 0).then(|| format!("{unsent} messages were not sent: {reason}"))
     }
 }
 
