@@ -54,8 +54,8 @@ pub struct ReplayedFix {
     pub diverged: u32,
     /// Doubts about the place (docs/remarks.md); empty for [`replay_with`].
     pub remarks: Vec<Remark>,
-    /// What was learned of each receiver, with the drone's number; empty for an estimator that takes
-    /// all receivers for alike.
+    /// Errors that were learned of each receiver, with the drone's number; empty for an estimator
+    /// that takes all receivers for alike.
     pub receivers: Vec<(usize, LearnedReceiver)>,
     /// The fix of the log, if the search ended.
     pub logged: Option<Fix>,

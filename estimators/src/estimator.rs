@@ -237,7 +237,8 @@ impl EstimatorConfig {
         let unsupported = |what| Err(EstimatorError::Unsupported { what });
         let FilterConfig::Grid { side, level_noise_spread: None } = self.filter else {
             return unsupported(
-                "offsets of receivers (receivers) with another filter than a grid whose levels                  have the σ that they state",
+                "offsets of receivers (receivers) with another filter than a grid whose levels \
+                 have the σ that they state",
             );
         };
         let Some(sigma) = self.power_sigma_db else {
@@ -245,7 +246,8 @@ impl EstimatorConfig {
         };
         if self.exponent_sigma.is_some() || self.moving.is_some() || self.lag_s.is_some() {
             return unsupported(
-                "offsets of receivers (receivers) with an unknown exponent, a beacon that may                  move or late receptions (exponent_sigma, moving, lag_s)",
+                "offsets of receivers (receivers) with an unknown exponent, a beacon that may \
+                 move or late receptions (exponent_sigma, moving, lag_s)",
             );
         }
         if self.start_on_grid.is_some() {

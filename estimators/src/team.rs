@@ -43,7 +43,7 @@ pub struct ReceiversConfig {
     pub bearing_sigma_deg: f64,
 }
 
-/// What was learned of a receiver.
+/// Errors of a receiver, as they were learned.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LearnedReceiver {
     /// Offset of its levels in dB, and σ of that; positive where it reads too high.
@@ -164,8 +164,8 @@ struct Kept {
 }
 
 /// The place of a transmitter over a grid, with the reference power and each receiver's offsets of
-/// level and bearing integrated out (Rao-Blackwell), and each receiver's σ learned from what is
-/// left over (Särkkä & Nummenmaa 2009). When that differs from the σ that was used, all receptions
+/// level and bearing integrated out (Rao-Blackwell), and each receiver's σ learned from its
+/// residuals (Särkkä & Nummenmaa 2009). When that differs from the σ that was used, all receptions
 /// are used again: the first ones counted for more than they were worth.
 ///
 /// What a receiver's own uncertain place adds to the noise is taken at the belief's distance, the
@@ -227,7 +227,7 @@ impl Team {
         self.receiver = receiver;
     }
 
-    /// What was learned of each receiver that has received.
+    /// Errors that were learned of each receiver that has received.
     pub(crate) fn learned(&self) -> Vec<(usize, LearnedReceiver)> {
         let Estimate { mean, covariance } = self.grid.estimate();
         let heard: Vec<_> = (0..MOST_RECEIVERS).filter(|r| self.receptions[*r] > 0).collect();

@@ -237,7 +237,7 @@ impl Track {
         self
     }
 
-    /// What was learned of each receiver that has received, with its number; empty for an estimator
+    /// Errors that were learned of each receiver that has received, with its number; empty for one
     /// that takes all receivers for alike.
     #[must_use]
     pub fn learned_receivers(&self) -> Vec<(usize, LearnedReceiver)> {

@@ -118,7 +118,7 @@ fn a_walker_without_a_direction_hears_the_level_on_the_way() {
     assert!(longest < 4.0, "{longest:.1} s without a level");
 }
 
-/// A walker whose levels are 8 dB too high, a car whose compass reads 25° too far clockwise, and two
+/// A walker whose levels are 8 dB too high, a car whose compass is 25° too far clockwise, and two
 /// drones have one belief, which has both errors within three of their σ.
 #[test]
 fn a_mixed_team_learns_what_its_receivers_get_wrong() {

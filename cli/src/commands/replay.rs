@@ -93,7 +93,7 @@ struct Replayed {
     diverged: u32,
     /// Doubts about the place, each with what to do about it.
     remarks: Vec<Remark>,
-    /// What was learned of each receiver; absent for an estimator that takes all for alike.
+    /// Errors that were learned of each receiver; absent for an estimator that takes all for alike.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     receivers: Vec<Learned>,
     outcome: Option<Outcome>,
@@ -104,7 +104,7 @@ struct Replayed {
     smoothed: Option<SmoothedTrack>,
 }
 
-/// What was learned of a receiver: each offset with its σ. Bearings are off counter-clockwise.
+/// Errors that were learned of a receiver: each offset with its σ. Bearings are off counter-clockwise.
 #[derive(Debug, Serialize)]
 struct Learned {
     /// Number of the receiver, from 1.

@@ -444,7 +444,7 @@ impl<const N: usize> Columns<N> {
         Ok(())
     }
 
-    /// What is read between cells. With one Λ for several components it is ln p(x) and the mean: l
+    /// Columns that are read between cells. With one Λ for several components it is ln p(x) and the mean: l
     /// and η nearly cancel there, and what is read of them between bearings a turn apart does not.
     fn readable(&self, hypothesis: usize) -> Cow<'_, Hypothesis> {
         let own = &self.hypotheses[hypothesis];

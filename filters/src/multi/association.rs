@@ -328,10 +328,10 @@ impl Group {
     }
 }
 
-/// What loopy belief propagation ends with.
+/// Messages and beliefs at the end of loopy belief propagation.
 struct Messages {
-    /// Of each track to each of its candidates: how much it wants it, to 1 of an observation that
-    /// no track wants.
+    /// Message of each track to each of its candidates: how much it wants it, to 1 of an observation
+    /// that no track wants.
     sent: Vec<Vec<f64>>,
     beliefs: Vec<Probabilities>,
 }
@@ -379,7 +379,7 @@ mod tests {
         sums / total
     }
 
-    /// Weights of up to so many tracks and observations.
+    /// Weights of `most` tracks and observations or fewer.
     fn weights(most: usize) -> impl Strategy<Value = DMatrix<f64>> {
         let weight = prop_oneof![1 => Just(0.0), 2 => (-4.0..8.0_f64).prop_map(libm::exp)];
         let values = proptest::collection::vec(weight, most * (most + 1));

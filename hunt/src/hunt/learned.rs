@@ -1,4 +1,4 @@
-//! What was learned of the receivers of a hunt, in words.
+//! Errors that were learned of the receivers of a hunt, in words.
 
 use foxhunt_core::Remark;
 use foxhunt_estimators::LearnedReceiver;

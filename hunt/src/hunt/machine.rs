@@ -141,7 +141,8 @@ pub struct Hunt {
     attempts: u32,
     fixes: Vec<Fix>,
     outbox: Outbox,
-    /// What the last reception's estimator had learned of each receiver, with the drone's number.
+    /// Errors of each receiver as the last reception's estimator had learned them, with the drone's
+    /// number.
     learned: Vec<(usize, LearnedReceiver)>,
     /// Receptions that were fused: drone, beacon, and the bits of the time.
     fused: BTreeSet<(usize, BeaconId, u64)>,
@@ -499,8 +500,8 @@ impl Hunt {
         believed
     }
 
-    /// What was learned of each receiver at the search that received last, with the drone's number;
-    /// empty for an estimator that takes all receivers for alike.
+    /// Errors that were learned of each receiver at the search that received last, with the drone's
+    /// number; empty for an estimator that takes all receivers for alike.
     #[must_use]
     pub fn learned_receivers(&self) -> &[(usize, LearnedReceiver)] {
         &self.learned

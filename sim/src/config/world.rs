@@ -73,10 +73,10 @@ pub struct DroneConfig {
     /// ([`World::late`](crate::World::late)).
     #[serde(default, skip_serializing_if = "is_zero")]
     pub late_s: f64,
-    /// Its receiver reads all levels so much too high, in dB; 0 unless given.
+    /// Offset of the levels that its receiver reads, in dB; 0 unless given.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub level_offset_db: f64,
-    /// Its compass reads so many degrees too far clockwise, and all of its bearings with it; 0
+    /// Offset of its compass, and of all of its bearings, in degrees clockwise; 0
     /// unless given.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub compass_offset_deg: f64,

@@ -213,7 +213,7 @@ impl World {
         Ok(self.on_board(drone)?.with(|drone, _| drone.body.path_length()))
     }
 
-    /// What a drone's compass turns its bearings by, in radians counter-clockwise.
+    /// Offset of a drone's bearings by its compass, in radians counter-clockwise.
     ///
     /// # Errors
     ///

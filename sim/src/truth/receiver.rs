@@ -115,7 +115,7 @@ pub(crate) struct Receiver {
     streams: Streams,
     /// Time from a request to its answer, in seconds.
     latency: f64,
-    /// What it reads all levels too high, in dB, and all bearings too far counter-clockwise.
+    /// Offsets of all levels in dB, and of all bearings in radians counter-clockwise.
     level_offset_db: f64,
     bearing_offset: f64,
     /// The present ones, of different beacons.
@@ -219,7 +219,7 @@ impl Receiver {
         }
     }
 
-    /// What it reads all bearings too far counter-clockwise, in radians.
+    /// Offset of all bearings, in radians counter-clockwise.
     #[cfg(feature = "emulators")]
     pub(crate) fn bearing_offset(&self) -> f64 {
         self.bearing_offset
