@@ -3,9 +3,9 @@
 use foxhunt_core::Remark;
 use foxhunt_estimators::LearnedReceiver;
 
-/// Standard deviations from zero beyond which an offset is said: one of a thousand receivers
-/// without an offset has so large a one.
-const CERTAIN: f64 = 3.5;
+/// Standard deviations from zero beyond which an offset is said: one of 370 receivers without an
+/// offset has one beyond it.
+const CERTAIN: f64 = 3.0;
 
 /// Factor on the stated σ from which on it is said that a receiver scatters.
 const SCATTERS: f64 = 2.0;
@@ -61,7 +61,7 @@ mod tests {
     fn receivers_are_named_with_what_they_get_wrong() {
         let sound = LearnedReceiver {
             level_offset_db: [1.0, 0.9],
-            level_from_others_db: Some([-7.0, 2.1]),
+            level_from_others_db: Some([-6.0, 2.1]),
             bearing_offset: [-0.05, 0.03],
             scatter: [1.1, 0.9],
             receptions: 20,
