@@ -1,11 +1,12 @@
 //! Notices on standard error while a hunt goes on.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
+#[cfg(feature = "hardware")]
+use std::collections::BTreeSet;
 
-use foxhunt::{
-    hunt::{Event, Hunt, remarks_of_receivers},
-    overview::notice,
-};
+#[cfg(feature = "hardware")]
+use foxhunt::hunt::{Hunt, remarks_of_receivers};
+use foxhunt::{hunt::Event, overview::notice};
 
 use crate::output::warn;
 
@@ -17,6 +18,7 @@ const AWAY_S: f64 = 60.0;
 pub(super) struct Notices {
     troubles: BTreeMap<String, Trouble>,
     /// Receivers that were said to be off, by number and code of the remark.
+    #[cfg(feature = "hardware")]
     off: BTreeSet<(usize, String)>,
 }
 
@@ -39,6 +41,7 @@ impl Notices {
 
     /// Prints once of each receiver, after a reception, what the estimator has learned that it gets
     /// wrong; `name` is its name, if it has one.
+    #[cfg(feature = "hardware")]
     pub(super) fn print_receivers(
         &mut self,
         event: &Event,

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 EstimatorName = Literal[
     "default",
+    "team",
     "grid",
     "particle",
     "iterated-posterior-linearisation",
@@ -75,6 +76,7 @@ ExtractorName = Literal[
 ]
 EstimatorName2 = Literal[
     "default",
+    "team",
     "grid",
     "particle",
     "iterated-posterior-linearisation",
@@ -211,6 +213,8 @@ def hunt(
     cot_key: Path | None = None,
     cot_server_name: Path | float | None = None,
     cot_from: Path | float | None = None,
+    mqtt: Path | float | None = None,
+    mqtt_user: Path | float | None = None,
     pace: float | None = None,
     out: Path | None = None,
     export: Path | Sequence[Path] | None = None,
@@ -276,15 +280,20 @@ def hunt(
         cot_server_name: For --cot tls://: the name in the server's certificate, if it is not the
             host of the address
         cot_from: For --cot udp://: the address of the network card that datagrams leave by
-        pace: With --live or --cot: the simulated seconds that pass in one second [default: 20]
+        mqtt: Send the place of every beacon and receiver to an MQTT broker, for Home Assistant
+            and Node-RED; port 1883 if none is given
+        mqtt_user: For --mqtt: the user name at the broker, if it needs one; the password is
+            $FOXHUNT_MQTT_PASSWORD
+        pace: With --live, --cot or --mqtt: the simulated seconds that pass in one second
+            [default: 20]
         out: The folder for hunt.jsonl (the log), hunt.svg (the picture) and report.html (the
             page) [default: out]
         export: Write places, bearings, ellipses, regions and paths to a file, in the format of
             its ending: .geojson, .kml, .czml, .gpx, .csv, .cot (Cursor on Target) or .mcap; or
             the probability of each cell as .tif (GeoTIFF), .kmz (overlay), .mbtiles or .png; may
             be given several times
-        origin: The place of the local origin on Earth (WGS84), for --export, --tiles, --cot and
-            programs that fetch a hunt from --live, if it is not known
+        origin: The place of the local origin on Earth (WGS84), for --export, --tiles, --cot,
+            --mqtt and programs that fetch a hunt from --live, if it is not known
         start_utc: The UTC of the time 0, for --export, if it is not known
     """
     flags: dict[str, Any] = {
@@ -311,6 +320,8 @@ def hunt(
         "cot-key": cot_key,
         "cot-server-name": cot_server_name,
         "cot-from": cot_from,
+        "mqtt": mqtt,
+        "mqtt-user": mqtt_user,
         "pace": pace,
         "out": out,
         "export": export,
@@ -580,6 +591,8 @@ def locate(
     cot_key: Path | None = None,
     cot_server_name: Path | float | None = None,
     cot_from: Path | float | None = None,
+    mqtt: Path | float | None = None,
+    mqtt_user: Path | float | None = None,
 ) -> Result:
     """Locate a transmitter from recorded flights: ``foxhunt locate``.
 
@@ -710,8 +723,8 @@ def locate(
             its ending: .geojson, .kml, .czml, .gpx, .csv, .cot (Cursor on Target) or .mcap; or
             the probability of each cell as .tif (GeoTIFF), .kmz (overlay), .mbtiles or .png; may
             be given several times
-        origin: The place of the local origin on Earth (WGS84), for --export, --tiles, --cot and
-            programs that fetch a hunt from --live, if it is not known
+        origin: The place of the local origin on Earth (WGS84), for --export, --tiles, --cot,
+            --mqtt and programs that fetch a hunt from --live, if it is not known
         start_utc: The UTC of the time 0, for --export, if it is not known
         cot: Send receivers, fixes, 95 % ellipses and bearings to a TAK server or team, as Cursor
             on Target: tcp://HOST:8087, tls://HOST:8089 or udp://239.2.3.1:6969; may be given
@@ -724,6 +737,10 @@ def locate(
         cot_server_name: For --cot tls://: the name in the server's certificate, if it is not the
             host of the address
         cot_from: For --cot udp://: the address of the network card that datagrams leave by
+        mqtt: Send the place of every beacon and receiver to an MQTT broker, for Home Assistant
+            and Node-RED; port 1883 if none is given
+        mqtt_user: For --mqtt: the user name at the broker, if it needs one; the password is
+            $FOXHUNT_MQTT_PASSWORD
     """
     flags: dict[str, Any] = {
         "truth": truth,
@@ -784,6 +801,8 @@ def locate(
         "cot-key": cot_key,
         "cot-server-name": cot_server_name,
         "cot-from": cot_from,
+        "mqtt": mqtt,
+        "mqtt-user": mqtt_user,
     }
     result: Result = _program.command(["locate", *files], flags)
     return result
@@ -891,8 +910,8 @@ def bearing(
             its ending: .geojson, .kml, .czml, .gpx, .csv, .cot (Cursor on Target) or .mcap; or
             the probability of each cell as .tif (GeoTIFF), .kmz (overlay), .mbtiles or .png; may
             be given several times
-        origin: The place of the local origin on Earth (WGS84), for --export, --tiles, --cot and
-            programs that fetch a hunt from --live, if it is not known
+        origin: The place of the local origin on Earth (WGS84), for --export, --tiles, --cot,
+            --mqtt and programs that fetch a hunt from --live, if it is not known
         start_utc: The UTC of the time 0, for --export, if it is not known
     """
     flags: dict[str, Any] = {
@@ -1449,8 +1468,8 @@ def replay(
             its ending: .geojson, .kml, .czml, .gpx, .csv, .cot (Cursor on Target) or .mcap; or
             the probability of each cell as .tif (GeoTIFF), .kmz (overlay), .mbtiles or .png; may
             be given several times
-        origin: The place of the local origin on Earth (WGS84), for --export, --tiles, --cot and
-            programs that fetch a hunt from --live, if it is not known
+        origin: The place of the local origin on Earth (WGS84), for --export, --tiles, --cot,
+            --mqtt and programs that fetch a hunt from --live, if it is not known
         start_utc: The UTC of the time 0, for --export, if it is not known
     """
     flags: dict[str, Any] = {
