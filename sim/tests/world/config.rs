@@ -151,6 +151,8 @@ fn a_world_comes_back_from_a_file_as_it_went() {
             stuck: vec![Interval { from_s: 6.0, to_s: None }],
             lost: vec![Interval::default(), Interval { from_s: 7.0, to_s: Some(8.0) }],
             late_s: 9.0,
+            level_offset_db: 10.0,
+            compass_offset_deg: 11.0,
         }],
         channel: ChannelConfig {
             dead_zones: vec![DeadZoneConfig { east_m: 1.0, north_m: 2.0, radius_m: 3.0 }],
