@@ -2,8 +2,9 @@
 //!
 //! A filter is generic over the sizes of its state and its measurement, and its code is compiled
 //! wherever it is used. This package uses every filter once for each of the five sizes that hunts
-//! and trials have ([`FilterOf`]), so that nothing above it compiles one again: it alone is worth
-//! optimising, and it alone takes long to build.
+//! and trials have ([`FilterOf`]), and a grid for receivers of different makes
+//! ([`ReceiversConfig`]), so that nothing above it compiles one again: it alone is worth optimising,
+//! and it alone takes long to build.
 
 mod estimator;
 mod filter;

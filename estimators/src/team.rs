@@ -25,7 +25,7 @@ const BEARING_DRIFT: f64 = 0.001;
 /// Number of receptions that the stated σ of a receiver counts for when its own is learned.
 const STATED_FOR: f64 = 4.0;
 
-/// Ratio of a receiver's σ to that with which its receptions were used from which on all receptions
+/// Ratio of a receiver's σ to the σ with which its receptions were used, from which on all of them
 /// are used again.
 const OTHER_SIGMA: f64 = 1.25;
 
@@ -165,11 +165,11 @@ struct Kept {
 
 /// The place of a transmitter over a grid, with the reference power and each receiver's offsets of
 /// level and bearing integrated out (Rao-Blackwell), and each receiver's σ learned from its
-/// residuals (Särkkä & Nummenmaa 2009). When that differs from the σ that was used, all receptions
+/// residuals (Särkkä & Nummenmaa 2009). When that differs from the σ that was used, all of them
 /// are used again: the first ones counted for more than they were worth.
 ///
-/// What a receiver's own uncertain place adds to the noise is taken at the belief's distance, the
-/// same for all cells. Directions that compete for a bearing are taken by their moments.
+/// The noise that a receiver's own uncertain place adds is taken at the belief's distance, the same
+/// for all cells. Directions that compete for a bearing are taken by their moments.
 #[derive(Clone)]
 pub(crate) struct Team {
     grid: Grid,

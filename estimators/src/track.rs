@@ -148,7 +148,7 @@ impl Track {
         config: TrackConfig,
     ) -> Self {
         let intake = ByQuantity(estimator.quantities());
-        Self::of(Joined { estimator, intake }, config)
+        Self::of(Joined::alike(estimator, intake), config)
     }
 
     /// A track that is fed by an intake of its own.
@@ -168,7 +168,7 @@ impl Track {
                 return Err(EstimatorError::Quantity { component, fed, expected });
             }
         }
-        Ok(Self::of(Joined { estimator, intake }, config))
+        Ok(Self::of(Joined::alike(estimator, intake), config))
     }
 
     /// A track that keeps the normalised innovations over `model`, for
@@ -180,7 +180,7 @@ impl Track {
     ) -> Self {
         let intake = ByQuantity(estimator.quantities());
         let estimator = Monitored::new(estimator, model);
-        Self::of(Watched(Joined { estimator, intake }), config)
+        Self::of(Watched(Joined::alike(estimator, intake)), config)
     }
 
     /// A track that keeps its innovations, as a [monitored](Self::monitored) one does, and the
@@ -193,13 +193,15 @@ impl Track {
     ) -> Self {
         let intake = ByQuantity(estimator.quantities());
         let estimator = Monitored::new(Remembering::new(estimator), model);
-        Self::of(Remembered(Watched(Joined { estimator, intake })), config)
+        Self::of(Remembered(Watched(Joined::alike(estimator, intake))), config)
     }
 
     /// A track whose receivers have offsets of their own.
     pub(crate) fn of_team(team: Team, config: TrackConfig) -> Self {
         let intake = ByQuantity(team.quantities());
-        Self::of(OfTeam(Joined { estimator: team, intake }), config)
+        let joined =
+            Joined { hear: Team::heard_by, learned: Team::learned, ..Joined::alike(team, intake) };
+        Self::of(joined, config)
     }
 
     fn of(estimator: impl Fed + 'static, config: TrackConfig) -> Self {
@@ -421,6 +423,17 @@ trait Fed: Belief {
 struct Joined<E, I, const N: usize, const M: usize> {
     estimator: E,
     intake: I,
+    /// Tells the estimator the receiver of the next receptions.
+    hear: fn(&mut E, usize),
+    /// Returns the errors that it has learned of each receiver.
+    learned: fn(&E) -> Vec<(usize, LearnedReceiver)>,
+}
+
+impl<E, I, const N: usize, const M: usize> Joined<E, I, N, M> {
+    /// An estimator that takes all receivers for alike.
+    fn alike(estimator: E, intake: I) -> Self {
+        Self { estimator, intake, hear: |_, _| {}, learned: |_| Vec::new() }
+    }
 }
 
 impl<E, I, const N: usize, const M: usize> Belief for Joined<E, I, N, M>
@@ -471,48 +484,13 @@ where
     fn as_belief(&self) -> &dyn Belief {
         self
     }
-}
-
-/// An estimator whose receivers have offsets of their own.
-struct OfTeam(Joined<Team, ByQuantity<2>, 2, 2>);
-
-impl Belief for OfTeam {
-    fn position(&self) -> Estimate<2> {
-        self.0.position()
-    }
-
-    fn visit_positions(&self, visit: &mut dyn FnMut(&Vector2<f64>, f64)) {
-        self.0.visit_positions(visit);
-    }
-}
-
-impl Fed for OfTeam {
-    fn quantities(&self) -> Vec<Quantity> {
-        self.0.quantities()
-    }
-
-    fn check(&self, reception: &Reception) -> Result<(), ObservationError> {
-        self.0.check(reception)
-    }
-
-    fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
-        self.0.predict(dt)
-    }
-
-    fn update(&mut self, reception: &Reception) -> Result<(Correction, usize), TrackError> {
-        self.0.update(reception)
-    }
-
-    fn as_belief(&self) -> &dyn Belief {
-        self
-    }
 
     fn heard_by(&mut self, receiver: usize) {
-        self.0.estimator.heard_by(receiver);
+        (self.hear)(&mut self.estimator, receiver);
     }
 
     fn learned_receivers(&self) -> Vec<(usize, LearnedReceiver)> {
-        self.0.estimator.learned()
+        (self.learned)(&self.estimator)
     }
 }
 

@@ -232,8 +232,8 @@ fn a_team_uses_what_it_is_given() {
     }
 }
 
-/// What a drawn team believes: the place's NEES, and what it learned of each receiver, with the
-/// true offsets.
+/// Beliefs of a drawn team: the place's NEES, and each receiver as it was learned, with the true
+/// offsets.
 fn drawn_team(seed: u64) -> (f64, Vec<(LearnedReceiver, [f64; 2])>) {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let mut normal = move || -> f64 { random.sample(StandardNormal) };

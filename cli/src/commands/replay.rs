@@ -104,7 +104,8 @@ struct Replayed {
     smoothed: Option<SmoothedTrack>,
 }
 
-/// Errors that were learned of a receiver: each offset with its σ. Bearings are off counter-clockwise.
+/// Errors that were learned of a receiver: each offset with its σ, that of bearings
+/// counter-clockwise.
 #[derive(Debug, Serialize)]
 struct Learned {
     /// Number of the receiver, from 1.

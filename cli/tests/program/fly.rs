@@ -157,7 +157,7 @@ fn every_listed_scenario_is_planned_or_refused() {
             "{plan}"
         );
         let endurance = plan["hunt"]["endurance"]["endurance_s"].as_f64();
-        // The way of who walks counts as a drone's, so that a mixed team states more than a battery.
+        // The way of who walks counts as a drone's: a mixed team states more than a battery.
         let most_s = if name == "mixed-team" { 3600.0 } else { 1200.0 };
         assert!(endurance.is_some_and(|seconds| seconds <= most_s), "{plan}");
     }

@@ -171,7 +171,8 @@ fn a_broker_gets_every_beacon_and_receiver_for_home_assistant() {
     let fixes: Vec<_> = features.iter().filter(|it| it["properties"]["kind"] == "fix").collect();
     assert_eq!(fixes.len(), 3, "{exported}");
     let is_config = |topic: &&String| topic.starts_with("homeassistant/device_tracker/");
-    let (mut beacons, mut receivers) = (0, 0);
+    let mut beacons = 0;
+    let mut receivers = 0;
     for topic in seen.retained.keys().filter(is_config) {
         let config = json(topic);
         assert_eq!(

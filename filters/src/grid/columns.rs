@@ -444,8 +444,9 @@ impl<const N: usize> Columns<N> {
         Ok(())
     }
 
-    /// Columns that are read between cells. With one Λ for several components it is ln p(x) and the mean: l
-    /// and η nearly cancel there, and what is read of them between bearings a turn apart does not.
+    /// Columns that are read between cells. With one Λ for several components they are ln p(x) and
+    /// the mean: l and η nearly cancel there, and their values read between bearings a turn apart
+    /// do not.
     fn readable(&self, hypothesis: usize) -> Cow<'_, Hypothesis> {
         let own = &self.hypotheses[hypothesis];
         if self.shared(hypothesis).is_none() {

@@ -330,8 +330,8 @@ impl Group {
 
 /// Messages and beliefs at the end of loopy belief propagation.
 struct Messages {
-    /// Message of each track to each of its candidates: how much it wants it, to 1 of an observation
-    /// that no track wants.
+    /// Message of each track to each of its candidates: how much it wants it, to 1 of an
+    /// observation that no track wants.
     sent: Vec<Vec<f64>>,
     beliefs: Vec<Probabilities>,
 }

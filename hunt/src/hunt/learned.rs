@@ -34,8 +34,8 @@ pub fn remarks_of_receivers(
             let [off, sigma] = receiver.bearing_offset.map(f64::to_degrees);
             let side = if off > 0.0 { "counter-clockwise" } else { "clockwise" };
             let text = format!(
-                "the bearings of {name} are {:.0}° too far {side} (σ {sigma:.0}°); this was taken \
-                 off. Calibrate its compass, and look at how its antenna is mounted",
+                "the bearings of {name} are {:.0}° too far {side} (σ {sigma:.0}°); this was \
+                 taken off. Calibrate its compass, and look at how its antenna is mounted",
                 off.abs()
             );
             remarks.push(Remark::new("receiver-compass-off", text));
