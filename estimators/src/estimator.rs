@@ -13,8 +13,10 @@ use nalgebra::Vector4;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    AnyModel, AnyMotion, BoxedEstimator, FilterConfig, FilterOf, TimeStep, Track, TrackConfig,
+    AnyModel, AnyMotion, BoxedEstimator, Components, FilterConfig, FilterOf, TimeStep, Track,
+    TrackConfig,
     filter::{generator, grid_config},
+    several::{Several, SeveralConfig},
     team::{ReceiversConfig, Team},
 };
 
@@ -46,6 +48,10 @@ pub struct EstimatorConfig {
     /// reference power on a grid, and each receiver's own σ; all receivers are alike where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub receivers: Option<ReceiversConfig>,
+    /// An unknown number of transmitters on one frequency, each with the filter for itself; one
+    /// where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub several: Option<SeveralConfig>,
     /// Motion of the beacon; it stays where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moving: Option<MovingConfig>,
@@ -116,6 +122,9 @@ impl EstimatorConfig {
             let team = self.build_team(receivers, &model, own)?;
             return Ok(Track::of_team(team, self.track).with_prior(own));
         }
+        if let Some(several) = self.several {
+            return self.track_of_several(several, model, prior, seed);
+        }
         let estimator = self.build(model.clone(), prior, seed)?;
         let track = if monitored {
             Track::monitored::<2, 2>(estimator, model, self.track)
@@ -139,7 +148,7 @@ impl EstimatorConfig {
     ) -> Result<Track, EstimatorError> {
         self.track.check()?;
         let model = model.into();
-        if self.receivers.is_some() {
+        if self.receivers.is_some() || self.several.is_some() {
             return self.track(model, prior, seed, false);
         }
         let estimator = self.build(model.clone(), prior, seed)?;
@@ -159,6 +168,11 @@ impl EstimatorConfig {
         prior: &Estimate<2>,
         seed: u64,
     ) -> Result<BoxedEstimator<2, 2>, EstimatorError> {
+        if self.several.is_some() {
+            return Err(EstimatorError::Unsupported {
+                what: "several transmitters (several) where one place is asked for",
+            });
+        }
         let prior = self.prior(prior)?;
         let model = model.into();
         if let Some(receivers) = &self.receivers {
@@ -225,6 +239,31 @@ impl EstimatorConfig {
                 what: "an unknown exponent (exponent_sigma) with a known power",
             }),
         }
+    }
+
+    /// The track of several transmitters, each with this filter for itself.
+    fn track_of_several(
+        &self,
+        several: SeveralConfig,
+        model: ReceiverModel,
+        prior: &Estimate<2>,
+        seed: u64,
+    ) -> Result<Track, EstimatorError> {
+        let one = Self { several: None, ..*self };
+        if one.receivers.is_some() || one.lag_s.is_some() {
+            return Err(EstimatorError::Unsupported {
+                what: "several transmitters (several) with offsets of receivers or late receptions \
+                       (receivers, lag_s)",
+            });
+        }
+        if one.track.components == Components::RssOnly {
+            return Err(EstimatorError::Unsupported {
+                what: "several transmitters (several) by levels alone",
+            });
+        }
+        let own = self.prior(prior)?;
+        let several = Several::new(several, one.build(model, prior, seed)?)?;
+        Ok(Track::of_several(several, self.track).with_prior(own))
     }
 
     /// The estimator of the place, the reference power and each receiver's offsets.

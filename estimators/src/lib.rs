@@ -8,6 +8,7 @@
 
 mod estimator;
 mod filter;
+mod several;
 mod team;
 mod track;
 
@@ -17,6 +18,7 @@ use foxhunt_core::{Estimator, EstimatorError, Smooth};
 
 pub use estimator::{EstimatorConfig, MovingConfig, ReceiverModel};
 pub use filter::{AnyModel, AnyMotion, FilterConfig, FilterOf, GateConfig, OutlierConfig, Prior};
+pub use several::{FoundTransmitter, SeveralConfig};
 pub use team::{LearnedReceiver, MOST_RECEIVERS, ReceiversConfig};
 pub use track::{Components, TimeStep, Track, TrackConfig, TrackError, TrackStep, WithoutBearing};
 

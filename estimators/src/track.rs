@@ -11,7 +11,10 @@ use foxhunt_filters::{
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
-use crate::team::{LearnedReceiver, Team};
+use crate::{
+    several::{FoundTransmitter, Several},
+    team::{LearnedReceiver, Team},
+};
 
 /// Way in which receptions are put to an estimator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -204,6 +207,11 @@ impl Track {
         Self::of(joined, config)
     }
 
+    /// A track of an unknown number of transmitters.
+    pub(crate) fn of_several(several: Several, config: TrackConfig) -> Self {
+        Self::of(several, config)
+    }
+
     fn of(estimator: impl Fed + 'static, config: TrackConfig) -> Self {
         let watchdog = NisWatchdog::default();
         Self {
@@ -244,6 +252,13 @@ impl Track {
     #[must_use]
     pub fn learned_receivers(&self) -> Vec<(usize, LearnedReceiver)> {
         self.estimator.learned_receivers()
+    }
+
+    /// The transmitters that its receptions come from, the most probable first; `None` for an
+    /// estimator of one transmitter.
+    #[must_use]
+    pub fn found(&self) -> Option<Vec<FoundTransmitter>> {
+        self.estimator.found()
     }
 
     /// Predicts to the reception's time and conditions the belief on it. For a reception that is
@@ -386,7 +401,7 @@ pub enum TrackError {
 }
 
 /// An estimator that takes receptions: its dimensions are hidden.
-trait Fed: Belief {
+pub(crate) trait Fed: Belief {
     fn quantities(&self) -> Vec<Quantity>;
 
     /// Refuses a reception that no observation can be made of, before anything is predicted.
@@ -403,6 +418,10 @@ trait Fed: Belief {
 
     fn learned_receivers(&self) -> Vec<(usize, LearnedReceiver)> {
         Vec::new()
+    }
+
+    fn found(&self) -> Option<Vec<FoundTransmitter>> {
+        None
     }
 
     fn add_innovations_to(&self, _whiteness: &mut Whiteness) {}

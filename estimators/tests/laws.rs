@@ -2,12 +2,13 @@
 
 use approx::assert_abs_diff_eq;
 use foxhunt_core::{
-    Bearing, Estimate, Level, MeasurementModel, Observation, Pose, Reception, Smooth,
+    Bearing, BearingMode, BearingModes, Estimate, Level, MeasurementModel, Observation, Pose,
+    Reception, Smooth,
     laws::{self, Checks, Predictive},
 };
 use foxhunt_estimators::{
-    BoxedEstimator, EstimatorConfig, FilterConfig, GateConfig, LearnedReceiver, MovingConfig,
-    ReceiversConfig, TrackConfig, TrackStep,
+    BoxedEstimator, Components, EstimatorConfig, FilterConfig, GateConfig, LearnedReceiver,
+    MovingConfig, ReceiversConfig, SeveralConfig, TrackConfig, TrackStep,
 };
 use foxhunt_sensors::{LogDistance, RssBearing};
 use nalgebra::{Matrix2, Vector2};
@@ -39,6 +40,7 @@ fn of(filter: FilterConfig) -> EstimatorConfig {
         power_sigma_db: None,
         exponent_sigma: None,
         receivers: None,
+        several: None,
         moving: None,
         lag_s: None,
         start_on_grid: None,
@@ -230,6 +232,83 @@ fn a_team_uses_what_it_is_given() {
         let refused = config.build(model(), &prior(), 1).err().expect("not used").to_string();
         assert!(refused.contains(named), "{refused}");
     }
+}
+
+/// Transmitters on one frequency.
+fn several() -> EstimatorConfig {
+    let several = SeveralConfig { detection: 0.5, wrong: 0.05, births: 0.4, most_birth: 0.2 };
+    EstimatorConfig {
+        drift: 0.0,
+        power_sigma_db: Some(5.0),
+        several: Some(several),
+        ..of(FilterConfig::RangeParameterised { parts: 8, iterations: 10 })
+    }
+}
+
+/// Two transmitters 80 m apart, seen in turn by a receiver on a circle about them: both are found,
+/// each within five σ, and nothing else; the place that is sought is that of one of them.
+#[test]
+fn two_transmitters_on_one_frequency_are_found() {
+    let places = [Vector2::new(-40.0, 5.0), Vector2::new(38.0, -12.0)];
+    let prior = Estimate::isotropic(Vector2::zeros(), 100.0);
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(5);
+    let mut track = several().track(model(), &prior, 1, false).expect("in order");
+    assert_eq!(track.found(), Some(Vec::new()));
+    assert_eq!(track.position().mean, Vector2::zeros());
+    for turn in 0..16_u8 {
+        let around = f64::from(turn) * 0.7;
+        let receiver = Pose::at(60.0 * around.cos(), 60.0 * around.sin(), 10.0);
+        let expected = places.map(|p| MeasurementModel::<2, 2>::expected(&model(), &p, &receiver));
+        let power = expected.map(|z| 10.0_f64.powf(0.1 * z[0]));
+        let total: f64 = power.iter().sum();
+        let mode = |index: usize, noise: f64| BearingMode {
+            weight: power[index] / total,
+            angle: expected[index][1] + 0.05 * noise,
+            sigma: 0.05,
+        };
+        let noise: [f64; 2] = std::array::from_fn(|_| random.sample(StandardNormal));
+        // What stands for a wrong direction is no direction.
+        let wide = BearingMode { weight: 0.02, angle: 0.0, sigma: 1.8 };
+        let modes = BearingModes::new(&[mode(0, noise[0]), mode(1, noise[1]), wide]);
+        let reception = Reception {
+            time: f64::from(turn),
+            receiver,
+            level: Some(Level { rss_dbm: 10.0 * total.log10(), sigma_db: 3.0 }),
+            modes: modes.expect("in order"),
+            ..Reception::default()
+        };
+        let step = track.update(&reception, false);
+        assert!(matches!(step, Ok(TrackStep::Updated { .. })), "{step:?}");
+    }
+    let found = track.found().expect("it looks for several");
+    assert_eq!(found.len(), 2, "{found:?}");
+    for transmitter in &found {
+        assert!(transmitter.existence > 0.99, "{transmitter:?}");
+        let nees = |place| transmitter.estimate.nees(place).expect("definite");
+        assert!(places.iter().any(|place| nees(place) < 25.0), "{transmitter:?}");
+    }
+    assert!(found.iter().any(|transmitter| transmitter.estimate == track.position()));
+    assert!(track.smoothed().is_err());
+}
+
+/// Settings that several transmitters do not use are refused by name.
+#[test]
+fn several_transmitters_use_what_they_are_given() {
+    let receivers = Some(ReceiversConfig { level_sigma_db: 4.0, bearing_sigma_deg: 10.0 });
+    let levels = TrackConfig { components: Components::RssOnly, ..TrackConfig::default() };
+    for (config, named) in [
+        (EstimatorConfig { lag_s: Some(5.0), ..several() }, "lag_s"),
+        (EstimatorConfig { receivers, ..several() }, "receivers"),
+        (EstimatorConfig { track: levels, ..several() }, "levels alone"),
+    ] {
+        let refused = config.track(model(), &prior(), 1, false).err().expect("not used");
+        assert!(refused.to_string().contains(named), "{refused}");
+    }
+    let certain = SeveralConfig { detection: 1.0, ..several().several.expect("set") };
+    let config = EstimatorConfig { several: Some(certain), ..several() };
+    let refused = config.track(model(), &prior(), 1, false).err().expect("never missed");
+    assert!(refused.to_string().contains("detection probability"), "{refused}");
+    assert!(several().build(model(), &prior(), 1).is_err());
 }
 
 /// Beliefs of a drawn team: the place's NEES, and each receiver as it was learned, with the true

@@ -1,7 +1,7 @@
 //! The machine-readable results, as they stand in JSON.
 
 use foxhunt_core::{Ellipse, Outcome};
-use foxhunt_hunt::hunt::PlaceEstimate;
+use foxhunt_hunt::hunt::{FoundTransmitter, PlaceEstimate};
 use nalgebra::Vector2;
 use serde::Serialize;
 
@@ -66,6 +66,32 @@ pub struct HuntedBeacon {
     pub formation_positions: u32,
     /// The end of the search.
     pub outcome: Outcome,
+    /// All transmitters on its frequency, where the estimator looks for several; `truth` and
+    /// `error_m` are then of the one that is nearest to `estimate`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub transmitters: Option<HuntedTransmitters>,
+}
+
+/// Transmitters on one frequency, found and true.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct HuntedTransmitters {
+    /// The true places.
+    pub truths: Vec<Place>,
+    /// The transmitters that were found, the most probable first.
+    pub found: Vec<HuntedTransmitter>,
+    /// Distance from these to the truths: GOSPA with c = 50 m, p = 2 and α = 2.
+    pub gospa_m: f64,
+}
+
+/// A transmitter that was found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct HuntedTransmitter {
+    /// Probability that it is there.
+    pub existence: f64,
+    /// The estimate of its place.
+    pub estimate: PlaceEstimate,
+    /// The ellipse that holds it with 95 %, if the covariance is positive definite.
+    pub ellipse_95: Option<Ellipse>,
 }
 
 impl HuntReport {
@@ -97,6 +123,23 @@ impl From<&Found> for HuntedBeacon {
             path_m: found.progress.path_m,
             formation_positions: found.fix.formation_positions,
             outcome: found.fix.outcome,
+            transmitters: found.gospa().zip(found.fix.transmitters.as_ref()).map(
+                |(gospa, transmitters)| HuntedTransmitters {
+                    truths: found.truths.iter().map(|place| Place::from(*place)).collect(),
+                    found: transmitters.iter().map(HuntedTransmitter::from).collect(),
+                    gospa_m: gospa.distance,
+                },
+            ),
+        }
+    }
+}
+
+impl From<&FoundTransmitter> for HuntedTransmitter {
+    fn from(found: &FoundTransmitter) -> Self {
+        Self {
+            existence: found.existence,
+            estimate: (&found.estimate).into(),
+            ellipse_95: found.estimate.ellipse(0.95),
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Flies simulated hunts.
 
 use foxhunt_core::{BeaconId, Correction, Station};
+use foxhunt_filters::multi::{Gospa, gospa};
 use foxhunt_hunt::{
     hunt::{
         Agenda, BoxedSource, Devices, DriveError, Drone, Event, Fix, Hunt, HuntError, Tap, Tapped,
@@ -170,8 +171,11 @@ pub struct Found {
     /// The fix.
     pub fix: Fix,
     /// The beacon's true place at its last reception, which is when the estimate is of; East and
-    /// North in metres.
+    /// North in metres. Where several transmitters share its frequency, the place of the one that
+    /// is nearest to the estimate.
     pub truth: Vector2<f64>,
+    /// The true places of all transmitters on its frequency.
+    pub truths: Vec<Vector2<f64>>,
     /// The progress of the search.
     pub progress: SearchProgress,
     /// The normalised innovations squared of its receptions, with their degrees of freedom.
@@ -191,7 +195,21 @@ impl Found {
     pub fn nees(&self) -> Option<f64> {
         self.fix.estimate.nees(&self.truth)
     }
+
+    /// Distance from the transmitters that were found to those that there are (Rahmathullah,
+    /// García-Fernández & Svensson 2017) with c = 50 m, p = 2 and α = 2; `None` for an estimator
+    /// of one transmitter.
+    #[must_use]
+    pub fn gospa(&self) -> Option<Gospa> {
+        let found = self.fix.transmitters.as_ref()?.iter().map(|found| found.estimate.mean);
+        let found: Vec<_> = found.collect();
+        gospa(&found, &self.truths, GOSPA_CUTOFF_M, GOSPA_ORDER).ok()
+    }
 }
+
+/// Distance from which on a found transmitter is another one, and the order of GOSPA.
+const GOSPA_CUTOFF_M: f64 = 50.0;
+const GOSPA_ORDER: f64 = 2.0;
 
 /// The progress of the search for one beacon, whatever its last estimate was.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -279,8 +297,12 @@ impl Record {
         for fix in fixes {
             let SearchRecord { received, progress, nis, .. } =
                 std::mem::take(self.search(fix.beacon));
-            let Some(truth) = world.truth_at(fix.beacon, received) else { continue };
-            found.push(Found { fix: fix.clone(), truth: truth.xy(), progress, nis });
+            let truths = world.transmitters_at(fix.beacon, received);
+            let truths: Vec<_> = truths.iter().map(|place| place.xy()).collect();
+            let off = |place: &&Vector2<f64>| (fix.estimate.mean - *place).norm();
+            let nearest = truths.iter().min_by(|a, b| off(a).total_cmp(&off(b)));
+            let Some(&truth) = nearest else { continue };
+            found.push(Found { fix: fix.clone(), truth, truths, progress, nis });
         }
         let path_m = (0..world.drone_count()).map(|drone| world.path_length(drone));
         Ok(Simulated { found, duration_s: world.time(), path_m: path_m.collect::<Result<_, _>>()? })

@@ -40,9 +40,9 @@ mod truth;
 
 pub use config::{
     BeaconConfig, BeaconCourse, ChannelConfig, DeadZoneConfig, DipoleConfig, DroneConfig, Interval,
-    KinematicConfig, PathLossConfig, PulseTrain, RangeDifferenceConfig, ReflectorConfig,
-    ReliefConfig, ScatteringConfig, ShadowingConfig, SimStepperConfig, ThreeAxisConfig,
-    TwoRayConfig, VehicleConfig, WorldConfig,
+    KinematicConfig, OtherConfig, PathLossConfig, PulseTrain, RangeDifferenceConfig,
+    ReflectorConfig, ReliefConfig, ScatteringConfig, ShadowingConfig, SimStepperConfig,
+    ThreeAxisConfig, TwoRayConfig, VehicleConfig, WorldConfig,
 };
 pub use devices::{
     LateSource, SimBody, SimClock, SimInstrument, SimOmnidirectional, SimRadio, SimRotator,

@@ -41,6 +41,7 @@ pub(super) fn tables(report: &CampaignReport) -> String {
             }
         }
         lines.push(beacons.to_string());
+        lines.extend(transmitters(report, index));
         lines.extend(checkpoints(report, index));
     }
     let estimators = report.estimators.iter();
@@ -60,6 +61,35 @@ pub(super) fn tables(report: &CampaignReport) -> String {
 /// Returns true if several runs have one and the same error: they are one run, many times.
 fn all_alike(beacon: &BeaconCampaign, runs: u32) -> bool {
     runs.saturating_sub(beacon.failed) > 1 && beacon.error_m.is_some_and(|e| e.p10 >= e.max)
+}
+
+/// The transmitters on a beacon's frequency, where an estimator looks for several.
+fn transmitters(report: &CampaignReport, index: usize) -> Option<String> {
+    let beacons = || report.estimators.iter().filter_map(|e| Some((e, e.beacons.get(index)?)));
+    let found = beacons().filter_map(|(e, beacon)| Some((e, beacon.transmitters?)));
+    let mut several = table(&[
+        "transmitters on one frequency",
+        "GOSPA m mean",
+        "p50",
+        "p90",
+        "all found, none invented",
+        "missed",
+        "invented",
+    ]);
+    let mut any = false;
+    for (estimator, transmitters) in found {
+        any = true;
+        several.add_row([
+            estimator.estimator.clone(),
+            number(Some(transmitters.gospa_m.mean), 2),
+            number(Some(transmitters.gospa_m.p50), 2),
+            number(Some(transmitters.gospa_m.p90), 2),
+            format!("{:.1} %", 100.0 * transmitters.right),
+            transmitters.missed.to_string(),
+            transmitters.invented.to_string(),
+        ]);
+    }
+    any.then(|| several.to_string())
 }
 
 /// The root mean square errors at the checkpoints, where the trial has any.

@@ -27,7 +27,12 @@ use super::{
     tiles::NO_PLACE,
     views::{Antennas, Exports, keep_turns},
 };
-use crate::{context::Context, error::CliError, writable};
+use crate::{
+    context::Context,
+    error::CliError,
+    table::{number, table},
+    writable,
+};
 
 /// Fly one simulated hunt
 ///
@@ -198,13 +203,38 @@ fn text(Examined { report, remarks }: &Examined) -> String {
         .map(|of| fixes::doubts(&of.remarks, &format!(" of {}", of.beacon)))
         .collect();
     format!(
-        "{}, seed {}, {:.0} simulated seconds\n{}\n{}{doubts}",
+        "{}, seed {}, {:.0} simulated seconds\n{}\n{}{}{doubts}",
         report.estimator,
         report.seed,
         report.duration_s,
         fixes::fixes(report.beacons.iter().map(row)),
-        fixes::LEGEND
+        fixes::LEGEND,
+        transmitters(report)
     )
+}
+
+/// The transmitters on one frequency, where the estimator looks for several.
+fn transmitters(report: &HuntReport) -> String {
+    let several = report.beacons.iter().filter_map(|beacon| {
+        let transmitters = beacon.transmitters.as_ref()?;
+        let mut found = table(&["transmitter", "east m", "north m", "95 % ellipse m", "existence"]);
+        for (transmitter, number_of) in transmitters.found.iter().zip(1..) {
+            let axes = transmitter.ellipse_95;
+            found.add_row([
+                format!("{} {number_of}", beacon.name),
+                number(transmitter.estimate.east_m, 2),
+                number(transmitter.estimate.north_m, 2),
+                crate::table::text(
+                    axes.map(|e| format!("{:.2} × {:.2}", e.semi_major, e.semi_minor)),
+                ),
+                number(transmitter.existence, 3),
+            ]);
+        }
+        let there = transmitters.truths.len();
+        let gospa = transmitters.gospa_m;
+        Some(format!("\n{found}\nThere are {there}; GOSPA is {gospa:.2} m (c = 50 m, p = 2)."))
+    });
+    several.collect()
 }
 
 /// A row of the table of fixes.

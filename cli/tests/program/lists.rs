@@ -84,7 +84,7 @@ fn the_menu_of_estimators_says_when_to_use_which() {
         assert_eq!(entry["when"].is_string(), in_menu, "{name}");
         assert_eq!(printed.iter().any(|word| word == name), in_menu, "{name}: {menu}");
     }
-    assert_eq!(listed.iter().filter(|entry| entry["in_menu"] == true).count(), 21);
+    assert_eq!(listed.iter().filter(|entry| entry["in_menu"] == true).count(), 22);
     foxhunt(["list", "planners", "--all"]).failed(2, &["--all", "estimators"]);
 }
 

@@ -33,6 +33,8 @@ pub enum ExtractorConfig {
     MaximumLikelihoodT(KnownAntennaConfig),
     /// [`MaximumLikelihood`] with [`Residuals::Reflection`].
     MaximumLikelihoodReflection(KnownAntennaConfig),
+    /// [`MaximumLikelihood`] with [`Residuals::Superposed`].
+    MaximumLikelihoodSeveral(KnownAntennaConfig),
     /// One that a [`Registry`](crate::registry::Registry) knows by a name.
     Registered {
         /// The name.
@@ -165,6 +167,10 @@ impl ExtractorConfig {
                 c.refuse(&["steepest_deg", "degrees"])?;
                 c.likelihood(Residuals::Reflection)?
             }
+            Self::MaximumLikelihoodSeveral(c) => {
+                c.refuse(&["steepest_deg", "degrees"])?;
+                c.likelihood(Residuals::Superposed)?
+            }
             Self::Registered { name } => {
                 return Err(ExtractorConfigError::Circle { name: name.clone() });
             }
@@ -179,7 +185,8 @@ impl ExtractorConfig {
             Self::CrossCorrelation(known)
             | Self::MaximumLikelihood(known)
             | Self::MaximumLikelihoodT(known)
-            | Self::MaximumLikelihoodReflection(known) => {
+            | Self::MaximumLikelihoodReflection(known)
+            | Self::MaximumLikelihoodSeveral(known) => {
                 Some((&known.antenna, known.elevation_deg.to_radians()))
             }
             _ => None,
@@ -193,7 +200,8 @@ impl ExtractorConfig {
             Self::CrossCorrelation(known)
             | Self::MaximumLikelihood(known)
             | Self::MaximumLikelihoodT(known)
-            | Self::MaximumLikelihoodReflection(known) => known.antenna = antenna.clone(),
+            | Self::MaximumLikelihoodReflection(known)
+            | Self::MaximumLikelihoodSeveral(known) => known.antenna = antenna.clone(),
             _ => return None,
         }
         Some(self)

@@ -14,7 +14,7 @@ pub use extractor::{
 };
 pub use foxhunt_estimators::{
     AnyModel, AnyMotion, BoxedEstimator, CloneEstimator, EstimatorConfig, FilterConfig, FilterOf,
-    GateConfig, MovingConfig, OutlierConfig, Prior, ReceiverModel, ReceiversConfig,
+    GateConfig, MovingConfig, OutlierConfig, Prior, ReceiverModel, ReceiversConfig, SeveralConfig,
 };
 pub(crate) use model::FREQUENCY_MHZ;
 pub use model::{ModelConfig, ModelError};

@@ -1,4 +1,5 @@
 use foxhunt_core::{BeaconId, Correction, Estimate, HeightAboveGround, Outcome, Reception};
+use foxhunt_estimators::FoundTransmitter;
 use foxhunt_formation::{Duty, MovedReason, OrderReason, Phase};
 use nalgebra::{Vector2, Vector3};
 use serde::{Deserialize, Serialize};
@@ -360,4 +361,8 @@ pub struct Fix {
     pub formation_positions: u32,
     /// Outcome of the search.
     pub outcome: Outcome,
+    /// The transmitters on its frequency, the most probable first, where the estimator looks for
+    /// several; `estimate` is then of the one that is worst known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transmitters: Option<Vec<FoundTransmitter>>,
 }

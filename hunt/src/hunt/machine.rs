@@ -1053,6 +1053,7 @@ impl Hunt {
             steps: search.track.steps(),
             formation_positions: search.measured,
             outcome,
+            transmitters: search.track.found(),
         };
         if let Some(places) = cloud(search.track.belief(), LOGGED_PLACES) {
             self.outbox.emit(Event::Cloud { time, beacon: fix.beacon, places });

@@ -23,8 +23,8 @@ pub use drive::{
 pub use error::HuntError;
 pub use event::{Event, Fix, FlightStage};
 pub use foxhunt_estimators::{
-    Components, LearnedReceiver, TimeStep, Track, TrackConfig, TrackError, TrackStep,
-    WithoutBearing,
+    Components, FoundTransmitter, LearnedReceiver, TimeStep, Track, TrackConfig, TrackError,
+    TrackStep, WithoutBearing,
 };
 pub use learned::remarks_of_receivers;
 pub use machine::{Believed, Hunt, Parts, Search, Tracks};

@@ -7,6 +7,7 @@ use super::{EstimatorEntry, combined, locators};
 use crate::{
     config::{
         EstimatorConfig, FilterConfig, GateConfig, MovingConfig, OutlierConfig, ReceiversConfig,
+        SeveralConfig,
     },
     hunt::{Components, TimeStep, TrackConfig, WithoutBearing},
 };
@@ -56,6 +57,7 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
         power_sigma_db: None,
         exponent_sigma: None,
         receivers: None,
+        several: None,
         moving: None,
         lag_s: None,
         start_on_grid: None,
@@ -70,6 +72,7 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
         power_sigma_db: None,
         exponent_sigma: None,
         receivers: None,
+        several: None,
         moving: None,
         lag_s: None,
         start_on_grid: None,
@@ -102,6 +105,22 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
                 power_sigma_db: Some(5.0),
                 receivers: Some(ReceiversConfig { level_sigma_db: 8.0, bearing_sigma_deg: 10.0 }),
                 ..as_read(FilterConfig::Grid { side: 64, level_noise_spread: None })
+            },
+        ),
+        EstimatorEntry::of_settings(
+            "several",
+            "an unknown number of transmitters on one frequency: labelled multi-Bernoulli over rows \
+             of Gaussians",
+            "Reuter, Vo, Vo & Dietmayer 2014",
+            EstimatorConfig {
+                power_sigma_db: Some(5.0),
+                several: Some(SeveralConfig {
+                    detection: 0.5,
+                    wrong: 0.05,
+                    births: 0.4,
+                    most_birth: 0.2,
+                }),
+                ..as_read(FilterConfig::RangeParameterised { parts: 8, iterations: ITERATIONS })
             },
         ),
         EstimatorEntry::of_settings(
@@ -259,6 +278,7 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
                 power_sigma_db: Some(5.0),
                 exponent_sigma: Some(0.5),
                 receivers: None,
+                several: None,
                 ..as_read(FilterConfig::Grid { side: 64, level_noise_spread: None })
             },
         ),

@@ -70,6 +70,12 @@ pub(super) fn builtin() -> Vec<ExtractorEntry> {
             "Laplace 1774; Rice 1945; Marquardt 1963",
             ExtractorConfig::MaximumLikelihoodReflection(known()),
         ),
+        named(
+            "maximum-likelihood-several",
+            "Gaussian residuals about the sum of up to four transmitters on one frequency",
+            "Marquardt 1963; Schwarz 1978",
+            ExtractorConfig::MaximumLikelihoodSeveral(known()),
+        ),
     ]
 }
 

@@ -4,7 +4,7 @@ use super::EstimatorEntry;
 ///
 /// Every estimator that a scenario, a trial or `locate` takes by itself is here, and one for each
 /// kind of recording. The others are variants, baselines and forms from the literature.
-pub(super) const MENU: [(&str, &str); 21] = [
+pub(super) const MENU: [(&str, &str); 22] = [
     (
         "default",
         "levels and bearings of a still beacon; the power and σ of the level need not be known",
@@ -12,6 +12,11 @@ pub(super) const MENU: [(&str, &str); 21] = [
     (
         "team",
         "hunts by receivers of different makes: learns what each one's levels and compass are off",
+    ),
+    (
+        "several",
+        "hunts for an unknown number of transmitters on one frequency, with the extractor \
+         `maximum-likelihood-several`",
     ),
     (
         "grid",

@@ -303,7 +303,10 @@ fn in_time(
     estimator: &EstimatorEntry,
     config: &LocateConfig,
 ) -> Result<Located, LocateError> {
-    if estimator.settings().is_some_and(|settings| settings.receivers.is_some()) {
+    if estimator
+        .settings()
+        .is_some_and(|settings| settings.receivers.is_some() || settings.several.is_some())
+    {
         return Err(LocateError::OfHunts);
     }
     let area = Area::about(receptions, config.margin_m);

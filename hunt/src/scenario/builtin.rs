@@ -4,7 +4,7 @@ use super::Scenario;
 pub const DEFAULT_SCENARIO: &str = "pritzl-6.1";
 
 /// The built-in scenarios' texts, by name.
-const TEXTS: [(&str, &str); 22] = [
+const TEXTS: [(&str, &str); 24] = [
     ("pritzl-6.1", include_str!("../../scenarios/pritzl-6.1.toml")),
     ("pritzl-6.1-scattered", include_str!("../../scenarios/pritzl-6.1-scattered.toml")),
     ("pritzl-7.1", include_str!("../../scenarios/pritzl-7.1.toml")),
@@ -26,6 +26,8 @@ const TEXTS: [(&str, &str); 22] = [
     ("vhf-tag", include_str!("../../scenarios/vhf-tag.toml")),
     ("avalanche", include_str!("../../scenarios/avalanche.toml")),
     ("mixed-team", include_str!("../../scenarios/mixed-team.toml")),
+    ("two-transmitters", include_str!("../../scenarios/two-transmitters.toml")),
+    ("several-transmitters", include_str!("../../scenarios/several-transmitters.toml")),
     ("tdoa", include_str!("../../scenarios/tdoa.toml")),
 ];
 

@@ -39,7 +39,7 @@ pub fn scenario_keys() -> &'static [KeyTable] {
     &TABLES
 }
 
-const TABLES: [KeyTable; 26] = [
+const TABLES: [KeyTable; 27] = [
     KeyTable {
         table: "world.beacons",
         about: "a beacon of the simulated world",
@@ -64,6 +64,18 @@ const TABLES: [KeyTable; 26] = [
                 "its frequency, for receivers that are tuned to it",
             ),
             key("dipole", "", "none", "its magnetic field"),
+            key("others", "", "none", "further transmitters on its frequency"),
+        ],
+    },
+    KeyTable {
+        table: "world.beacons.others",
+        about: "a further transmitter on a beacon's frequency, which sends when the beacon does",
+        keys: &[
+            key("east_m", "m", "needed", "its East"),
+            key("north_m", "m", "needed", "its North"),
+            key("up_m", "m", "0, on the ground", "its height"),
+            key("scatter_m", "m", "0", "σ about its place, drawn for every seed"),
+            key("presence", "", "1", "the probability that it is there, drawn for every seed"),
         ],
     },
     KeyTable {

@@ -11,7 +11,10 @@ pub use comparisons::{
     antennas_campaign, planners_campaign,
 };
 pub use fleets::{Breach, FailedRun, FleetsReport, Violation, fleets_campaign};
-pub use report::{BeaconCampaign, BeaconRun, CampaignReport, Checkpoint, EstimatorCampaign, OWN};
+pub use report::{
+    BeaconCampaign, BeaconRun, CampaignReport, Checkpoint, EstimatorCampaign, OWN,
+    TransmittersCampaign,
+};
 pub use sigmas::{
     BearingStatistics, SigmaCampaign, SigmaComparison, SigmaSetup, SigmasCampaign, SigmasReport,
     sigmas_campaign,

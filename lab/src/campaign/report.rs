@@ -1,7 +1,10 @@
 //! The reports of campaigns, and the running figures that they are made of.
 
 use foxhunt_core::Outcome;
-use foxhunt_filters::consistency::{ChiSquaredAverage, ChiSquaredSums, Coverage, Verdict};
+use foxhunt_filters::{
+    consistency::{ChiSquaredAverage, ChiSquaredSums, Coverage, Verdict},
+    multi::Gospa,
+};
 use serde::Serialize;
 
 use crate::{FirstPassage, Spread, StepSpread, simulation::Found, statistics::Running};
@@ -84,6 +87,24 @@ pub struct BeaconCampaign {
     /// The errors on the way, where the scenario sets checkpoints.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub checkpoints: Vec<Checkpoint>,
+    /// All transmitters on its frequency, where the estimator looks for several; the errors above
+    /// are then of the one that is nearest to the last place sought.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub transmitters: Option<TransmittersCampaign>,
+}
+
+/// Transmitters on one frequency over all runs with a fix.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct TransmittersCampaign {
+    /// Distance from those that were found to those that there are: GOSPA with c = 50 m, p = 2 and
+    /// α = 2.
+    pub gospa_m: Spread,
+    /// Share of the runs in which each was found, and nothing else.
+    pub right: f64,
+    /// Number of transmitters that were not found.
+    pub missed: u32,
+    /// Number of transmitters that were found and are not there.
+    pub invented: u32,
 }
 
 /// The errors after some of the measurements.
@@ -121,6 +142,9 @@ pub struct BeaconRun {
     pub path_m: Option<f64>,
     /// The normalised innovations squared, summed up.
     pub nis: ChiSquaredSums,
+    /// All transmitters on its frequency, where the estimator looks for several. A store does not
+    /// keep it.
+    pub transmitters: Option<Gospa>,
 }
 
 impl BeaconRun {
@@ -136,6 +160,7 @@ impl BeaconRun {
             time_to_3m_s: found.progress.time_to_3m_s,
             path_m: Some(found.progress.path_m),
             nis: nis.sums(),
+            transmitters: found.gospa(),
         }
     }
 
@@ -214,6 +239,7 @@ impl BeaconSummary {
             bound_m: None,
             track_rms_m: None,
             checkpoints: Vec::new(),
+            transmitters: None,
         }
     }
 }
@@ -243,6 +269,37 @@ struct FlownBeacon<'a> {
     steps_to_3m: Running,
     time_to_3m_s: Running,
     path_m: Running,
+    transmitters: TransmittersSummary,
+}
+
+/// The running statistics of several transmitters on one frequency.
+#[derive(Clone, Debug, Default)]
+struct TransmittersSummary {
+    gospa_m: Running,
+    runs: u32,
+    right: u32,
+    missed: u32,
+    invented: u32,
+}
+
+impl TransmittersSummary {
+    fn add(&mut self, gospa: &Gospa) {
+        let count = |number: usize| u32::try_from(number).unwrap_or(u32::MAX);
+        self.gospa_m.add(gospa.distance);
+        self.runs += 1;
+        self.right += u32::from(gospa.missed + gospa.false_alarms == 0);
+        self.missed = self.missed.saturating_add(count(gospa.missed));
+        self.invented = self.invented.saturating_add(count(gospa.false_alarms));
+    }
+
+    fn report(&self) -> Option<TransmittersCampaign> {
+        Some(TransmittersCampaign {
+            gospa_m: self.gospa_m.spread()?,
+            right: f64::from(self.right) / f64::from(self.runs),
+            missed: self.missed,
+            invented: self.invented,
+        })
+    }
 }
 
 impl<'a> FlightsSummary<'a> {
@@ -253,6 +310,7 @@ impl<'a> FlightsSummary<'a> {
             steps_to_3m: Running::default(),
             time_to_3m_s: Running::default(),
             path_m: Running::default(),
+            transmitters: TransmittersSummary::default(),
         };
         Self { runs: 0, beacons: beacons.iter().map(beacon).collect() }
     }
@@ -271,6 +329,9 @@ impl<'a> FlightsSummary<'a> {
             if let Some(path_m) = run.path_m {
                 beacon.path_m.add(path_m);
             }
+            if let Some(gospa) = &run.transmitters {
+                beacon.transmitters.add(gospa);
+            }
         }
     }
 
@@ -279,6 +340,7 @@ impl<'a> FlightsSummary<'a> {
             steps_to_3m: beacon.steps_to_3m.first_passage(),
             time_to_3m_s: beacon.time_to_3m_s.first_passage(),
             path_m: beacon.path_m.spread(),
+            transmitters: beacon.transmitters.report(),
             ..beacon.good.report(beacon.name, self.runs)
         };
         let beacons = self.beacons.iter().map(beacon).collect();

@@ -365,6 +365,7 @@ impl StoredRow<'_> {
                 degrees_of_freedom: self.get(14, "nis_degrees_of_freedom", COUNT)?,
                 count: self.get(15, "nis_count", COUNT)?,
             },
+            transmitters: None,
         })
     }
 

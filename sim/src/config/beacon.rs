@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use foxhunt_core::parameter::{
-    FieldError, ParameterError, finite, not_negative, positive, require,
+    FieldError, ParameterError, finite, not_negative, positive, probability, require,
 };
 use nalgebra::{Vector2, Vector3};
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
@@ -132,6 +132,52 @@ pub struct BeaconConfig {
     /// nothing of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dipole: Option<DipoleConfig>,
+    /// Further transmitters on its frequency: a receiver reads the sum of all their powers.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub others: Vec<OtherConfig>,
+}
+
+/// A transmitter on the frequency of a beacon. It sends when the beacon does, as strongly, and
+/// stays where it is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OtherConfig {
+    /// East in metres.
+    pub east_m: f64,
+    /// North in metres.
+    pub north_m: f64,
+    /// Height in metres; 0, on the ground, unless given.
+    #[serde(default)]
+    pub up_m: f64,
+    /// σ of its East and its North in metres, as [`BeaconConfig::scatter_m`]; if absent, the
+    /// position is exact.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scatter_m: Option<f64>,
+    /// Probability that it is there at all, drawn for each seed; 1 unless given.
+    #[serde(default = "certain")]
+    pub presence: f64,
+}
+
+/// The default of `presence`.
+const fn certain() -> f64 {
+    1.0
+}
+
+impl OtherConfig {
+    /// Returns its place: East, North and Up in metres; the middle of its scatter if it has one.
+    #[must_use]
+    pub fn place(&self) -> Vector3<f64> {
+        Vector3::new(self.east_m, self.north_m, self.up_m)
+    }
+
+    fn check(&self) -> Result<(), FieldError> {
+        finite("east_m", self.east_m)?;
+        finite("north_m", self.north_m)?;
+        finite("up_m", self.up_m)?;
+        not_negative("scatter_m", self.scatter_m.unwrap_or(0.0))?;
+        probability("presence", self.presence)?;
+        Ok(())
+    }
 }
 
 /// The pulses of a tag, or of another beacon that sends by itself.
@@ -208,6 +254,9 @@ impl BeaconConfig {
         not_negative("appears_after_s", self.appears_after_s.unwrap_or(0.0))?;
         positive("frequency_mhz", self.frequency_mhz.unwrap_or(1.0))?;
         self.dipole.map_or(Ok(()), |dipole| dipole.check().map_err(|e| e.within("dipole")))?;
+        for (i, other) in self.others.iter().enumerate() {
+            other.check().map_err(|error| error.within(format_args!("others[{i}]")))?;
+        }
         self.pulses.map_or(Ok(()), |pulses| pulses.check().map_err(|e| e.within("pulses")))
     }
 

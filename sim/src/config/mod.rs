@@ -7,7 +7,7 @@ mod path_loss;
 mod relief;
 mod world;
 
-pub use beacon::{BeaconConfig, BeaconCourse, DipoleConfig, PulseTrain};
+pub use beacon::{BeaconConfig, BeaconCourse, DipoleConfig, OtherConfig, PulseTrain};
 pub use channel::{
     ChannelConfig, DeadZoneConfig, ReflectorConfig, ScatteringConfig, ShadowingConfig,
 };

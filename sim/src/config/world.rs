@@ -104,18 +104,29 @@ impl DroneConfig {
 }
 
 impl WorldConfig {
-    /// The beacons where a world of this seed has them, without scatter. Each draws by itself from
-    /// a stream of their own: one that scatters less leaves the others, and all else, as they are.
+    /// The beacons where a world of this seed has them, without scatter, each with the transmitters
+    /// on its frequency that are there. Each draws by itself from a stream of their own: one that
+    /// scatters less leaves the others, and all else, as they are.
     #[must_use]
     pub fn drawn_beacons(&self, seed: u64) -> Vec<BeaconConfig> {
         let mut stream = Xoshiro256PlusPlus::seed_from_u64(seed ^ SCATTER);
         let mut beacons = self.beacons.clone();
-        for beacon in &mut beacons {
-            let [east, north]: [f64; 2] = [(); 2].map(|()| stream.sample(StandardNormal));
-            if let Some(sigma) = beacon.scatter_m.take() {
-                beacon.east_m += sigma * east;
-                beacon.north_m += sigma * north;
+        let mut moved = |east: &mut f64, north: &mut f64, scatter: Option<f64>| {
+            for axis in [east, north] {
+                let normal: f64 = stream.sample(StandardNormal);
+                *axis += scatter.unwrap_or(0.0) * normal;
             }
+        };
+        for beacon in &mut beacons {
+            moved(&mut beacon.east_m, &mut beacon.north_m, beacon.scatter_m.take());
+        }
+        for other in beacons.iter_mut().flat_map(|beacon| &mut beacon.others) {
+            moved(&mut other.east_m, &mut other.north_m, other.scatter_m.take());
+        }
+        for beacon in &mut beacons {
+            beacon.others.retain_mut(|other| {
+                stream.random::<f64>() < std::mem::replace(&mut other.presence, 1.0)
+            });
         }
         beacons
     }

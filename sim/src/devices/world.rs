@@ -14,7 +14,7 @@ use super::{
     SimRadio, SimRotator, SimStepper, SimVehicle,
 };
 use crate::{
-    PulseTrain, RangeDifferenceConfig, SimError, ThreeAxisConfig, WorldConfig,
+    OtherConfig, PulseTrain, RangeDifferenceConfig, SimError, ThreeAxisConfig, WorldConfig,
     truth::{Free, Port, Truth, beacon_of, is_due},
 };
 
@@ -151,6 +151,16 @@ impl World {
     #[must_use]
     pub fn truth_at(&self, beacon: BeaconId, time: f64) -> Option<Vector3<f64>> {
         Some(self.truth.borrow().beacons.get(usize::from(beacon.0))?.place_at(time))
+    }
+
+    /// The places of all transmitters on a beacon's frequency after `time` seconds, the beacon's own
+    /// first: East, North and Up in metres; empty if there is no such beacon.
+    #[must_use]
+    pub fn transmitters_at(&self, beacon: BeaconId, time: f64) -> Vec<Vector3<f64>> {
+        let truth = self.truth.borrow();
+        let Some(beacon) = truth.beacons.get(usize::from(beacon.0)) else { return Vec::new() };
+        let others = beacon.others.iter().map(OtherConfig::place);
+        std::iter::once(beacon.place_at(time)).chain(others).collect()
     }
 
     /// The velocity of a beacon now: East, North and Up in metres per second; `None` if there is no

@@ -363,8 +363,8 @@ impl Drone {
         self.signal(channel, beacon, port, turned, now)
     }
 
-    /// The signal of a beacon that transmits at a time: while neither of them moves, by the last
-    /// one.
+    /// The signal of a beacon that transmits at a time, and of all others on its frequency: while
+    /// neither of them moves, by the last one.
     fn signal(
         &mut self,
         channel: &Channel,
@@ -373,7 +373,8 @@ impl Drone {
         turned: f64,
         sent: f64,
     ) -> Signal {
-        let still = self.body.rests() && beacon.course.is_none();
+        // The last one is kept of one transmitter alone.
+        let still = self.body.rests() && beacon.course.is_none() && beacon.others.is_empty();
         if still && let Some(last) = self.receiver.last(channel, id, port, turned) {
             return last;
         }
@@ -381,7 +382,16 @@ impl Drone {
         let to = beacon.place_at(sent);
         let spun = self.body.heading();
         let arrival = Arrival { beacon: id, receiver, to, turned, spun, port };
-        self.receiver.signal(channel, &arrival, still)
+        let mut signal = self.receiver.signal(channel, &arrival, still);
+        for (index, other) in (0..).zip(&beacon.others) {
+            let beacon = channel.other(id, index);
+            let other = Arrival { beacon, to: other.place(), ..arrival };
+            let beside = self.receiver.signal(channel, &other, false).power_dbm;
+            // They are not coherent: their powers add.
+            let powers = [signal.power_dbm, beside].map(|dbm| libm::exp10(0.1 * dbm));
+            signal.power_dbm = 10.0 * libm::log10(powers.iter().sum());
+        }
+        signal
     }
 
     /// Returns the pose that the drone reports: with a velocity if its autopilot measures one.
@@ -411,9 +421,8 @@ impl Truth {
         // What belongs to places has a generator of its own: fields more or less leave the drones'
         // streams as they are.
         let mut fields = Xoshiro256PlusPlus::seed_from_u64(!seed);
-        let beacons = config.beacons.len();
         let terrain = config.terrain.as_ref();
-        let channel = Channel::new(&config.channel, terrain, beacons, &mut fields)?;
+        let channel = Channel::new(&config.channel, terrain, &config.beacons, &mut fields)?;
         let mut root = Xoshiro256PlusPlus::seed_from_u64(seed);
         let mut drone = |drone| {
             let streams = Streams::fork(&mut root);

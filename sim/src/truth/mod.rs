@@ -9,6 +9,7 @@ pub(crate) use drone::{Drone, Truth, beacon_of};
 
 use std::f64::consts::TAU;
 
+use foxhunt_core::BeaconId;
 use foxhunt_sensors::{
     Antenna, Friis, Isotropic, LogDistance, Propagation, ReflectedWave, SharedAntenna,
     SharedTerrain, TerrainLoss, multipath_gain_dbi,
@@ -18,8 +19,8 @@ use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::StandardNormal;
 
 use crate::{
-    ChannelConfig, DeadZoneConfig, PathLossConfig, ReliefConfig, SPEED_OF_LIGHT, ScatteringConfig,
-    ShadowingConfig, SimError, TwoRayConfig,
+    BeaconConfig, ChannelConfig, DeadZoneConfig, PathLossConfig, ReliefConfig, SPEED_OF_LIGHT,
+    ScatteringConfig, ShadowingConfig, SimError, TwoRayConfig,
 };
 
 /// The number of waves that make a field. The correlation of one field about e^(−d/D) errs by
@@ -207,6 +208,8 @@ impl Turntable {
 /// receivers, but for the fields of shadowing.
 #[derive(Clone, Debug)]
 pub(crate) struct Channel {
+    /// Number of beacons; transmitters on their frequencies are counted behind them.
+    beacons: u16,
     law: Law,
     frequency_mhz: f64,
     /// The wavelength in metres.
@@ -217,7 +220,7 @@ pub(crate) struct Channel {
     mean_gain_db: f64,
     /// Loss over the terrain; `None` if the ground is level.
     terrain: Option<TerrainLoss<SharedTerrain>>,
-    /// The fields of shadowing, one for each beacon; empty without shadowing.
+    /// The fields of shadowing, one for each transmitter; empty without shadowing.
     shadowing: Vec<ShadowingField>,
     reflectors: Vec<Reflector>,
     scattering: Option<ScatteringConfig>,
@@ -250,11 +253,11 @@ struct Reflector {
 
 impl Channel {
     /// The channel of a configuration that was checked but for its antenna and its law, over a
-    /// terrain, for a number of beacons.
+    /// terrain, for these beacons.
     fn new(
         config: &ChannelConfig,
         terrain: Option<&ReliefConfig>,
-        beacons: usize,
+        beacons: &[BeaconConfig],
         rng: &mut Xoshiro256PlusPlus,
     ) -> Result<Self, SimError> {
         let antenna = config.antenna.build()?;
@@ -277,8 +280,11 @@ impl Channel {
             amplitude: reflector.amplitude,
             phase: reflector.phase_deg.to_radians(),
         };
-        let fields = config.shadowing.iter().flat_map(|shadowing| vec![shadowing; beacons]);
+        let others = beacons.iter().map(|beacon| beacon.others.len()).max().unwrap_or(0);
+        let transmitters = beacons.len() * (1 + others);
+        let fields = config.shadowing.iter().flat_map(|shadowing| vec![shadowing; transmitters]);
         Ok(Self {
+            beacons: u16::try_from(beacons.len()).unwrap_or(u16::MAX),
             law,
             frequency_mhz: config.frequency_mhz,
             wavelength,
@@ -299,6 +305,11 @@ impl Channel {
             floor_dbm: config.floor_dbm,
             loss_probability: config.loss_probability,
         })
+    }
+
+    /// The number that stands for a transmitter on a beacon's frequency, which is no beacon's.
+    fn other(&self, beacon: BeaconId, index: u16) -> BeaconId {
+        BeaconId(beacon.0.saturating_add(self.beacons.saturating_mul(index.saturating_add(1))))
     }
 
     /// Returns the ground; `None` if it is level.

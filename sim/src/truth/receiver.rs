@@ -438,12 +438,13 @@ mod tests {
     use rand::SeedableRng;
 
     use super::*;
-    use crate::ChannelConfig;
+    use crate::{BeaconConfig, ChannelConfig};
 
     fn gain(antenna: AntennaConfig, pose: &Pose, to: Vector3<f64>, turned: f64) -> f64 {
         let config = ChannelConfig { antenna, ..ChannelConfig::default() };
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(1);
-        let channel = Channel::new(&config, None, 1, &mut rng).expect("in order");
+        let channel =
+            Channel::new(&config, None, &[BeaconConfig::default()], &mut rng).expect("in order");
         let path = Path::new(&channel, 0, pose.position, to);
         path.arrivals(pose).gain_db(&channel, &[], turned, Port::Directional)
     }

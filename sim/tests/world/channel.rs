@@ -14,7 +14,8 @@ use foxhunt_sim::{
 use nalgebra::{Vector2, Vector4};
 
 use crate::rig::{
-    Rig, beacon, config, direction, level, mean, omnidirectional, quiet, reflector, scattering,
+    Rig, beacon, config, direction, level, mean, omnidirectional, other, quiet, reflector,
+    scattering,
 };
 
 /// The reading of a receiver at a power in dBm.
@@ -25,6 +26,22 @@ fn read(power_dbm: f64, channel: &ChannelConfig) -> Option<f64> {
     let mut config = config(channel);
     config.beacons = vec![beacon(0.0, 1.0, 0.0)];
     Rig::new(&config, 1).request(0)
+}
+
+/// Two transmitters as far away as each other are 3 dB stronger than one; one that is ten times as
+/// far adds a hundredth by free space's exponent.
+#[test]
+fn the_powers_of_transmitters_on_one_frequency_add() {
+    let path_loss = LogDistance::new(-50.0, 2.0).expect("in range").into();
+    let channel = ChannelConfig { path_loss, antenna: omnidirectional(), ..quiet() };
+    let mut config = config(channel);
+    config.beacons = vec![beacon(0.0, 10.0, 0.0)];
+    let read = |config: &_| Rig::new(config, 1).request(0).expect("it is near");
+    assert_abs_diff_eq!(read(&config), -70.0, epsilon = 1e-9);
+    config.beacons[0].others = vec![other(10.0)];
+    assert_abs_diff_eq!(read(&config), -70.0 + 10.0 * 2.0_f64.log10(), epsilon = 1e-9);
+    config.beacons[0].others = vec![other(100.0)];
+    assert_abs_diff_eq!(read(&config), -70.0 + 10.0 * 1.01_f64.log10(), epsilon = 1e-9);
 }
 
 /// Samples in a dead zone draw from the streams as all do: what is received outside does not

@@ -1,12 +1,12 @@
 use foxhunt_sensors::{AntennaConfig, GainRow, Hill, LogDistance, Polarisation};
 use foxhunt_sim::{
     BeaconConfig, BeaconCourse, ChannelConfig, DeadZoneConfig, DroneConfig, Dynamics, Interval,
-    KinematicConfig, PathLossConfig, QuadrotorConfig, ReliefConfig, ScatteringConfig,
+    KinematicConfig, OtherConfig, PathLossConfig, QuadrotorConfig, ReliefConfig, ScatteringConfig,
     ShadowingConfig, SimError, SimStepperConfig, TwoRayConfig, VehicleConfig, WindConfig, World,
     WorldConfig,
 };
 
-use crate::rig::{beacon, config, omnidirectional, reflector, scattering};
+use crate::rig::{beacon, config, omnidirectional, other, reflector, scattering};
 
 fn hill(radius_m: f64) -> Hill {
     Hill { east_m: 15.0, north_m: 20.0, height_m: 10.0, radius_m }
@@ -22,9 +22,10 @@ fn kinematic(speed_mps: f64, climb_mps: f64) -> VehicleConfig {
 fn a_number_out_of_range_is_refused_by_name() {
     let anything = [f64::NAN, f64::INFINITY];
     let not_negative = [f64::NAN, f64::INFINITY, -1.0];
+    let probability = [f64::NAN, -0.1, 1.1];
     let positive = [f64::NAN, f64::INFINITY, -1.0, 0.0].as_slice();
     let below_from = [f64::NAN, f64::INFINITY, 4.9];
-    let cases: [(&str, &[f64], Change); 36] = [
+    let cases: [(&str, &[f64], Change); 39] = [
         ("beacons[1].east_m", &anything, |c, v| c.beacons[1].east_m = v),
         ("beacons[1].north_m", &anything, |c, v| c.beacons[1].north_m = v),
         ("beacons[0].up_m", &anything, |c, v| c.beacons[0].up_m = v),
@@ -50,6 +51,13 @@ fn a_number_out_of_range_is_refused_by_name() {
             c.drones[0].lost = vec![Interval { from_s: 5.0, to_s: Some(v) }];
         }),
         ("beacons[1].scatter_m", &not_negative, |c, v| c.beacons[1].scatter_m = Some(v)),
+        ("beacons[1].others[0].east_m", &anything, |c, v| c.beacons[1].others = vec![other(v)]),
+        ("beacons[1].others[0].scatter_m", &not_negative, |c, v| {
+            c.beacons[1].others = vec![OtherConfig { scatter_m: Some(v), ..other(1.0) }];
+        }),
+        ("beacons[1].others[0].presence", &probability, |c, v| {
+            c.beacons[1].others = vec![OtherConfig { presence: v, ..other(1.0) }];
+        }),
         ("beacons[0].appears_after_s", &not_negative, |c, v| {
             c.beacons[0].appears_after_s = Some(v);
         }),
@@ -139,6 +147,7 @@ fn a_world_comes_back_from_a_file_as_it_went() {
         beacons: vec![BeaconConfig {
             scatter_m: Some(3.0),
             appears_after_s: Some(60.0),
+            others: vec![OtherConfig { scatter_m: Some(2.0), presence: 0.25, ..other(5.0) }],
             ..beacon(1.5, -2.5, 0.25)
         }],
         drones: vec![DroneConfig {

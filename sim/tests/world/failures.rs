@@ -5,12 +5,12 @@ use approx::{abs_diff_eq, assert_abs_diff_eq};
 use foxhunt_core::{BeaconId, PatternSource, Spinner, Vehicle, Waypoint, laws::pattern_source};
 use foxhunt_sensors::{OmnidirectionalConfig, StepperConfig};
 use foxhunt_sim::{
-    ChannelConfig, DroneConfig, Interval, KinematicConfig, QuadrotorConfig, SimError,
+    ChannelConfig, DroneConfig, Interval, KinematicConfig, OtherConfig, QuadrotorConfig, SimError,
     VehicleConfig, World, WorldConfig,
 };
 use nalgebra::Vector3;
 
-use crate::rig::{Rig, beacon, config, deviation, mean, quiet};
+use crate::rig::{Rig, beacon, config, deviation, mean, other, quiet};
 
 fn from_to(from_s: f64, to_s: f64) -> Vec<Interval> {
     vec![Interval { from_s, to_s: Some(to_s) }]
@@ -168,6 +168,29 @@ fn a_beacon_that_comes_later_leaves_all_else_as_it_is() {
         assert!(always.1.is_some());
         assert_eq!(later.1, always.1.filter(|_| i >= 2));
     }
+}
+
+/// Of 1000 seeds a transmitter that is there with 0.3 is there in 300 within 5 standard deviations
+/// of a binomial number; it scatters by itself, and changes nothing of the beacon's own place.
+#[test]
+fn others_on_a_frequency_are_drawn_with_the_seed() {
+    let mut config = config(quiet());
+    config.beacons[0].scatter_m = Some(20.0);
+    let alone: Vec<_> = (0..1000).map(|seed| config.drawn_beacons(seed)[0].place_at(0.0)).collect();
+    let scattered = OtherConfig { scatter_m: Some(10.0), presence: 0.3, ..other(70.0) };
+    config.beacons[0].others = vec![other(-50.0), scattered];
+    let mut there = 0.0;
+    let mut east = Vec::new();
+    for (seed, alone) in (0..1000).zip(alone) {
+        let world = World::new(&config, seed).expect("in order");
+        let places = world.transmitters_at(BeaconId(0), 0.0);
+        assert_eq!(places[..2], [alone, Vector3::new(-50.0, 0.0, 0.0)]);
+        there += f64::from(u8::from(places.len() == 3));
+        east.extend(places.get(2).map(|place| place.x - 70.0));
+    }
+    assert_abs_diff_eq!(there, 300.0, epsilon = 5.0 * (1000.0_f64 * 0.3 * 0.7).sqrt());
+    let standard = 10.0 / (2.0_f64 * there).sqrt();
+    assert_abs_diff_eq!(deviation(&east), 10.0, epsilon = 5.0 * standard);
 }
 
 /// 1000 seeds: the σ of East and North is 20 m within 5 standard errors (20/√2000 m), their mean 0

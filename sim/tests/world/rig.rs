@@ -5,8 +5,9 @@ use std::f64::consts::TAU;
 use foxhunt_core::{BeaconId, Radio, Rotator, Vehicle, Waypoint};
 use foxhunt_sensors::{AntennaConfig, GainRow};
 use foxhunt_sim::{
-    BeaconConfig, ChannelConfig, DroneConfig, KinematicConfig, ReflectorConfig, ScatteringConfig,
-    SimRadio, SimRotator, SimStepperConfig, SimVehicle, VehicleConfig, World, WorldConfig,
+    BeaconConfig, ChannelConfig, DroneConfig, KinematicConfig, OtherConfig, ReflectorConfig,
+    ScatteringConfig, SimRadio, SimRotator, SimStepperConfig, SimVehicle, VehicleConfig, World,
+    WorldConfig,
 };
 use nalgebra::Vector3;
 
@@ -18,6 +19,11 @@ pub(crate) fn beacon(east_m: f64, north_m: f64, up_m: f64) -> BeaconConfig {
 }
 
 /// A channel in which nothing is random.
+/// A transmitter to the East, on a beacon's frequency.
+pub(crate) fn other(east_m: f64) -> OtherConfig {
+    OtherConfig { east_m, north_m: 0.0, up_m: 0.0, scatter_m: None, presence: 1.0 }
+}
+
 pub(crate) fn quiet() -> ChannelConfig {
     ChannelConfig {
         pattern_sigma_db: 0.0,

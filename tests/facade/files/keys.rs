@@ -6,8 +6,9 @@ use approx::abs_diff_eq;
 use foxhunt::formation::{AirspaceConfig, AttendanceConfig, EnduranceConfig, StopRules, Void};
 use foxhunt::sensors::{BodyConfig, OmnidirectionalConfig, StepperConfig, TurnGoalConfig};
 use foxhunt::sim::{
-    BeaconConfig, ChannelConfig, DipoleConfig, DroneConfig, PulseTrain, RangeDifferenceConfig,
-    ReliefConfig, ScatteringConfig, SimStepperConfig, ThreeAxisConfig, VehicleConfig, WindConfig,
+    BeaconConfig, ChannelConfig, DipoleConfig, DroneConfig, OtherConfig, PulseTrain,
+    RangeDifferenceConfig, ReliefConfig, ScatteringConfig, SimStepperConfig, ThreeAxisConfig,
+    VehicleConfig, WindConfig,
 };
 use serde::{Serialize, de::DeserializeOwned};
 use toml::{Table, Value};
@@ -100,6 +101,8 @@ fn each_table_has_the_keys_and_defaults_of_its_type() {
     let train = PulseTrain { pulse_s: 0.02, interval_s: 1.3, jitter_s: 0.0, phase_s: 0.0 };
     let scattering =
         ScatteringConfig { k_db: 5.0, k_sigma_db: 0.0, waves: 6, elevation_sigma_deg: 0.0 };
+    let other =
+        OtherConfig { east_m: 0.0, north_m: 0.0, up_m: 0.0, scatter_m: None, presence: 1.0 };
     let dipole =
         DipoleConfig { moment_ma_m2: 6.3, azimuth_deg_ccw_from_east: 0.0, elevation_deg: 0.0 };
     let model = ModelConfig {
@@ -131,6 +134,7 @@ fn each_table_has_the_keys_and_defaults_of_its_type() {
         "world.beacons": BeaconConfig::default();
         "world.beacons.pulses": train;
         "world.beacons.dipole": dipole;
+        "world.beacons.others": other;
         "world.drones": DroneConfig::default();
         "world.channel": ChannelConfig::default();
         "world.channel.scattering": scattering;

@@ -47,7 +47,7 @@ fn the_menu_has_what_is_taken_by_itself_and_what_is_ones_own() {
     let registry = Registry::builtin();
     let menu: Vec<&str> = registry.menu().iter().map(|entry| &*entry.name).collect();
     // Each name of the menu is an estimator.
-    assert_eq!(menu.len(), 21, "{menu:?}");
+    assert_eq!(menu.len(), 22, "{menu:?}");
     assert_eq!(menu[0], DEFAULT_ESTIMATOR);
     for scenario in builtin_scenarios() {
         assert!(menu.contains(&&*scenario.estimator), "{}", scenario.name);

@@ -12,6 +12,7 @@ use super::{
     Fit, Limits, Misfit,
     judge::{self, Judged},
     read_out,
+    superposed::superposed,
     tables::{AmplitudeTable, Fading, GainTable},
 };
 use crate::Antenna;
@@ -45,6 +46,11 @@ pub enum Residuals {
     /// The residuals of two paths are diffuse fading, Rician, so that the pattern's back weighs
     /// less than its main lobe. The one to use where the antenna is known.
     Reflection,
+    /// As Gaussian noise about the sum of the powers of up to four transmitters that send at once on
+    /// one frequency, as many as the turn warrants. Their directions are the reading's
+    /// [`modes`](Reading::modes), each with its share of the power for a weight, and the level is
+    /// that of the sum. What was not received counts where there is one transmitter alone.
+    Superposed,
 }
 
 /// The bearing and the level under which the readings are most likely, for an antenna whose gain
@@ -213,6 +219,7 @@ impl<A: Antenna> MaximumLikelihood<A> {
             Residuals::Gaussian => judge::gaussian(&level),
             Residuals::StudentT { degrees } => judge::student(&level, degrees),
             Residuals::Reflection => judge::reflection(&level, &self.amplitude, &self.fadings),
+            Residuals::Superposed => superposed(&level),
         };
         Ok((level, judged))
     }

@@ -79,7 +79,7 @@ pub(super) struct Judged {
 
 /// The log likelihood of Gaussian residuals over a turn of bearings, the level profiled out, each
 /// variance `inflation` times that of the look.
-fn gaussian_nodes<A: Antenna>(fit: &Fit<'_, A>, inflation: f64) -> Vec<Node> {
+pub(super) fn gaussian_nodes<A: Antenna>(fit: &Fit<'_, A>, inflation: f64) -> Vec<Node> {
     let (reference, _) = fit.looks.spread();
     let (sums, squares, ones) = vectorised::run(Rests { fit, reference });
     let node = |(node, (sum, squares)): (u16, (&f64, &f64))| {

@@ -3,6 +3,7 @@
 
 mod extractors;
 mod judge;
+mod superposed;
 mod tables;
 mod two_paths;
 
