@@ -125,6 +125,36 @@ fn a_hunt_flies_with_the_extractor_that_is_given() {
 }
 
 #[test]
+fn a_hunt_for_several_transmitters_lists_each() {
+    let out = folder("several");
+    let out = out.to_str().expect("a name");
+    let hunt = ["hunt", "two-transmitters", "--seed", "1", "--out", out];
+    let report = foxhunt(hunt.into_iter().chain(["--json"])).json();
+    let transmitters = &report["beacons"][0]["transmitters"];
+    let found = transmitters["found"].as_array().expect("a list");
+    assert_eq!((found.len(), transmitters["truths"].as_array().expect("a list").len()), (2, 2));
+    for of in found {
+        has(of, &["existence", "estimate", "ellipse_95"]);
+    }
+    assert!(transmitters["gospa_m"].as_f64().is_some_and(|gospa| gospa < 10.0), "{transmitters}");
+    let shown = foxhunt(hunt).stdout;
+    for text in ["fox 1", "fox 2", "existence", "There are 2; GOSPA is"] {
+        assert!(shown.contains(text), "{text} is missing in {shown}");
+    }
+    // The log has them, too, and its receptions give the same again.
+    let log = fs::read_to_string(format!("{out}/hunt.jsonl")).expect("it was written");
+    assert!(log.contains(r#""transmitters":[{"existence":"#));
+    let one = foxhunt(["hunt", "--json", "--out", out]).json();
+    assert!(one["beacons"][0].get("transmitters").is_none(), "an estimator of one");
+    let campaign = ["campaign", "two-transmitters", "--runs", "3"];
+    let figures = foxhunt(campaign.into_iter().chain(["--json"])).json();
+    let figures = &figures["estimators"][0]["beacons"][0]["transmitters"];
+    has(figures, &["gospa_m", "right", "missed", "invented"]);
+    let table = foxhunt(campaign).stdout;
+    assert!(table.contains("all found, none") && table.contains("invented"), "{table}");
+}
+
+#[test]
 fn what_a_hunt_cannot_fly_with_is_refused() {
     foxhunt(["hunt", "--extractor", "magic"]).failed(2, &["magic", "main-lobe"]);
     foxhunt(["hunt", "--antenna", "dipole"]).failed(2, &["--antenna"]);
