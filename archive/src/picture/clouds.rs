@@ -2,10 +2,9 @@ use nalgebra::Vector2;
 use plotters::style::Color;
 
 use super::{
-    canvas::{Anchor, Canvas, PictureError, UNIT},
+    canvas::{Anchor, BELIEF, Canvas, FAINT_INK, INK, PictureError, UNIT, drone_colour},
     chart::grid,
     frame::{Extent, Frame, Rect},
-    palette,
     scene::{drawable, outline},
 };
 use crate::overview::{Believed, SearchOverview};
@@ -27,9 +26,9 @@ pub(super) fn draw(
     search: &SearchOverview,
 ) -> Result<(), PictureError> {
     let at = (48 * UNIT, 22 * UNIT);
-    canvas.text(title, at, 17 * UNIT, palette::INK, Anchor::Left)?;
+    canvas.text(title, at, 17 * UNIT, INK, Anchor::Left)?;
     let key = "dots: the cloud; red: its 95 % ellipse; star: the truth; each at a scale of its own";
-    canvas.text(key, (48 * UNIT, 44 * UNIT), 12 * UNIT, palette::FAINT_INK, Anchor::Left)?;
+    canvas.text(key, (48 * UNIT, 44 * UNIT), 12 * UNIT, FAINT_INK, Anchor::Left)?;
     let shown = moments(&search.beliefs);
     let truth = search.truth.last().map(|knot| knot.place.xy()).filter(drawable);
     for (panel, believed) in (0_i32..).zip(&shown) {
@@ -71,18 +70,18 @@ fn moment(
     let apart = believed.cloud.len().div_ceil(MOST_PLACES).max(1);
     let places = believed.cloud.iter().step_by(apart);
     for place in places.filter(|place| **place >= low && **place <= high) {
-        canvas.dot(frame.pixel(place), UNIT, palette::drone(0).mix(0.6))?;
+        canvas.dot(frame.pixel(place), UNIT, drone_colour(0).mix(0.6))?;
     }
     if let Some(outline) = outline(&believed.estimate) {
         let inside = outline.iter().map(|place| frame.pixel(&place.sup(&low).inf(&high)));
-        canvas.line(inside.collect(), palette::BELIEF.to_rgba(), 2 * UNIT)?;
+        canvas.line(inside.collect(), BELIEF.to_rgba(), 2 * UNIT)?;
     }
     if let Some(truth) = truth {
-        canvas.star(frame.pixel(truth), 8 * UNIT, palette::INK.to_rgba())?;
+        canvas.star(frame.pixel(truth), 8 * UNIT, INK.to_rgba())?;
     }
     let rect = frame.rect();
     let above = (rect.left - 50 * UNIT, rect.top - 32 * UNIT);
-    canvas.text(text, above, 13 * UNIT, palette::INK, Anchor::Left)
+    canvas.text(text, above, 13 * UNIT, INK, Anchor::Left)
 }
 
 #[cfg(test)]

@@ -1,9 +1,8 @@
 use plotters::style::{Color, RGBColor};
 
 use super::{
-    canvas::{Anchor, Canvas, PictureError, UNIT},
+    canvas::{Anchor, Canvas, EDGE, FAINT_INK, GRID, INK, PictureError, UNIT, drone_colour},
     frame::{Pixel, Rect, whole},
-    palette,
 };
 
 /// The results of one contender's runs, for [`distributions_svg`](super::distributions_svg).
@@ -35,7 +34,7 @@ pub(super) fn draw(
     title: &str,
     contenders: &[Distribution],
 ) -> Result<(), PictureError> {
-    canvas.text(title, (48 * UNIT, 36 * UNIT), 18 * UNIT, palette::INK, Anchor::Left)?;
+    canvas.text(title, (48 * UNIT, 36 * UNIT), 18 * UNIT, INK, Anchor::Left)?;
     let positive = || {
         let all = contenders.iter().flat_map(|one| [one.errors_m.first(), one.errors_m.last()]);
         all.flatten().copied().filter(|error| *error > 0.0 && error.is_finite())
@@ -65,9 +64,9 @@ pub(super) fn draw(
     nees.axes(canvas, (0..=7).map(|step| 2.0 * f64::from(step)))?;
     let quiet = (0..=POINTS).map(|i| MOST_NEES * f64::from(i) / f64::from(POINTS));
     let expected = quiet.map(|at| nees.pixel(at, chi_squared_2(at))).collect();
-    canvas.line(expected, palette::INK.to_rgba(), UNIT)?;
+    canvas.line(expected, INK.to_rgba(), UNIT)?;
     for (index, one) in contenders.iter().enumerate() {
-        let colour = palette::drone(index);
+        let colour = drone_colour(index);
         errors.curve(canvas, &one.errors_m, colour)?;
         nees.curve(canvas, &one.nees, colour)?;
         let row = i32::try_from(index).unwrap_or(0);
@@ -75,7 +74,7 @@ pub(super) fn draw(
         let line = vec![(72 * UNIT, y), (102 * UNIT, y)];
         canvas.line(line, colour.to_rgba(), 3 * UNIT)?;
         let text = format!("{}, {} runs", one.name, one.errors_m.len());
-        canvas.text(&text, (112 * UNIT, y), SIZE, palette::INK, Anchor::Left)?;
+        canvas.text(&text, (112 * UNIT, y), SIZE, INK, Anchor::Left)?;
     }
     Ok(())
 }
@@ -90,7 +89,7 @@ fn band(canvas: &Canvas<'_>, panel: &Panel, runs: usize) -> Result<(), PictureEr
         |i: u32, shift: f64| panel.pixel(at(i), (chi_squared_2(at(i)) + shift).clamp(0.0, 1.0));
     let above = (0..=POINTS).map(|i| edge(i, reach));
     let below = (0..=POINTS).rev().map(|i| edge(i, -reach));
-    canvas.area(above.chain(below).collect(), palette::GRID.to_rgba())
+    canvas.area(above.chain(below).collect(), GRID.to_rgba())
 }
 
 /// The share of χ² with two degrees of freedom that is below.
@@ -125,18 +124,18 @@ impl Panel {
         let Rect { left, top, right, bottom } = self.rect;
         for tenth in [0.0, 0.25, 0.5, 0.75, 1.0] {
             let (_, y) = self.pixel(0.0, tenth);
-            canvas.line(vec![(left, y), (right, y)], palette::EDGE.mix(0.4), UNIT)?;
+            canvas.line(vec![(left, y), (right, y)], EDGE.mix(0.4), UNIT)?;
             let label = format!("{:.0} %", 100.0 * tenth);
-            canvas.text(&label, (left - 8 * UNIT, y), SIZE, palette::FAINT_INK, Anchor::Right)?;
+            canvas.text(&label, (left - 8 * UNIT, y), SIZE, FAINT_INK, Anchor::Right)?;
         }
         for value in values {
             let (x, _) = self.pixel(value, 0.0);
-            canvas.line(vec![(x, top), (x, bottom)], palette::EDGE.mix(0.4), UNIT)?;
+            canvas.line(vec![(x, top), (x, bottom)], EDGE.mix(0.4), UNIT)?;
             let at = (x, bottom + 7 * UNIT);
-            canvas.text(&format!("{value}"), at, SIZE, palette::FAINT_INK, Anchor::Top)?;
+            canvas.text(&format!("{value}"), at, SIZE, FAINT_INK, Anchor::Top)?;
         }
         let above = (left, top - 16 * UNIT);
-        canvas.text(self.title, above, SIZE, palette::INK, Anchor::Left)
+        canvas.text(self.title, above, SIZE, INK, Anchor::Left)
     }
 
     /// The share of rising values that is below each of them.

@@ -1,10 +1,9 @@
 use plotters::style::Color;
 
 use super::{
-    canvas::{Anchor, Canvas, PictureError, UNIT},
+    canvas::{Anchor, Canvas, EDGE, FAINT_INK, INK, PictureError, UNIT, drone_colour},
     chart::shortened,
     frame::{Rect, whole},
-    palette,
 };
 
 /// Comparison of a contender with a reference, for [`ratios_svg`](super::ratios_svg).
@@ -29,7 +28,7 @@ pub(super) fn draw(
     contenders: &[Ratios],
 ) -> Result<(), PictureError> {
     let at = (48 * UNIT, 30 * UNIT);
-    canvas.text(title, at, 17 * UNIT, palette::INK, Anchor::Left)?;
+    canvas.text(title, at, 17 * UNIT, INK, Anchor::Left)?;
     let positive = |value: &f64| *value > 0.0 && value.is_finite();
     let known = contenders.iter().flat_map(|one| one.ratios.iter().flatten());
     let values = known.flat_map(|(ratio, [low, high])| [*ratio, *low, *high]).filter(positive);
@@ -44,16 +43,15 @@ pub(super) fn draw(
     for tick in [0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0] {
         if (low..=high).contains(&libm::log(tick)) {
             let line = vec![(x(tick), PLOT.top), (x(tick), PLOT.bottom)];
-            let (colour, width) =
-                if tick.total_cmp(&1.0).is_eq() { (palette::INK, 2) } else { (palette::EDGE, 1) };
+            let (colour, width) = if tick.total_cmp(&1.0).is_eq() { (INK, 2) } else { (EDGE, 1) };
             canvas.line(line, colour.mix(0.5), width * UNIT)?;
             let at = (x(tick), PLOT.bottom + 8 * UNIT);
-            canvas.text(&format!("{tick}"), at, SIZE, palette::FAINT_INK, Anchor::Top)?;
+            canvas.text(&format!("{tick}"), at, SIZE, FAINT_INK, Anchor::Top)?;
         }
     }
     let middle = ((PLOT.left + PLOT.right) / 2, PLOT.bottom + 30 * UNIT);
     let what = "ratio over the reference with its 95 % interval; left of 1 is better";
-    canvas.text(what, middle, SIZE, palette::INK, Anchor::Top)?;
+    canvas.text(what, middle, SIZE, INK, Anchor::Top)?;
     let rows = i32::try_from(contenders.len().max(1)).unwrap_or(i32::MAX);
     let height = (PLOT.bottom - PLOT.top) / rows;
     let lines = i32::try_from(figures.len().max(1)).unwrap_or(1);
@@ -61,14 +59,14 @@ pub(super) fn draw(
     for (row, contender) in (0_i32..).zip(contenders) {
         let centre = PLOT.top + height * row + height / 2;
         let at = (PLOT.left - 12 * UNIT, centre);
-        canvas.text(&shortened(&contender.name), at, SIZE, palette::INK, Anchor::Right)?;
+        canvas.text(&shortened(&contender.name), at, SIZE, INK, Anchor::Right)?;
         for (figure, ratio) in contender.ratios.iter().enumerate() {
             let Some((ratio, [low, high])) =
                 ratio.filter(|(ratio, ends)| positive(ratio) && ends.iter().all(positive))
             else {
                 continue;
             };
-            let colour = palette::drone(figure);
+            let colour = drone_colour(figure);
             let line = i32::try_from(figure).unwrap_or(0);
             let y = centre + apart * (2 * line - lines + 1) / 2;
             canvas.line(vec![(x(low), y), (x(high), y)], colour.to_rgba(), 2 * UNIT)?;
@@ -78,8 +76,8 @@ pub(super) fn draw(
     let mut left = PLOT.left;
     for (figure, name) in figures.iter().enumerate() {
         let y = 66 * UNIT;
-        canvas.dot((left, y), 4 * UNIT, palette::drone(figure).to_rgba())?;
-        canvas.text(name, (left + 10 * UNIT, y), SIZE, palette::INK, Anchor::Left)?;
+        canvas.dot((left, y), 4 * UNIT, drone_colour(figure).to_rgba())?;
+        canvas.text(name, (left + 10 * UNIT, y), SIZE, INK, Anchor::Left)?;
         left += 30 * UNIT + super::canvas::text_width(name, SIZE);
     }
     Ok(())
