@@ -3,13 +3,9 @@
 
 mod aprs;
 mod ats;
-#[cfg(feature = "sqlite")]
-mod df_aggregator;
 mod flight;
 mod gpx;
 mod json;
-#[cfg(feature = "sqlite")]
-mod kismet;
 mod kml;
 mod lotek;
 mod rows;
@@ -51,11 +47,11 @@ pub(super) fn convert(
         return Ok(Some(converted));
     }
     #[cfg(feature = "sqlite")]
-    if let Some(converted) = kismet::convert(bytes, file)? {
+    if let Some(converted) = sqlite::convert_kismet(bytes, file)? {
         return Ok(Some(converted));
     }
     #[cfg(feature = "sqlite")]
-    if let Some(converted) = df_aggregator::convert(bytes, file)? {
+    if let Some(converted) = sqlite::convert_df_aggregator(bytes, file)? {
         return Ok(Some(converted));
     }
     if let Some(rows) = json::convert(bytes, file)? {

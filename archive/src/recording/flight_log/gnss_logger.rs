@@ -5,10 +5,7 @@ use std::collections::BTreeMap;
 
 use foxhunt_wire::geodesy::Geodetic;
 
-use super::{
-    fix::{Fix, Log},
-    levels::Levels,
-};
+use super::log::{Fix, Levels, Log};
 
 /// Bytes in which the comment that names a fix's columns is looked for.
 const LOOKED_AT: usize = 1 << 15;

@@ -1,20 +1,15 @@
 //! Logs of autopilots and GNSS receivers, as far as they hold places and levels over time.
 
 mod dataflash;
-mod fix;
 mod gnss_logger;
-mod levels;
-mod little_endian;
+mod log;
 mod nmea;
 mod tlog;
 mod ulog;
 
 use foxhunt_wire::geodesy::Geodetic;
 
-pub(super) use self::{
-    fix::{Fix, Log},
-    levels::Levels,
-};
+pub(super) use log::{Fix, Levels, Log};
 
 /// Kind of a log, by its first bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -7,10 +7,7 @@ use foxhunt_wire::{
     nmea::{Malformed, Sentence},
 };
 
-use super::{
-    fix::{Fix, Log},
-    levels::Levels,
-};
+use super::log::{Fix, Levels, Log};
 
 /// Bytes in which sentences are looked for, and lines.
 const LOOKED_AT: usize = 4096;
