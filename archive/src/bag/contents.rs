@@ -24,7 +24,7 @@ pub(super) struct Message {
 pub(super) struct Topic {
     pub(super) name: String,
     /// The name of its type.
-    pub(super) of: String,
+    of: String,
     /// Kind of its messages, if they are read.
     pub(super) kind: Option<Kind>,
 }

@@ -5,7 +5,7 @@ use super::BagError;
 /// Reads the values of a message in CDR, as ROS 2 writes it: OMG's Common Data Representation,
 /// version 1, where each number is aligned to its own size.
 #[derive(Debug)]
-pub(super) struct Cdr<'a> {
+struct Cdr<'a> {
     bytes: &'a [u8],
     at: usize,
     little: bool,
@@ -16,7 +16,7 @@ const MOST: usize = 1 << 20;
 
 impl<'a> Cdr<'a> {
     /// The message after its header of four bytes.
-    pub(super) fn new(message: &'a [u8]) -> Result<Self, BagError> {
+    fn new(message: &'a [u8]) -> Result<Self, BagError> {
         match message {
             [0, 0, _, _, bytes @ ..] => Ok(Self { bytes, at: 0, little: false }),
             [0, 1, _, _, bytes @ ..] => Ok(Self { bytes, at: 0, little: true }),
@@ -37,31 +37,31 @@ impl<'a> Cdr<'a> {
         Ok(bytes)
     }
 
-    pub(super) fn u8(&mut self) -> Result<u8, BagError> {
+    fn u8(&mut self) -> Result<u8, BagError> {
         self.take().map(u8::from_le_bytes)
     }
 
-    pub(super) fn bool(&mut self) -> Result<bool, BagError> {
+    fn bool(&mut self) -> Result<bool, BagError> {
         Ok(self.u8()? != 0)
     }
 
-    pub(super) fn u16(&mut self) -> Result<u16, BagError> {
+    fn u16(&mut self) -> Result<u16, BagError> {
         self.take().map(u16::from_le_bytes)
     }
 
-    pub(super) fn u32(&mut self) -> Result<u32, BagError> {
+    fn u32(&mut self) -> Result<u32, BagError> {
         self.take().map(u32::from_le_bytes)
     }
 
-    pub(super) fn f32(&mut self) -> Result<f32, BagError> {
+    fn f32(&mut self) -> Result<f32, BagError> {
         self.take().map(f32::from_le_bytes)
     }
 
-    pub(super) fn f64(&mut self) -> Result<f64, BagError> {
+    fn f64(&mut self) -> Result<f64, BagError> {
         self.take().map(f64::from_le_bytes)
     }
 
-    pub(super) fn f64s<const N: usize>(&mut self) -> Result<[f64; N], BagError> {
+    fn f64s<const N: usize>(&mut self) -> Result<[f64; N], BagError> {
         let mut values = [0.0; N];
         for value in &mut values {
             *value = self.f64()?;
@@ -76,7 +76,7 @@ impl<'a> Cdr<'a> {
     }
 
     /// Passes over a text.
-    pub(super) fn skip_text(&mut self) -> Result<(), BagError> {
+    fn skip_text(&mut self) -> Result<(), BagError> {
         let length = self.length()?;
         self.at += length;
         if self.at > self.bytes.len() {
@@ -86,7 +86,7 @@ impl<'a> Cdr<'a> {
     }
 
     /// Passes over a list of numbers.
-    pub(super) fn skip_f64s(&mut self) -> Result<(), BagError> {
+    fn skip_f64s(&mut self) -> Result<(), BagError> {
         for _ in 0..self.length()? {
             self.f64()?;
         }
@@ -94,7 +94,7 @@ impl<'a> Cdr<'a> {
     }
 
     /// Passes over a `std_msgs/Header`.
-    pub(super) fn skip_header(&mut self) -> Result<(), BagError> {
+    fn skip_header(&mut self) -> Result<(), BagError> {
         self.u32()?;
         self.u32()?;
         self.skip_text()

@@ -305,11 +305,11 @@ impl Receivers {
 
 /// Unique names. A name that is used again has a number behind it.
 #[derive(Default)]
-pub(super) struct Names(HashMap<String, usize>);
+struct Names(HashMap<String, usize>);
 
 impl Names {
     /// Returns the name, with a number behind it if it is used again.
-    pub(super) fn unique(&mut self, name: String) -> String {
+    fn unique(&mut self, name: String) -> String {
         let count = self.0.entry(name.clone()).or_default();
         *count += 1;
         if *count == 1 { name } else { format!("{name}.{count}") }

@@ -106,7 +106,7 @@ pub(super) fn reach_m(overview: &Overview) -> f64 {
 }
 
 /// The corners of an ellipse about a place, closed.
-pub(super) fn outline(mean: &Vector2<f64>, ellipse: &Ellipse) -> Vec<Vector2<f64>> {
+fn outline(mean: &Vector2<f64>, ellipse: &Ellipse) -> Vec<Vector2<f64>> {
     let (sin, cos) = libm::sincos(ellipse.orientation);
     let corner = |i: u16| {
         let turn = std::f64::consts::TAU * f64::from(i % CORNERS) / f64::from(CORNERS);

@@ -262,13 +262,13 @@ fn messages(overview: &Overview, frame: &LocalFrame) -> Result<Vec<Message>, Exp
     Ok(messages)
 }
 
-pub(super) const GEO_JSON: &str = "foxglove_msgs/msg/GeoJSON";
-pub(super) const LOG: &str = "rcl_interfaces/msg/Log";
-pub(super) const NAV_SAT_FIX: &str = "sensor_msgs/msg/NavSatFix";
-pub(super) const PATH: &str = "nav_msgs/msg/Path";
-pub(super) const POSE_STAMPED: &str = "geometry_msgs/msg/PoseStamped";
-pub(super) const POSE_WITH_COVARIANCE_STAMPED: &str = "geometry_msgs/msg/PoseWithCovarianceStamped";
-pub(super) const TF_MESSAGE: &str = "tf2_msgs/msg/TFMessage";
+const GEO_JSON: &str = "foxglove_msgs/msg/GeoJSON";
+const LOG: &str = "rcl_interfaces/msg/Log";
+const NAV_SAT_FIX: &str = "sensor_msgs/msg/NavSatFix";
+const PATH: &str = "nav_msgs/msg/Path";
+const POSE_STAMPED: &str = "geometry_msgs/msg/PoseStamped";
+const POSE_WITH_COVARIANCE_STAMPED: &str = "geometry_msgs/msg/PoseWithCovarianceStamped";
+const TF_MESSAGE: &str = "tf2_msgs/msg/TFMessage";
 
 /// Types with their fields; a type stands after the types that it holds.
 const FIELDS: [(&str, &str); 17] = [
@@ -314,7 +314,7 @@ const FIELDS: [(&str, &str); 17] = [
 
 /// The definition of a type as MCAP wants it (`ros2msg`): its fields, then each type that it holds
 /// behind a line of `=`.
-pub(super) fn definition(kind: &str) -> String {
+fn definition(kind: &str) -> String {
     let fields = |kind: &str| {
         FIELDS.iter().find(|(name, _)| *name == kind).map_or("", |(_, fields)| *fields)
     };
@@ -341,14 +341,14 @@ pub(super) fn definition(kind: &str) -> String {
 /// Writes the values of a message in CDR, as ROS 2 reads it: OMG's Common Data Representation,
 /// version 1, little-endian, where each number is aligned to its own size.
 #[derive(Debug)]
-pub(super) struct CdrWriter(Vec<u8>);
+struct CdrWriter(Vec<u8>);
 
 /// Length of the header; alignment counts from its end.
 const HEADER: usize = 4;
 
 impl CdrWriter {
     /// A message that has its header alone.
-    pub(super) fn new() -> Self {
+    fn new() -> Self {
         Self(vec![0, 1, 0, 0])
     }
 
@@ -358,38 +358,38 @@ impl CdrWriter {
         self.0.extend(bytes);
     }
 
-    pub(super) fn u8(&mut self, value: u8) {
+    fn u8(&mut self, value: u8) {
         self.put([value]);
     }
 
-    pub(super) fn u16(&mut self, value: u16) {
+    fn u16(&mut self, value: u16) {
         self.put(value.to_le_bytes());
     }
 
-    pub(super) fn u32(&mut self, value: u32) {
+    fn u32(&mut self, value: u32) {
         self.put(value.to_le_bytes());
     }
 
-    pub(super) fn f64s(&mut self, values: impl IntoIterator<Item = f64>) {
+    fn f64s(&mut self, values: impl IntoIterator<Item = f64>) {
         for value in values {
             self.put(value.to_le_bytes());
         }
     }
 
     /// Writes the length of a list, whose items follow.
-    pub(super) fn length(&mut self, items: usize) {
+    fn length(&mut self, items: usize) {
         self.u32(u32::try_from(items).unwrap_or(u32::MAX));
     }
 
     /// Writes a text; it ends at its first zero byte, which CDR has no room for.
-    pub(super) fn text(&mut self, text: &str) {
+    fn text(&mut self, text: &str) {
         let text = text.split('\0').next().unwrap_or_default();
         self.length(text.len() + 1);
         self.0.extend(text.as_bytes());
         self.u8(0);
     }
 
-    pub(super) fn into_bytes(self) -> Vec<u8> {
+    fn into_bytes(self) -> Vec<u8> {
         self.0
     }
 }

@@ -281,7 +281,7 @@ const SEPARATOR: &str = "__";
 ///
 /// A name that is changed in more than its spaces has the checksum of its own letters behind it:
 /// two names stay two, whatever other names there are.
-pub(super) fn safe(name: &str) -> String {
+fn safe(name: &str) -> String {
     let mut safe = String::new();
     for letter in name.chars() {
         match letter {
@@ -308,7 +308,7 @@ pub(super) fn safe(name: &str) -> String {
 }
 
 /// Returns safe names of which no two are one: one that is used again has a number behind it.
-pub(super) fn unique_safe(names: impl Iterator<Item = String>) -> Vec<String> {
+fn unique_safe(names: impl Iterator<Item = String>) -> Vec<String> {
     let mut used = HashSet::new();
     let unique = |name: String| {
         let name = safe(&name);
@@ -325,7 +325,7 @@ pub(super) fn unique_safe(names: impl Iterator<Item = String>) -> Vec<String> {
 }
 
 /// Returns the identifier of a list of safe names.
-pub(super) fn identifier(names: &[&str]) -> String {
+fn identifier(names: &[&str]) -> String {
     names.join(SEPARATOR)
 }
 

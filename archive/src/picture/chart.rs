@@ -210,7 +210,7 @@ fn pixels(frame: &Frame, places: &[Vector2<f64>]) -> Vec<Pixel> {
 
 /// Finds places for labels where they hide least.
 #[derive(Debug)]
-pub(super) struct Labels {
+struct Labels {
     /// Rectangle that labels may use.
     room: Rect,
     /// Points that are better not hidden.
@@ -220,13 +220,13 @@ pub(super) struct Labels {
 }
 
 impl Labels {
-    pub(super) fn new(room: Rect, points: Vec<Pixel>) -> Self {
+    fn new(room: Rect, points: Vec<Pixel>) -> Self {
         Self { room, points, taken: Vec::new() }
     }
 
     /// The rectangle for a label of this size beside `anchor`: of sixteen places about it the
     /// one that hides fewest points, and of these the nearest.
-    pub(super) fn place(&mut self, anchor: Pixel, width: i32, height: i32) -> Rect {
+    fn place(&mut self, anchor: Pixel, width: i32, height: i32) -> Rect {
         let beside = |gap: i32| {
             let right = anchor.0 + gap;
             let left = anchor.0 - gap - width;

@@ -62,7 +62,7 @@ fn ungrouped(text: &str) -> Option<String> {
 }
 
 /// The two numbers of a cell, as of a place: 48.2, 16.37, or 48,2; 16,37, or 48,2 16,37.
-pub(super) fn numbers(text: &str) -> Option<[&str; 2]> {
+fn numbers(text: &str) -> Option<[&str; 2]> {
     let halves = |between: &str| {
         let mut parts = text.split(between).map(str::trim).filter(|part| !part.is_empty());
         let numbers = [parts.next()?, parts.next()?];

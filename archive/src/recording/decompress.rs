@@ -158,7 +158,7 @@ fn from_windows_1252(bytes: &[u8]) -> Option<Vec<u8>> {
 }
 
 /// First bytes of an archive, and of the header before each of its files.
-pub(super) const ZIP: &[u8] = b"PK\x03\x04";
+const ZIP: &[u8] = b"PK\x03\x04";
 
 /// First bytes of a file's entry in the directory.
 const ENTRY: &[u8] = b"PK\x01\x02";
@@ -197,7 +197,7 @@ struct Entry<'z> {
 ///
 /// Names the reason why the document cannot be unpacked: encryption, another compression than
 /// deflate, more than `most` bytes, or damage.
-pub(super) fn zipped_kml(bytes: &[u8], most: u64) -> io::Result<Option<Vec<u8>>> {
+fn zipped_kml(bytes: &[u8], most: u64) -> io::Result<Option<Vec<u8>>> {
     let Some(entry) = zip_entries(bytes).find(|entry| is_kml(entry.name)) else { return Ok(None) };
     unpacked(bytes, &entry, most).map(Some)
 }

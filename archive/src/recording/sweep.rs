@@ -14,21 +14,17 @@ use super::{Record, Recording, RecordingError, Turns};
 
 /// A level along a boresight, with the row that it is from and the time of its sample.
 #[derive(Clone, Copy)]
-pub(super) struct LevelRow<'r> {
-    pub(super) record: &'r Record,
-    pub(super) boresight: f64,
-    pub(super) rss_dbm: f64,
-    pub(super) time: f64,
+struct LevelRow<'r> {
+    record: &'r Record,
+    boresight: f64,
+    rss_dbm: f64,
+    time: f64,
 }
 
 impl Turns {
     /// Cuts one drone's readings of one beacon, in the order in which they were taken, into
     /// turns of positions `step` radians apart.
-    pub(super) fn cut<'h, 'r>(
-        self,
-        levels: &'h [LevelRow<'r>],
-        step: f64,
-    ) -> Vec<&'h [LevelRow<'r>]> {
+    fn cut<'h, 'r>(self, levels: &'h [LevelRow<'r>], step: f64) -> Vec<&'h [LevelRow<'r>]> {
         let mut turns = Vec::new();
         let mut begin = 0;
         let mut gone = 0.0_f64;

@@ -17,7 +17,7 @@ const WRITTEN: std::ops::Range<usize> = 18..20;
 
 /// The database, if it has all of these tables. Another one, or a damaged one, is named by its own
 /// error.
-pub(super) fn opened(bytes: &[u8], tables: &[&str]) -> Option<Connection> {
+fn opened(bytes: &[u8], tables: &[&str]) -> Option<Connection> {
     let (header, rest) = bytes.split_at_checked(HEADER_BYTES)?;
     if !header.starts_with(MAGIC) {
         return None;
@@ -39,7 +39,7 @@ pub(super) fn opened(bytes: &[u8], tables: &[&str]) -> Option<Connection> {
 }
 
 /// A cell as a number, whatever it is written as; 0 where it holds none.
-pub(super) fn number(row: &Row<'_>, column: usize) -> rusqlite::Result<f64> {
+fn number(row: &Row<'_>, column: usize) -> rusqlite::Result<f64> {
     Ok(match row.get_ref(column)? {
         #[expect(clippy::cast_precision_loss, reason = "seconds and levels are far below 2^53")]
         ValueRef::Integer(whole) => whole as f64,
@@ -52,7 +52,7 @@ pub(super) fn number(row: &Row<'_>, column: usize) -> rusqlite::Result<f64> {
 }
 
 /// A cell as a text; empty where it holds none.
-pub(super) fn text(row: &Row<'_>, column: usize) -> rusqlite::Result<String> {
+fn text(row: &Row<'_>, column: usize) -> rusqlite::Result<String> {
     Ok(match row.get_ref(column)? {
         ValueRef::Text(text) => String::from_utf8_lossy(text).into_owned(),
         _ => String::new(),

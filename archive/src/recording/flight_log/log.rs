@@ -87,7 +87,7 @@ impl Levels {
     }
 
     /// Adds seconds to all times.
-    pub(super) fn later(mut self, seconds: f64) -> Self {
+    fn later(mut self, seconds: f64) -> Self {
         for pair in self.0.values_mut().flatten() {
             pair[0] += seconds;
         }
