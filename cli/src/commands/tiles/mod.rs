@@ -1,31 +1,20 @@
 //! Map tiles from this computer: a folder z/x/y, MBTiles, PMTiles. They are tiles of Web Mercator
 //! (EPSG:3857), counted from the North-West.
 
-mod error;
-mod folder;
-#[cfg(feature = "store")]
-mod mbtiles;
-#[cfg(feature = "live")]
-mod pmtiles;
-mod source;
-mod tile;
+mod sources;
 
 #[cfg(feature = "live")]
-pub(super) use tile::Tile;
-pub(super) use tile::TileAt;
+pub(super) use sources::Tile;
+pub(super) use sources::TileAt;
 
-use std::{fmt, fs, io::Read as _, path::Path};
+use std::{fmt, path::Path};
 
 use foxhunt::{
     overview::Overview,
     page::{Ground, LiveTiles},
 };
 
-use self::{
-    error::TilesError,
-    source::{Opened, TileSource},
-    tile::image_type,
-};
+use self::sources::{TileSource, image_type};
 use crate::{
     error::{CliError, InFile},
     output::warn,
@@ -50,8 +39,7 @@ impl fmt::Debug for Tiles {
 impl Tiles {
     /// Opens a map; a faulty one is refused before anything flies.
     pub(in crate::commands) fn open(path: &Path) -> Result<Self, CliError> {
-        let opened = if path.is_dir() { folder::open(path) } else { file(path) };
-        let (source, about) = opened.map_err(|error| {
+        let (source, about) = sources::open(path).map_err(|error| {
             let file = format!("--tiles {}", path.display());
             CliError::input(InFile { file, source: Box::new(error) })
         })?;
@@ -90,23 +78,6 @@ impl Tiles {
         let bytes = self.image(at)?;
         let content_type = image_type(&bytes)?;
         Some(Tile { bytes, content_type })
-    }
-}
-
-/// Opens a file by its first bytes.
-fn file(path: &Path) -> Opened {
-    let mut begin = Vec::new();
-    let _ = fs::File::open(path)?.take(16).read_to_end(&mut begin)?;
-    match begin.as_slice() {
-        #[cfg(feature = "store")]
-        begin if begin.starts_with(b"SQLite format 3\0") => mbtiles::open(path),
-        #[cfg(not(feature = "store"))]
-        begin if begin.starts_with(b"SQLite format 3\0") => Err(TilesError::NoSqlite),
-        #[cfg(feature = "live")]
-        begin if begin.starts_with(b"PMTiles") => pmtiles::open(path),
-        #[cfg(not(feature = "live"))]
-        begin if begin.starts_with(b"PMTiles") => Err(TilesError::NoPmTiles),
-        _ => Err(TilesError::Unknown),
     }
 }
 
