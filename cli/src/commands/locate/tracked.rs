@@ -14,13 +14,10 @@ use foxhunt::{
 };
 use serde::Serialize;
 
-use super::{
-    super::{
-        locating::{Prepared, Residuals, TRUTH_GAP_S, Track},
-        recorded::{LatLon, no_degrees},
-    },
-    found::{Estimated, Found, likeliest},
-    rows::rows_of,
+use super::found::{Estimated, Found, likeliest, rows_of};
+use crate::commands::{
+    locating::{Prepared, Residuals, TRUTH_GAP_S, Track},
+    recorded::{LatLon, no_degrees},
 };
 use crate::{
     error::CliError,
