@@ -1,10 +1,5 @@
 //! Progress of long work.
 
-#[cfg(not(target_family = "wasm"))]
-mod bar;
-#[cfg(target_family = "wasm")]
-mod no_bar;
-
 use std::{
     io::{IsTerminal, stderr},
     sync::atomic::{AtomicU64, Ordering},
@@ -93,6 +88,85 @@ impl Progress {
 fn hundredth(before: u64, done: u64, total: u64) -> bool {
     let parts = |done: u64| done.saturating_mul(100) / total.max(1);
     parts(done) > parts(before)
+}
+
+/// The bar of a terminal.
+#[cfg(not(target_family = "wasm"))]
+mod bar {
+    use indicatif::{ProgressBar, ProgressStyle};
+
+    /// A bar on standard error, with the time that is left.
+    #[derive(Debug)]
+    pub(super) struct Bar(ProgressBar);
+
+    const TEMPLATE: &str = "{wide_bar} {pos} of {len} {msg}, {eta} left";
+
+    impl Bar {
+        /// Shows a bar of `total` parts; `what` names them.
+        pub(super) fn new(total: u64, what: &'static str) -> Self {
+            let bar = ProgressBar::new(total);
+            // The template is checked by a test; a bar without style is a bar all the same.
+            if let Ok(style) = ProgressStyle::with_template(TEMPLATE) {
+                bar.set_style(style);
+            }
+            Self(bar.with_message(what))
+        }
+
+        /// Shows the number of parts that are done.
+        pub(super) fn reach(&self, done: u64) {
+            self.0.set_position(done);
+        }
+
+        /// Replaces the note beside the bar.
+        pub(super) fn note(&self, note: String) {
+            self.0.set_message(note);
+        }
+
+        /// Prints above the bar.
+        pub(super) fn above(&self, print: impl FnOnce()) {
+            self.0.suspend(print);
+        }
+
+        /// Removes the bar.
+        pub(super) fn remove(&self) {
+            self.0.finish_and_clear();
+        }
+    }
+
+    /// The bar where there is no terminal.
+    #[cfg(target_family = "wasm")]
+    mod no_bar {
+        /// A bar that draws nothing: WebAssembly has no terminal.
+        #[derive(Debug)]
+        pub(super) struct Bar;
+
+        impl Bar {
+            pub(super) fn new(_total: u64, _what: &'static str) -> Self {
+                Self
+            }
+
+            pub(super) fn reach(&self, _done: u64) {}
+
+            pub(super) fn note(&self, _note: String) {}
+
+            /// Prints at once.
+            pub(super) fn above(&self, print: impl FnOnce()) {
+                print();
+            }
+
+            pub(super) fn remove(&self) {}
+        }
+    }
+
+    #[cfg(test)]
+    mod tests {
+        use super::*;
+
+        #[test]
+        fn the_template_is_one() {
+            assert!(ProgressStyle::with_template(TEMPLATE).is_ok());
+        }
+    }
 }
 
 #[cfg(test)]

@@ -21,8 +21,8 @@ use super::{
     views::{Antennas, Views},
 };
 use crate::{
-    context::Context,
     error::CliError,
+    output::Context,
     table::{number, table, text},
 };
 

@@ -24,9 +24,8 @@ use crate::{
         recorded::{LatLon, Reading, no_degrees},
         views::Antennas,
     },
-    context::Context,
     error::CliError,
-    output::Output,
+    output::{Context, Output},
 };
 
 /// One turn of a recording.
