@@ -26,8 +26,7 @@ mod xml;
 
 pub use cot::CotPlatform;
 pub use cot_feed::{CotEvent, CotFeed};
-pub use error::ExportError;
-pub use error::Format;
+pub use error::{ExportError, Format};
 pub use mqtt_feed::{MqttFeed, MqttMessage, availability_topic};
 
 use foxhunt_wire::geodesy::LocalFrame;

@@ -1,3 +1,5 @@
+//! Calibration of antennas: the pattern of one that turns, the deviation of an array that does not.
+
 use foxhunt_core::{BeaconId, Sweep, angle};
 use foxhunt_hunt::calibration::ArraySection;
 use foxhunt_sensors::{

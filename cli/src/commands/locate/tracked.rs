@@ -15,11 +15,11 @@ use foxhunt::{
 use serde::Serialize;
 
 use super::found::{Estimated, Found, likeliest, rows_of};
-use crate::commands::{
-    locating::{Prepared, Residuals, TRUTH_GAP_S, Track},
-    recorded::{LatLon, no_degrees},
-};
 use crate::{
+    commands::{
+        locating::{Prepared, Residuals, TRUTH_GAP_S, Track},
+        recorded::{LatLon, no_degrees},
+    },
     error::CliError,
     output::{Output, warn},
     progress::Progress,

@@ -20,11 +20,11 @@ use super::{
     },
     runs::least,
 };
-use crate::commands::{
-    choice,
-    scores::{Answer, Summary},
-};
 use crate::{
+    commands::{
+        choice,
+        scores::{Answer, Summary},
+    },
     error::CliError,
     output::{Output, event},
     progress::Progress,
