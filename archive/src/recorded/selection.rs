@@ -4,10 +4,7 @@ use foxhunt_core::{NoReading, ObservationError};
 use foxhunt_sensors::{CalibrationError, LearnPatternError};
 use nalgebra::Vector2;
 
-use crate::{
-    recording::{Recording, RecordingError, near_miss::did_you_mean},
-    surrounding::surrounding,
-};
+use crate::recording::{Recording, RecordingError, near_miss::did_you_mean, poses::surrounding};
 
 /// This many names are listed; of more the rest is counted.
 const LISTED: usize = 100;

@@ -1,9 +1,8 @@
 //! Logs of autopilots and GNSS receivers, as far as they hold places and levels over time.
 
 mod dataflash;
-mod gnss_logger;
 mod log;
-mod nmea;
+mod receivers;
 mod tlog;
 mod ulog;
 
@@ -36,8 +35,8 @@ impl Kind {
             [b'F', b'M', b'T', b',', ..] => Some(Self::DataflashText),
             [b'U', b'L', b'o', b'g', 0x01, 0x12, 0x35, ..] => Some(Self::Ulog),
             _ if tlog::is_tlog(bytes) => Some(Self::Tlog),
-            _ if nmea::is_nmea(bytes) => Some(Self::Nmea),
-            _ => gnss_logger::is_gnss_logger(bytes).then_some(Self::GnssLogger),
+            _ if receivers::is_nmea(bytes) => Some(Self::Nmea),
+            _ => receivers::is_gnss_logger(bytes).then_some(Self::GnssLogger),
         }
     }
 
@@ -72,8 +71,8 @@ impl Kind {
             Self::DataflashText => dataflash::text(bytes)?,
             Self::Ulog => ulog::read(bytes)?,
             Self::Tlog => tlog::read(bytes)?,
-            Self::Nmea => nmea::read(bytes)?,
-            Self::GnssLogger => gnss_logger::read(bytes)?,
+            Self::Nmea => receivers::read_nmea(bytes)?,
+            Self::GnssLogger => receivers::read_gnss_logger(bytes)?,
         };
         fixes.retain(|fix| fix.time.is_finite() && is_place(&fix.place));
         fixes.sort_by(|a, b| a.time.total_cmp(&b.time));
