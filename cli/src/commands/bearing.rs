@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use super::{
     calibration::{Calibration, Part, Surroundings, calibrated, narrate_corrected, parts},
-    extraction::Extraction,
+    choice::Extraction,
     recorded::Reading,
     views::{Antennas, Views},
 };

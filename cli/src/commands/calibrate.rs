@@ -25,7 +25,7 @@ use foxhunt::{
 use super::{
     calibration::{Part, parts, station_place},
     calibration_report::{Array, Report, Skipped, text},
-    extraction::Extraction,
+    choice::Extraction,
     recorded::{LatLon, Reading, no_degrees},
 };
 use crate::{

@@ -17,7 +17,6 @@ mod cot;
 pub(crate) mod devices;
 #[cfg(feature = "hardware")]
 pub(crate) mod emulate;
-mod extraction;
 mod fixes;
 pub(crate) mod fleets;
 #[cfg(feature = "hardware")]
@@ -36,10 +35,9 @@ mod mqtt;
 #[cfg(feature = "hardware")]
 pub(crate) mod node;
 mod notices;
-mod over_terrain;
 #[cfg(not(target_family = "wasm"))]
 pub(crate) mod page;
-mod parameter;
+mod parameters;
 pub(crate) mod plot;
 pub(crate) mod pulses;
 mod recorded;

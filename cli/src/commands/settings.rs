@@ -12,7 +12,7 @@ use foxhunt::{
     sim::{Dynamics, VehicleConfig},
 };
 
-use super::{calibration::Calibration, extraction::Extraction};
+use super::{calibration::Calibration, choice::Extraction};
 use crate::{
     error::CliError,
     output::{Output, warn},

@@ -20,7 +20,7 @@ use foxhunt::{
 use super::drawing::Drawing;
 use crate::{
     commands::{
-        extraction::Extraction,
+        choice::Extraction,
         recorded::{LatLon, Reading, no_degrees},
         views::Antennas,
     },
