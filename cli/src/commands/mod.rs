@@ -128,7 +128,7 @@ pub(crate) struct AnyArguments {
 #[cfg(not(feature = "hardware"))]
 impl AnyArguments {
     /// Names the features that the command needs, and how to build with them.
-    pub(crate) fn refuse(&self, command: &str, features: &str) -> Result<(), CliError> {
+    fn refuse(&self, command: &str, features: &str) -> Result<(), CliError> {
         let words = [&[command.to_owned()], self.arguments.as_slice()].concat().join(" ");
         Err(CliError::input(format!(
             "`{words}` needs a build with --features {features}: {}, or in the repository `cargo \

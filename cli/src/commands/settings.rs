@@ -113,7 +113,7 @@ impl Settings {
 /// Settings that replace an estimator's own.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "The estimator")]
-pub(super) struct Overrides {
+struct Overrides {
     /// The components of a reception that it uses
     #[arg(long, value_name = "WHICH")]
     components: Option<UsedComponents>,
@@ -156,7 +156,7 @@ impl From<UsedComponents> for Components {
 
 impl Overrides {
     /// Sets σ of a scenario's bearings.
-    pub(super) fn apply_to(&self, scenario: &mut Scenario) {
+    fn apply_to(&self, scenario: &mut Scenario) {
         if let Some(sigma) = self.bearing_sigma_deg {
             scenario.bearings.get_or_insert_default().sigma_floor_deg = sigma;
         }
@@ -164,7 +164,7 @@ impl Overrides {
 
     /// Warns of an extractor whose σ is that of the turn alone, in a world that turns patterns as a
     /// whole.
-    pub(super) fn warn_of_turned_patterns(&self, scenario: &Scenario) {
+    fn warn_of_turned_patterns(&self, scenario: &Scenario) {
         let turned = scenario.world.channel.bearing_sigma_deg;
         let allowed_for = scenario.bearings.is_some_and(|bearings| bearings.sigma_floor_deg > 0.0);
         let reference = matches!(scenario.extractor, ExtractorConfig::Pritzl2018(_));
@@ -179,7 +179,7 @@ impl Overrides {
 
     /// The estimator with the settings of the command line. One without settings is refused with
     /// the name of the flag.
-    pub(super) fn estimator(&self, entry: &EstimatorEntry) -> Result<EstimatorEntry, CliError> {
+    fn estimator(&self, entry: &EstimatorEntry) -> Result<EstimatorEntry, CliError> {
         let mut changed = entry.clone();
         let mut set = |flag, change: &dyn Fn(&mut EstimatorConfig)| {
             changed = changed.with_settings(flag, change).map_err(CliError::input)?;

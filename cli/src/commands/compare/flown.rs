@@ -22,7 +22,7 @@ use crate::{
 
 /// A scenario that every setup and estimator flies on the same seeds.
 #[derive(Debug, clap::Args)]
-pub(super) struct Flown {
+struct Flown {
     /// A built-in scenario (`foxhunt list scenarios`) or a TOML file
     #[arg(default_value = DEFAULT_SCENARIO)]
     scenario: String,
@@ -39,7 +39,7 @@ pub(super) struct Flown {
 
 impl Flown {
     /// Flies the scenario with each estimator in a number of `setups`, and shows progress.
-    pub(super) fn campaign<R>(
+    fn campaign<R>(
         &self,
         context: Context<'_>,
         setups: usize,

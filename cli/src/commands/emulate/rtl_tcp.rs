@@ -43,7 +43,7 @@ pub(super) struct Args {
     receiver: Option<PathBuf>,
     /// Write the pulses of each tag to this file as CSV: the truth for a detector
     #[arg(long, value_name = "FILE")]
-    pub(super) pulses: Option<PathBuf>,
+    pulses: Option<PathBuf>,
     /// Write samples to this file instead of serving clients: .cu8, or .sigmf-meta with .sigmf-data
     /// beside it
     #[arg(long, value_name = "FILE", requires = "duration_s",
@@ -52,10 +52,10 @@ pub(super) struct Args {
     /// Samples per second of the file
     #[arg(long, value_name = "HZ", default_value_t = 250_000, requires = "to",
         value_parser = clap::value_parser!(u32).range(1..=4_000_000))]
-    pub(super) rate_hz: u32,
+    rate_hz: u32,
     /// The centre frequency of the file, in hertz [default: 20 kHz below the first beacon]
     #[arg(long, value_name = "HZ", requires = "to", value_parser = hertz)]
-    pub(super) center_hz: Option<u32>,
+    center_hz: Option<u32>,
     /// The gain of the file's samples, in dB
     #[arg(
         long,
@@ -80,7 +80,7 @@ impl Args {
     }
 
     /// Returns the settings of the receiver, from the file if one is given.
-    pub(super) fn config(&self) -> Result<EmulatedRtlTcpConfig, CliError> {
+    fn config(&self) -> Result<EmulatedRtlTcpConfig, CliError> {
         let seeded = EmulatedRtlTcpConfig { seed: self.field.seed, ..Default::default() };
         let Some(path) = &self.receiver else { return Ok(seeded) };
         let wrong = |source: Box<dyn std::error::Error>| {
@@ -93,13 +93,13 @@ impl Args {
 
 /// List of the sent pulses.
 #[derive(Debug)]
-pub(super) struct PulseList {
+struct PulseList {
     path: PathBuf,
     writer: BufWriter<File>,
 }
 
 impl PulseList {
-    pub(super) fn create(path: &Path) -> Result<Self, CliError> {
+    fn create(path: &Path) -> Result<Self, CliError> {
         let create = || {
             let mut writer = BufWriter::new(File::create(path)?);
             writeln!(writer, "time_s,frequency_hz,width_s,power_dbm,snr_db,tag")?;
@@ -110,7 +110,7 @@ impl PulseList {
     }
 
     /// Writes pulses, with times from that of the first sample on.
-    pub(super) fn write(
+    fn write(
         &mut self,
         world: &World,
         pulses: &[PlayedPulse],

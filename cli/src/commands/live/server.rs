@@ -33,12 +33,12 @@ use crate::{
 
 /// Page and news of a hunt, shared by the hunt, the thread that reads it and the server.
 pub(super) struct Shared {
-    pub(super) page: String,
+    page: String,
     pub(super) token: Option<String>,
     pub(super) orders: bool,
-    pub(super) tiles: Option<Arc<Tiles>>,
+    tiles: Option<Arc<Tiles>>,
     /// Name of the run that the numbers of the news belong to; another hunt has another name.
-    pub(super) run: String,
+    run: String,
     /// All news since the beginning, in order. Each browser has its place in it, so that the hunt
     /// waits for no browser and late ones get everything.
     news: Mutex<Vec<Arc<str>>>,
@@ -53,7 +53,7 @@ pub(super) struct Shared {
 /// Progress of a hunt.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Progress {
-    pub(super) news: usize,
+    news: usize,
     pub(super) over: bool,
 }
 
@@ -85,7 +85,7 @@ impl Shared {
     }
 
     /// Returns the hunt as it is now, in a format; `None` if it is not shown any more.
-    pub(super) async fn ask(&self, format: Format) -> Option<Result<Vec<u8>, ExportError>> {
+    async fn ask(&self, format: Format) -> Option<Result<Vec<u8>, ExportError>> {
         let (answer, answered) = oneshot::channel();
         let asked = Happening::Asked(Asked { format, answer });
         self.questions.as_ref()?.send(asked).ok()?;
@@ -93,7 +93,7 @@ impl Shared {
     }
 
     /// The news of a number, from 0.
-    pub(super) fn news(&self, number: usize) -> Option<Arc<str>> {
+    fn news(&self, number: usize) -> Option<Arc<str>> {
         let news = self.news.lock().unwrap_or_else(PoisonError::into_inner);
         news.get(number).cloned()
     }
@@ -107,7 +107,7 @@ impl Shared {
         self.progress.send_modify(|progress| progress.news = count);
     }
 
-    pub(super) fn break_off(&self) {
+    fn break_off(&self) {
         self.broken_off.store(true, Ordering::Relaxed);
     }
 

@@ -23,7 +23,7 @@ pub(super) struct Estimated {
     pub(super) lon_deg: Option<f64>,
     pub(super) east_m: f64,
     pub(super) north_m: f64,
-    pub(super) covariance_m2: [[f64; 2]; 2],
+    covariance_m2: [[f64; 2]; 2],
 }
 
 impl Estimated {

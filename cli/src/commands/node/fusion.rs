@@ -34,21 +34,21 @@ use crate::{
 };
 
 /// The log that a fusion node writes, and goes on from.
-pub(super) struct NodeLog {
+struct NodeLog {
     path: PathBuf,
     writer: Option<LogWriter<File>>,
-    pub(super) header: LogHeader,
-    pub(super) events: Vec<Event>,
+    header: LogHeader,
+    events: Vec<Event>,
 }
 
 impl NodeLog {
     /// A log that begins with its first event.
-    pub(super) fn new(path: &Path, header: LogHeader) -> Self {
+    fn new(path: &Path, header: LogHeader) -> Self {
         Self { path: path.to_owned(), writer: None, header, events: Vec::new() }
     }
 
     /// Reads the log, if it exists; without `resume` it must not exist.
-    pub(super) fn read(path: &Path, resume: bool) -> Result<Option<Log>, CliError> {
+    fn read(path: &Path, resume: bool) -> Result<Option<Log>, CliError> {
         match fs::metadata(path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
             Ok(_) if !resume => Err(CliError::input(format!(
@@ -60,14 +60,14 @@ impl NodeLog {
     }
 
     /// Appends to a log that was read.
-    pub(super) fn append(path: &Path, log: Log) -> Result<Self, CliError> {
+    fn append(path: &Path, log: Log) -> Result<Self, CliError> {
         let writer = LogWriter::append(path).map_err(|error| CliError::writing(path, error))?;
         let Log { header, events, .. } = log;
         Ok(Self { path: path.to_owned(), writer: Some(writer), header, events })
     }
 
     /// Writes an event.
-    pub(super) fn event(&mut self, event: Event) -> Result<(), CliError> {
+    fn event(&mut self, event: Event) -> Result<(), CliError> {
         self.write(&event).map_err(|error| CliError::writing(&self.path, error))?;
         self.events.push(event);
         Ok(())

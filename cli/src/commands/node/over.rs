@@ -282,7 +282,7 @@ pub(super) fn make_key(args: &KeyArgs, output: Output) -> Result<(), CliError> {
 }
 
 /// Returns the error of a key that cannot be made or read.
-pub(super) fn key_error(error: KeyError) -> CliError {
+fn key_error(error: KeyError) -> CliError {
     match error {
         KeyError::Random(_) => CliError::failure(error),
         _ => CliError::input(error),

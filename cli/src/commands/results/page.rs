@@ -84,7 +84,7 @@ pub(in crate::commands) fn titled_distributions(
 }
 
 /// Returns the errors and the NEES of each contender's runs for the beacon of an index.
-pub(super) fn distributions(
+fn distributions(
     store: &Store,
     filter: &Filter,
     summary: &Summary,
