@@ -39,7 +39,7 @@ pub(super) fn draw(canvas: &Canvas<'_>, frame: &Frame, scene: &Scene) -> Result<
 }
 
 /// The lines of the grid, with their metres.
-pub(super) fn grid(canvas: &Canvas<'_>, frame: &Frame) -> Result<(), PictureError> {
+fn grid(canvas: &Canvas<'_>, frame: &Frame) -> Result<(), PictureError> {
     const SIZE: i32 = 13 * UNIT;
     let rect = frame.rect();
     let ([east, north], decimals) = frame.grid();

@@ -279,7 +279,7 @@ const DECIMALS: usize = 3;
 
 /// Returns true if a line holds values instead of names: at least half of its cells are numbers or
 /// times, and no fewer than two.
-pub(super) fn is_row(cells: &[String]) -> bool {
+fn is_row(cells: &[String]) -> bool {
     let filled = cells.iter().filter(|cell| !cell.is_empty()).count();
     let is_value = |cell: &&String| number(cell).is_some() || is_time(cell) || is_day(cell);
     let values = cells.iter().filter(is_value).count();
@@ -288,7 +288,7 @@ pub(super) fn is_row(cells: &[String]) -> bool {
 
 /// Names that the cells of a row may have, as an example for who knows them: `-` for a cell that
 /// may be anything.
-pub(super) fn names(cells: &[String]) -> Vec<&'static str> {
+fn names(cells: &[String]) -> Vec<&'static str> {
     let mut names: Vec<&'static str> = cells.iter().map(|_| "-").collect();
     let mut set = |index: usize, name: &'static str| {
         let is_new = !names.contains(&name);

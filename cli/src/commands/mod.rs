@@ -1,55 +1,56 @@
-//! One file for each subcommand: its arguments, what it does, its table.
+//! One file or folder for each subcommand, with its arguments, what it does and its table; and what
+//! several of them share.
 
 #[cfg(feature = "hardware")]
 mod advice;
-pub(crate) mod antenna;
-pub(crate) mod bearing;
-pub(crate) mod calibrate;
+mod antenna;
+mod bearing;
+mod calibrate;
 mod calibration;
 mod calibration_report;
-pub(crate) mod campaign;
+mod campaign;
 mod choice;
-pub(crate) mod compare;
-pub(crate) mod completions;
-pub(crate) mod convert;
+mod compare;
+mod completions;
+mod convert;
 mod cot;
 #[cfg(feature = "hardware")]
-pub(crate) mod devices;
+mod devices;
 #[cfg(feature = "hardware")]
-pub(crate) mod emulate;
+mod emulate;
 mod fixes;
-pub(crate) mod fleets;
+mod fleets;
 #[cfg(feature = "hardware")]
 mod flight_plan;
 #[cfg(feature = "hardware")]
-pub(crate) mod fly;
-pub(crate) mod hunt;
-pub(crate) mod judge;
-pub(crate) mod list;
-pub(crate) mod listen;
+mod fly;
+mod hunt;
+mod judge;
+mod list;
+mod listen;
 mod live;
-pub(crate) mod locate;
+mod locate;
 mod locating;
-pub(crate) mod man;
+mod man;
 mod mqtt;
 #[cfg(feature = "hardware")]
-pub(crate) mod node;
+mod node;
 mod notices;
 #[cfg(not(target_family = "wasm"))]
-pub(crate) mod page;
+mod page;
 mod parameters;
-pub(crate) mod plot;
-pub(crate) mod pulses;
+mod plot;
+mod pulses;
 mod recorded;
-pub(crate) mod replay;
+mod replay;
 #[cfg(feature = "store")]
-pub(crate) mod results;
+mod results;
 mod scores;
 mod settings;
-pub(crate) mod soak;
+mod soak;
 #[cfg(feature = "store")]
 mod storing;
-pub(crate) mod tags;
+mod tags;
 mod tiles;
 #[cfg(feature = "hardware")]
 mod tone;
