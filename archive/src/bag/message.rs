@@ -1,3 +1,5 @@
+//! Messages of ROS 2 that a bag holds, and their encoding in CDR.
+
 use foxhunt_wire::geodesy::radians_to_compass_deg;
 
 use super::BagError;

@@ -1,3 +1,5 @@
+//! Cursor on Target: a hunt's features as events, and the platforms that take part.
+
 use std::collections::HashMap;
 
 use foxhunt_wire::geodesy::{Geodetic, LocalFrame};

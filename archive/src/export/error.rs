@@ -1,3 +1,5 @@
+//! Formats of exports, and the errors in writing them.
+
 use std::{path::Path, str::FromStr};
 
 /// Reason why nothing was exported.

@@ -1,3 +1,5 @@
+//! Features of an overview on Earth, which exports write, and GeoJSON of them.
+
 use foxhunt_core::Ellipse;
 use foxhunt_hunt::document;
 use foxhunt_wire::geodesy::{LocalFrame, radians_to_compass_deg};

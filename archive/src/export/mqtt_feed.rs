@@ -1,3 +1,5 @@
+//! Messages of a hunt for MQTT: topics, states and discovery, with names that are safe in them.
+
 use std::collections::HashSet;
 
 use foxhunt_wire::geodesy::LocalFrame;

@@ -1,3 +1,5 @@
+//! Canvas that pictures are drawn on, and its colours.
+
 use std::fmt::Display;
 
 use plotters::{

@@ -1,3 +1,5 @@
+//! Maps of a hunt: its paths, bearings and beliefs with their names, and beliefs over time.
+
 use nalgebra::Vector2;
 use plotters::style::{Color, RGBAColor};
 

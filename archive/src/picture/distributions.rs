@@ -1,3 +1,5 @@
+//! Contenders beside each other: distributions of their errors, and ratios to a reference.
+
 use plotters::style::{Color, RGBColor};
 
 use super::{

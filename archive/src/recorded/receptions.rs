@@ -1,3 +1,6 @@
+//! Receptions out of recordings: the bearings of turns, levels, and receivers that stay in one
+//! place.
+
 use std::{cmp::Ordering, collections::BTreeMap, sync::Arc};
 
 use foxhunt_core::{

@@ -1,4 +1,4 @@
-//! Choice of a beacon in recordings, its true places, and the errors in using recordings.
+//! Choice of a beacon in recordings, its true places, and the errors in the use of recordings.
 
 use foxhunt_core::{NoReading, ObservationError};
 use foxhunt_sensors::{CalibrationError, LearnPatternError};

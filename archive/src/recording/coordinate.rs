@@ -1,3 +1,5 @@
+//! Numbers and coordinates as the cells of a table have them.
+
 use std::borrow::Cow;
 
 use super::{FieldProblem, utm};

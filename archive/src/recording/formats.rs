@@ -1,3 +1,6 @@
+//! Built-in formats, the mapping that fits a table, and names for the columns of one without a
+//! header.
+
 use std::{borrow::Cow, fs, path::Path, sync::LazyLock};
 
 use super::{

@@ -1,3 +1,5 @@
+//! Poses of a receiver over time, and interpolation between rows.
+
 use std::{fs, io::Write, path::Path};
 
 use foxhunt_core::angle;

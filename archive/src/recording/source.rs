@@ -1,3 +1,5 @@
+//! Sources of a column's values in a mapping: fixed values, columns, directions of North.
+
 use std::{collections::BTreeMap, fmt, str::FromStr};
 
 use serde::{

@@ -1,3 +1,5 @@
+//! Turns of an antenna in a recording: their limits, their sweeps, and a source that plays them.
+
 use std::{
     collections::{BTreeMap, VecDeque},
     f64::consts::TAU,

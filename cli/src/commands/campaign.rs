@@ -1,3 +1,5 @@
+//! Campaigns of simulated hunts, and the tables of their reports.
+
 use std::{
     fs::File,
     io::{BufWriter, Write},

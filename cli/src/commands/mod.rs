@@ -1,5 +1,5 @@
-//! One file or folder for each subcommand, with its arguments, what it does and its table; and what
-//! several of them share.
+//! One file or folder for each subcommand, with its arguments, its work and its table; and parts
+//! that several of them share.
 
 #[cfg(feature = "hardware")]
 mod advice;

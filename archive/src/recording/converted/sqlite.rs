@@ -1,4 +1,4 @@
-//! Databases of SQLite in memory: those of Kismet and of DF Aggregator.
+//! Databases of SQLite in memory: recordings of Kismet and of DF Aggregator.
 
 use std::io::{Cursor, Read};
 

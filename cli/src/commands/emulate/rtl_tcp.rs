@@ -1,3 +1,5 @@
+//! An emulated RTL-SDR: a server of its samples, and files of them.
+
 use std::{
     ffi::OsStr,
     fs::{self, File},

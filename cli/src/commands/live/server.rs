@@ -1,3 +1,5 @@
+//! Server of the live page, and what it shares with the hunt's thread.
+
 use std::{
     convert::Infallible,
     net::TcpListener,

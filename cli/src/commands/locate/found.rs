@@ -1,3 +1,5 @@
+//! Places that were found, and the measurements that do not fit them.
+
 use foxhunt::{
     core::Estimate,
     geodesy::Geodetic,

@@ -1,3 +1,5 @@
+//! The fusion node: the hunt itself, and its log.
+
 use std::{
     fs::{self, File, OpenOptions},
     io::{self, IsTerminal},

@@ -1,3 +1,5 @@
+//! Links between the nodes, and the key that signs their messages.
+
 use std::{
     path::PathBuf,
     sync::{
