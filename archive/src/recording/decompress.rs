@@ -302,10 +302,10 @@ mod tests {
     #[test]
     fn the_first_document_is_unpacked() {
         let text = zipped_kml(KMZ, 1 << 20).expect("it is whole").expect("a document");
-        assert!(text.starts_with(b"<?xml") && text.ends_with(b"</zipped_kml>\n"));
+        assert!(text.starts_with(b"<?xml") && text.ends_with(b"</kml>\n"));
         assert_eq!(zip_entries(KMZ).count(), 2);
         assert_eq!(zipped_kml(b"PK\x03\x04", 1).expect("no document"), None);
-        assert_eq!(zipped_kml(b"<zipped_kml>", 1).expect("no archive"), None);
+        assert_eq!(zipped_kml(b"<kml>", 1).expect("no archive"), None);
     }
 
     #[test]

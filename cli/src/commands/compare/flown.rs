@@ -154,9 +154,9 @@ fn coverage(beacon: &BeaconCampaign) -> String {
 }
 
 /// Meaning of the columns.
-const ANTENNA_LEGEND: &str = "Errors in metres. The ratio is the geometric mean of the two errors' ratios \
-     run_antennas by run_antennas, on the same seeds; where its interval leaves out 1, the antennas differ. p is \
-     that of Student's paired t-test on the logarithms.";
+const ANTENNA_LEGEND: &str = "Errors in metres. The ratio is the geometric mean of the two \
+     errors' ratios run by run, on the same seeds; where its interval leaves out 1, the antennas \
+     differ. p is that of Student's paired t-test on the logarithms.";
 
 /// Compare the σ of bearings in flown hunts
 ///
@@ -271,8 +271,8 @@ fn sigma_tables(report: &SigmasReport) -> String {
 }
 
 /// Meaning of the columns.
-const SIGMA_LEGEND: &str = "Errors in metres. r is the correlation of σ with |error|, p its Student's \
-     test; level and rms dB are those of levels minus the model's law; σ × and floor fit σ to the \
-     errors. The ratio is the geometric mean of the error over that with the constant σ, run_sigmas by \
-     run_sigmas on the same seeds, with p of Student's paired t-test on the logarithms: below 1 the σ \
-     gains.";
+const SIGMA_LEGEND: &str = "Errors in metres. r is the correlation of σ with |error|, p its \
+     Student's test; level and rms dB are those of levels minus the model's law; σ × and floor \
+     fit σ to the errors. The ratio is the geometric mean of the error over that with the \
+     constant σ, run by run on the same seeds, with p of Student's paired t-test on the \
+     logarithms: below 1 the σ gains.";

@@ -319,8 +319,8 @@ mod pmtiles {
         runtime: Mutex<Runtime>,
     }
 
-    /// File that is read when a tile is needed. A file mapped into memory would end the program if the
-    /// medium is pulled out.
+    /// File that is read when a tile is needed. A file mapped into memory would end the program if
+    /// the medium is pulled out.
     struct Plain {
         file: Mutex<File>,
         length: u64,
@@ -363,8 +363,8 @@ mod pmtiles {
         Ok((Box::new(source), LiveTiles { zooms, attribution }))
     }
 
-    /// Returns the end of the tiles by the header, in whose bytes 56 to 72 they begin and have their
-    /// length.
+    /// Returns the end of the tiles by the header, in whose bytes 56 to 72 they begin and have
+    /// their length.
     fn end_of_data(file: &mut File) -> Result<u64, TilesError> {
         let mut number = |at: u64| {
             let mut bytes = [0; 8];
