@@ -81,10 +81,10 @@ impl Recording {
     /// The turns of the antenna, in the order in which they ended.
     ///
     /// A turn holds one drone's readings of one beacon that have a boresight and a level. The
-    /// `turn` column decides which belong together; without it, the mapping's
-    /// [`Turns`](super::Turns) do. A reading without a `position` belongs to the one whose nominal
-    /// angle 2πi / `positions` is nearest to its boresight. Where the recording has no times, its
-    /// rows are taken to be a second apart.
+    /// `turn` column decides which belong together; without it, the mapping's [`Turns`] do. A
+    /// reading without a `position` belongs to the one whose nominal angle 2πi / `positions` is
+    /// nearest to its boresight. Where the recording has no times, its rows are taken to be a
+    /// second apart.
     ///
     /// A recording whose antenna has no direction has no sweeps.
     ///
