@@ -19,4 +19,3 @@ pub mod recording;
 pub mod relocation;
 pub mod replay;
 pub mod struck;
-mod surrounding;

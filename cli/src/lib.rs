@@ -25,21 +25,19 @@
 
 mod args;
 mod commands;
-mod context;
 mod error;
 mod hints;
 mod output;
 mod progress;
 mod screen;
 mod table;
-mod writable;
 
 use std::{cell::RefCell, env, ffi::OsString, process::ExitCode};
 
 use foxhunt::registry::Registry;
 
 pub use crate::error::CommandError;
-use crate::{context::Context, output::Output};
+use crate::output::{Context, Output};
 
 /// Runs the program on its command line and returns its exit code: 0 for success, 2 for wrong use
 /// or input, 1 for a failure.

@@ -1,14 +1,29 @@
+//! Outputs of a command: results, warnings, and files that are checked before the work begins.
+
 use std::{
     cell::RefCell,
     collections::BTreeMap,
+    fs::{self, OpenOptions},
     io::{self, Write},
+    path::Path,
 };
 
 use clap::ValueEnum;
-use foxhunt::document;
+use foxhunt::{document, registry::Registry};
 use serde::Serialize;
 
 use crate::{error::CliError, screen};
+
+/// Inputs of every command besides its own arguments.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Context<'a> {
+    /// Output for results and notes.
+    pub(crate) output: Output<'a>,
+    /// The estimators, extractors, planners and sources, by name.
+    pub(crate) registry: &'a Registry,
+    /// All commands, their arguments with the names of a registry.
+    pub(crate) command_line: fn(&Registry) -> clap::Command,
+}
 
 /// Form of results for other programs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -182,4 +197,46 @@ fn to_stdout(text: &str) -> Result<(), CliError> {
 fn printed(text: &str) -> io::Result<()> {
     let mut out = io::stdout().lock();
     writeln!(out, "{text}").and_then(|()| out.flush())
+}
+
+/// Refuses a file that cannot be written, for want of its folder or of the right. An existing file
+/// keeps its contents, and a missing one is not created.
+pub(crate) fn check_writable(path: &Path) -> Result<(), CliError> {
+    check(path).map_err(|error| CliError::writing(path, error))
+}
+
+fn check(path: &Path) -> io::Result<()> {
+    match OpenOptions::new().write(true).create_new(true).open(path) {
+        Ok(_) => fs::remove_file(path),
+        // Pipes are opened when they are written: whoever reads them would meet their end here.
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => match path.is_file() {
+            true => OpenOptions::new().write(true).open(path).map(drop),
+            false if path.is_dir() => Err(io::ErrorKind::IsADirectory.into()),
+            false => Ok(()),
+        },
+        Err(error) => Err(error),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_stay_as_they_are() {
+        let folder = std::env::temp_dir().join(format!("foxhunt-writable-{}", std::process::id()));
+        fs::create_dir_all(&folder).expect("a folder");
+        let old = folder.join("old");
+        let new = folder.join("new");
+        fs::write(&old, "kept").expect("a file");
+        assert!(check_writable(&old).is_ok() && check_writable(&new).is_ok());
+        assert_eq!(fs::read_to_string(&old).expect("it is there"), "kept");
+        assert!(!new.exists());
+        for nowhere in [folder.clone(), folder.join("no/such"), old.join("within")] {
+            let error = check_writable(&nowhere).expect_err("it cannot be a file");
+            let CliError::Failure(error) = error else { panic!("{error}") };
+            assert!(error.to_string().contains("cannot be written"), "{error}");
+        }
+        fs::remove_dir_all(&folder).expect("it was ours");
+    }
 }

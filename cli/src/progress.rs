@@ -1,21 +1,13 @@
 //! Progress of long work.
 
-#[cfg(not(target_family = "wasm"))]
-mod bar;
-#[cfg(target_family = "wasm")]
-mod no_bar;
-
 use std::{
     io::{IsTerminal, stderr},
     sync::atomic::{AtomicU64, Ordering},
 };
 
-use serde::Serialize;
-
 #[cfg(not(target_family = "wasm"))]
-use self::bar::Bar;
-#[cfg(target_family = "wasm")]
-use self::no_bar::Bar;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
 
 use crate::output::{Output, event, warn};
 
@@ -95,6 +87,70 @@ fn hundredth(before: u64, done: u64, total: u64) -> bool {
     parts(done) > parts(before)
 }
 
+/// A bar on standard error, with the time that is left.
+#[cfg(not(target_family = "wasm"))]
+#[derive(Debug)]
+struct Bar(ProgressBar);
+
+#[cfg(not(target_family = "wasm"))]
+const TEMPLATE: &str = "{wide_bar} {pos} of {len} {msg}, {eta} left";
+
+#[cfg(not(target_family = "wasm"))]
+impl Bar {
+    /// Shows a bar of `total` parts; `what` names them.
+    fn new(total: u64, what: &'static str) -> Self {
+        let bar = ProgressBar::new(total);
+        // The template is checked by a test; a bar without style is a bar all the same.
+        if let Ok(style) = ProgressStyle::with_template(TEMPLATE) {
+            bar.set_style(style);
+        }
+        Self(bar.with_message(what))
+    }
+
+    /// Shows the number of parts that are done.
+    fn reach(&self, done: u64) {
+        self.0.set_position(done);
+    }
+
+    /// Replaces the note beside the bar.
+    fn note(&self, note: String) {
+        self.0.set_message(note);
+    }
+
+    /// Prints above the bar.
+    fn above(&self, print: impl FnOnce()) {
+        self.0.suspend(print);
+    }
+
+    /// Removes the bar.
+    fn remove(&self) {
+        self.0.finish_and_clear();
+    }
+}
+
+/// A bar that draws nothing: WebAssembly has no terminal.
+#[cfg(target_family = "wasm")]
+#[derive(Debug)]
+struct Bar;
+
+#[cfg(target_family = "wasm")]
+impl Bar {
+    fn new(_total: u64, _what: &'static str) -> Self {
+        Self
+    }
+
+    fn reach(&self, _done: u64) {}
+
+    fn note(&self, _note: String) {}
+
+    /// Prints at once.
+    fn above(&self, print: impl FnOnce()) {
+        print();
+    }
+
+    fn remove(&self) {}
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -107,5 +163,10 @@ mod tests {
         }
         assert_eq!((1..=3).filter(|done| hundredth(done - 1, *done, 3)).count(), 3);
         assert!(hundredth(2, 3, 3));
+    }
+
+    #[test]
+    fn the_template_is_one() {
+        assert!(ProgressStyle::with_template(TEMPLATE).is_ok());
     }
 }

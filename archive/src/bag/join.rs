@@ -5,7 +5,7 @@ use super::{
     contents::{Bag, Message},
     message::{Kind, Place, Use, compass, level, place, reception},
 };
-use crate::{recording::Column, surrounding::surrounding};
+use crate::recording::{Column, poses::surrounding};
 
 /// Topics of a bag that are read.
 #[derive(Clone, Debug, PartialEq)]

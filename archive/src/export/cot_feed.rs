@@ -5,9 +5,11 @@ use nalgebra::Vector3;
 
 use super::{
     ExportError,
-    cot::{HOLDS_S, Head, IN_THE_AIR, ON_THE_GROUND, how, platform, put, uid},
+    cot::{
+        CotPlatform, HOLDS_S, Head, IN_THE_AIR, ON_THE_GROUND, Receivers, how, is_found, platform,
+        put, uid, unique,
+    },
     feature::{Feature, Kind, bearing, found, lon_lat, reach_m},
-    team::{CotPlatform, Receivers, is_found, unique},
     xml::Xml,
 };
 use crate::overview::{Overview, Received};

@@ -1,7 +1,12 @@
+//! Features of an overview on Earth, which exports write, and GeoJSON of them.
+
 use foxhunt_core::Ellipse;
+use foxhunt_hunt::document;
 use foxhunt_wire::geodesy::{LocalFrame, radians_to_compass_deg};
 use nalgebra::{Vector2, Vector3};
+use serde_json::{Map, Value, json};
 
+use super::ExportError;
 use crate::overview::{Believed, Overview, Received, SearchOverview};
 
 /// Something on the map.
@@ -103,7 +108,7 @@ pub(super) fn reach_m(overview: &Overview) -> f64 {
 }
 
 /// The corners of an ellipse about a place, closed.
-pub(super) fn outline(mean: &Vector2<f64>, ellipse: &Ellipse) -> Vec<Vector2<f64>> {
+fn outline(mean: &Vector2<f64>, ellipse: &Ellipse) -> Vec<Vector2<f64>> {
     let (sin, cos) = libm::sincos(ellipse.orientation);
     let corner = |i: u16| {
         let turn = std::f64::consts::TAU * f64::from(i % CORNERS) / f64::from(CORNERS);
@@ -237,4 +242,44 @@ impl Feature {
     fn of(kind: Kind, name: &str, shape: Shape) -> Self {
         Self { kind, name: name.to_owned(), time: None, shape, numbers: Vec::new() }
     }
+}
+
+pub(super) fn write_geojson(
+    overview: &Overview,
+    frame: &LocalFrame,
+) -> Result<Vec<u8>, ExportError> {
+    document::to_json(&geojson(overview, frame)).map(String::into_bytes).map_err(ExportError::write)
+}
+
+/// The collection of all features (RFC 7946, section 3.3).
+pub(super) fn geojson(overview: &Overview, frame: &LocalFrame) -> Value {
+    let features = features(overview, frame);
+    let features: Vec<Value> = features.iter().map(|one| feature(overview, one)).collect();
+    json!({ "type": "FeatureCollection", "features": features })
+}
+
+fn feature(overview: &Overview, feature: &Feature) -> Value {
+    let mut properties = Map::new();
+    let _ = properties.insert("kind".to_owned(), feature.kind.name().into());
+    let _ = properties.insert("name".to_owned(), feature.name.clone().into());
+    if let Some(time) = feature.time {
+        let _ = properties.insert("time_s".to_owned(), time.into());
+        if let Some(utc) = utc(overview, time) {
+            let _ = properties.insert("time".to_owned(), utc.into());
+        }
+    }
+    for (name, value) in &feature.numbers {
+        let _ = properties.insert((*name).to_owned(), json!(value));
+    }
+    let geometry = match &feature.shape {
+        Shape::Point(place) => json!({ "type": "Point", "coordinates": place }),
+        Shape::Line(line) => {
+            let line: Vec<_> = line.iter().map(|(place, _)| place).collect();
+            json!({ "type": "LineString", "coordinates": line })
+        }
+        // The first ring is counter-clockwise, as section 3.1.6 has it, and its holes the other
+        // way.
+        Shape::Area(rings) => json!({ "type": "Polygon", "coordinates": rings }),
+    };
+    json!({ "type": "Feature", "geometry": geometry, "properties": properties })
 }

@@ -3,7 +3,7 @@
 use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
 use rusqlite::{Connection, params};
 
-use super::{ExportError, kmz::bounds, paint::Paint};
+use super::{ExportError, kml::bounds, paint::Paint};
 use crate::{
     overview::Overview,
     page::{degrees, mercator},

@@ -1,3 +1,6 @@
+//! Poses, estimates and the log of a hunt as messages of ROS 2 in MCAP, with the definitions of
+//! their types.
+
 use std::{collections::BTreeMap, io::Cursor};
 
 use ::mcap::{WriteOptions, Writer, records::MessageHeader};
@@ -5,7 +8,7 @@ use foxhunt_hunt::document;
 use foxhunt_wire::geodesy::LocalFrame;
 use nalgebra::{Matrix2, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-use super::{ExportError, cdr::CdrWriter, geojson, ros};
+use super::{ExportError, feature::geojson};
 use crate::overview::{Knot, Overview};
 
 /// Frame of East, North and Up, as of the nodes of a hunt.
@@ -71,7 +74,7 @@ pub(super) fn write(overview: &Overview, frame: &LocalFrame) -> Result<Vec<u8>, 
 }
 
 fn channel(writer: &mut Writer<Cursor<Vec<u8>>>, message: &Message) -> Result<u16, ExportError> {
-    let definition = ros::definition(message.kind);
+    let definition = definition(message.kind);
     let schema = writer
         .add_schema(message.kind, "ros2msg", definition.as_bytes())
         .map_err(ExportError::write)?;
@@ -185,7 +188,7 @@ fn messages(overview: &Overview, frame: &LocalFrame) -> Result<Vec<Message>, Exp
         place: frame.origin().to_ecef(),
         turn: UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes)),
     };
-    add(first, "/tf_static", ros::TF_MESSAGE, "", transform(first, &on_earth));
+    add(first, "/tf_static", TF_MESSAGE, "", transform(first, &on_earth));
     for (index, receiver) in overview.receivers.iter().enumerate() {
         let child = format!("drone_{index}");
         let topic = |what: &str| format!("/foxhunt/{child}/{what}");
@@ -194,12 +197,12 @@ fn messages(overview: &Overview, frame: &LocalFrame) -> Result<Vec<Message>, Exp
             let name = &receiver.name;
             let mut cdr = CdrWriter::new();
             pose_stamped(&mut cdr, time, &knot.place);
-            add(time, &topic("pose"), ros::POSE_STAMPED, name, cdr.into_bytes());
+            add(time, &topic("pose"), POSE_STAMPED, name, cdr.into_bytes());
             let data = fix(frame, time, &child, &knot.place, None);
-            add(time, &topic("fix"), ros::NAV_SAT_FIX, name, data);
+            add(time, &topic("fix"), NAV_SAT_FIX, name, data);
             let turn = UnitQuaternion::identity();
             let of = Transform { parent: MAP, child: &child, place: knot.place, turn };
-            add(time, "/tf", ros::TF_MESSAGE, "", transform(time, &of));
+            add(time, "/tf", TF_MESSAGE, "", transform(time, &of));
         }
         // The last path is the whole one.
         let knots = receiver.path.len();
@@ -207,7 +210,7 @@ fn messages(overview: &Overview, frame: &LocalFrame) -> Result<Vec<Message>, Exp
             let end = knots * part / PATHS.min(knots);
             let flown = receiver.path.get(..end).unwrap_or_default();
             if let (Some(data), Some(knot)) = (path(epoch, flown), flown.last()) {
-                add(epoch + knot.time, &topic("path"), ros::PATH, &receiver.name, data);
+                add(epoch + knot.time, &topic("path"), PATH, &receiver.name, data);
             }
         }
     }
@@ -219,7 +222,7 @@ fn messages(overview: &Overview, frame: &LocalFrame) -> Result<Vec<Message>, Exp
             let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), bearing.angle);
             let of = Transform { parent: &parent, child: &child, place: Vector3::zeros(), turn };
             let time = epoch + received.time;
-            add(time, "/tf", ros::TF_MESSAGE, "", transform(time, &of));
+            add(time, "/tf", TF_MESSAGE, "", transform(time, &of));
         }
     }
     for (index, search) in overview.searches.iter().enumerate() {
@@ -230,12 +233,12 @@ fn messages(overview: &Overview, frame: &LocalFrame) -> Result<Vec<Message>, Exp
             let place = believed.estimate.mean.push(0.0);
             let covariance = believed.estimate.covariance;
             let data = estimate(time, &place, &covariance);
-            add(time, &topic("estimate"), ros::POSE_WITH_COVARIANCE_STAMPED, &search.name, data);
+            add(time, &topic("estimate"), POSE_WITH_COVARIANCE_STAMPED, &search.name, data);
             let data = fix(frame, time, &child, &place, Some(covariance));
-            add(time, &topic("fix"), ros::NAV_SAT_FIX, &search.name, data);
+            add(time, &topic("fix"), NAV_SAT_FIX, &search.name, data);
             let turn = UnitQuaternion::identity();
             let of = Transform { parent: MAP, child: &child, place, turn };
-            add(time, "/tf", ros::TF_MESSAGE, "", transform(time, &of));
+            add(time, "/tf", TF_MESSAGE, "", transform(time, &of));
         }
     }
     for notice in &overview.notices {
@@ -250,11 +253,162 @@ fn messages(overview: &Overview, frame: &LocalFrame) -> Result<Vec<Message>, Exp
         cdr.text("");
         cdr.text("");
         cdr.u32(0);
-        add(time, "/foxhunt/log", ros::LOG, "", cdr.into_bytes());
+        add(time, "/foxhunt/log", LOG, "", cdr.into_bytes());
     }
-    let map = geojson::collection(overview, frame);
+    let map = geojson(overview, frame);
     let mut cdr = CdrWriter::new();
     cdr.text(&document::to_json(&map).map_err(ExportError::write)?);
-    add(last, "/foxhunt/map", ros::GEO_JSON, "", cdr.into_bytes());
+    add(last, "/foxhunt/map", GEO_JSON, "", cdr.into_bytes());
     Ok(messages)
+}
+
+const GEO_JSON: &str = "foxglove_msgs/msg/GeoJSON";
+const LOG: &str = "rcl_interfaces/msg/Log";
+const NAV_SAT_FIX: &str = "sensor_msgs/msg/NavSatFix";
+const PATH: &str = "nav_msgs/msg/Path";
+const POSE_STAMPED: &str = "geometry_msgs/msg/PoseStamped";
+const POSE_WITH_COVARIANCE_STAMPED: &str = "geometry_msgs/msg/PoseWithCovarianceStamped";
+const TF_MESSAGE: &str = "tf2_msgs/msg/TFMessage";
+
+/// Types with their fields; a type stands after the types that it holds.
+const FIELDS: [(&str, &str); 17] = [
+    ("builtin_interfaces/msg/Time", "int32 sec\nuint32 nanosec\n"),
+    ("std_msgs/msg/Header", "builtin_interfaces/Time stamp\nstring frame_id\n"),
+    ("geometry_msgs/msg/Point", "float64 x\nfloat64 y\nfloat64 z\n"),
+    ("geometry_msgs/msg/Vector3", "float64 x\nfloat64 y\nfloat64 z\n"),
+    ("geometry_msgs/msg/Quaternion", "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"),
+    (
+        "geometry_msgs/msg/Pose",
+        "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n",
+    ),
+    (POSE_STAMPED, "std_msgs/Header header\ngeometry_msgs/Pose pose\n"),
+    ("geometry_msgs/msg/PoseWithCovariance", "geometry_msgs/Pose pose\nfloat64[36] covariance\n"),
+    (
+        POSE_WITH_COVARIANCE_STAMPED,
+        "std_msgs/Header header\ngeometry_msgs/PoseWithCovariance pose\n",
+    ),
+    (PATH, "std_msgs/Header header\ngeometry_msgs/PoseStamped[] poses\n"),
+    (
+        "geometry_msgs/msg/Transform",
+        "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n",
+    ),
+    (
+        "geometry_msgs/msg/TransformStamped",
+        "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n",
+    ),
+    (TF_MESSAGE, "geometry_msgs/TransformStamped[] transforms\n"),
+    ("sensor_msgs/msg/NavSatStatus", "int8 status\nuint16 service\n"),
+    (
+        NAV_SAT_FIX,
+        "std_msgs/Header header\nsensor_msgs/NavSatStatus status\nfloat64 latitude\n\
+         float64 longitude\nfloat64 altitude\nfloat64[9] position_covariance\n\
+         uint8 position_covariance_type\n",
+    ),
+    (
+        LOG,
+        "builtin_interfaces/Time stamp\nuint8 level\nstring name\nstring msg\nstring file\n\
+         string function\nuint32 line\n",
+    ),
+    (GEO_JSON, "string geojson\n"),
+];
+
+/// The definition of a type as MCAP wants it (`ros2msg`): its fields, then each type that it holds
+/// behind a line of `=`.
+fn definition(kind: &str) -> String {
+    let fields = |kind: &str| {
+        FIELDS.iter().find(|(name, _)| *name == kind).map_or("", |(_, fields)| *fields)
+    };
+    let mut text = fields(kind).to_owned();
+    let mut held: Vec<String> = Vec::new();
+    let mut open = vec![kind.to_owned()];
+    while let Some(kind) = open.pop() {
+        for field in fields(&kind).lines() {
+            let of = field.split([' ', '[']).next().unwrap_or_default();
+            let of = of.replace('/', "/msg/");
+            if of.contains('/') && !held.contains(&of) {
+                open.push(of.clone());
+                held.push(of);
+            }
+        }
+    }
+    for kind in held {
+        text.push_str(&"=".repeat(80));
+        text.push_str(&format!("\nMSG: {}\n{}", kind.replace("/msg/", "/"), fields(&kind)));
+    }
+    text
+}
+
+/// Writes the values of a message in CDR, as ROS 2 reads it: OMG's Common Data Representation,
+/// version 1, little-endian, where each number is aligned to its own size.
+#[derive(Debug)]
+struct CdrWriter(Vec<u8>);
+
+/// Length of the header; alignment counts from its end.
+const HEADER: usize = 4;
+
+impl CdrWriter {
+    /// A message that has its header alone.
+    fn new() -> Self {
+        Self(vec![0, 1, 0, 0])
+    }
+
+    fn put<const N: usize>(&mut self, bytes: [u8; N]) {
+        let end = self.0.len() - HEADER;
+        self.0.resize(HEADER + end.next_multiple_of(N), 0);
+        self.0.extend(bytes);
+    }
+
+    fn u8(&mut self, value: u8) {
+        self.put([value]);
+    }
+
+    fn u16(&mut self, value: u16) {
+        self.put(value.to_le_bytes());
+    }
+
+    fn u32(&mut self, value: u32) {
+        self.put(value.to_le_bytes());
+    }
+
+    fn f64s(&mut self, values: impl IntoIterator<Item = f64>) {
+        for value in values {
+            self.put(value.to_le_bytes());
+        }
+    }
+
+    /// Writes the length of a list, whose items follow.
+    fn length(&mut self, items: usize) {
+        self.u32(u32::try_from(items).unwrap_or(u32::MAX));
+    }
+
+    /// Writes a text; it ends at its first zero byte, which CDR has no room for.
+    fn text(&mut self, text: &str) {
+        let text = text.split('\0').next().unwrap_or_default();
+        self.length(text.len() + 1);
+        self.0.extend(text.as_bytes());
+        self.u8(0);
+    }
+
+    fn into_bytes(self) -> Vec<u8> {
+        self.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_aligned_to_their_size() {
+        let mut cdr = CdrWriter::new();
+        cdr.u8(7);
+        cdr.u32(0x0102_0304);
+        cdr.f64s([1.5]);
+        cdr.text("a\0b");
+        cdr.u16(9);
+        let header = [0, 1, 0, 0];
+        let numbers = [7, 0, 0, 0, 4, 3, 2, 1, 0, 0, 0, 0, 0, 0, 0xF8, 0x3F];
+        let text_and_number = [2, 0, 0, 0, b'a', 0, 9, 0];
+        assert_eq!(cdr.into_bytes(), [&header[..], &numbers, &text_and_number].concat());
+    }
 }

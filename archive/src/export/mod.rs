@@ -7,37 +7,27 @@
 //! Coordinates are WGS84. Heights are left out where a format does without: those of local frames
 //! are above the frame's origin, whose own height is often not known.
 
-#[cfg(feature = "mcap")]
-mod cdr;
 mod cot;
 mod cot_feed;
 mod czml;
 mod error;
 mod feature;
-mod format;
-mod geojson;
 mod geotiff;
 mod gpx;
 mod kml;
-mod kmz;
 #[cfg(feature = "sqlite")]
 mod mbtiles;
 #[cfg(feature = "mcap")]
 mod mcap;
 mod mqtt_feed;
 mod paint;
-#[cfg(feature = "mcap")]
-mod ros;
-mod safe_name;
 mod table;
-mod team;
 mod xml;
 
+pub use cot::CotPlatform;
 pub use cot_feed::{CotEvent, CotFeed};
-pub use error::ExportError;
-pub use format::Format;
+pub use error::{ExportError, Format};
 pub use mqtt_feed::{MqttFeed, MqttMessage, availability_topic};
-pub use team::CotPlatform;
 
 use foxhunt_wire::geodesy::LocalFrame;
 
@@ -52,7 +42,7 @@ pub fn export(overview: &Overview, format: Format) -> Result<Vec<u8>, ExportErro
     format.check(overview.frame.is_some(), overview.epoch_unix_s.is_some())?;
     let frame = || overview.frame.ok_or(ExportError::NoOrigin);
     match format {
-        Format::GeoJson => geojson::write(overview, &frame()?),
+        Format::GeoJson => feature::write_geojson(overview, &frame()?),
         Format::Kml => kml::write(overview, &frame()?),
         Format::Czml => czml::write(overview, &frame()?),
         Format::Gpx => gpx::write(overview, &frame()?),
@@ -60,7 +50,7 @@ pub fn export(overview: &Overview, format: Format) -> Result<Vec<u8>, ExportErro
         Format::Cot => cot::write(overview, &frame()?),
         Format::Mcap => mcap_of(overview, &frame()?),
         Format::GeoTiff => geotiff::write(overview, &frame()?),
-        Format::Kmz => kmz::write(overview, &frame()?),
+        Format::Kmz => kml::write_overlay(overview, &frame()?),
         Format::MbTiles => tiles_of(overview, &frame()?),
         Format::Png => {
             let paint = paint::Paint::of(overview).ok_or(ExportError::NoBelief)?;

@@ -22,9 +22,9 @@ const LEAST_SHARE: f64 = 1e-4;
 
 /// Pixels with red, green, blue and opacity, row by row from the North.
 pub(super) struct Picture {
-    pub(super) width: u32,
-    pub(super) height: u32,
-    pub(super) pixels: Vec<u8>,
+    width: u32,
+    height: u32,
+    pixels: Vec<u8>,
 }
 
 /// Colour of what was searched in silence, and its opacity where a transmitter would surely have

@@ -1,3 +1,5 @@
+//! Canvas that pictures are drawn on, and its colours.
+
 use std::fmt::Display;
 
 use plotters::{
@@ -11,10 +13,37 @@ use plotters::{
     },
 };
 
-use super::{
-    frame::{Pixel, Rect},
-    palette,
-};
+use super::frame::{Pixel, Rect};
+
+/// The colours of the drones, distinct with any colour vision (Okabe & Ito 2008).
+const DRONES: [RGBColor; 6] = [
+    RGBColor(0, 114, 178),
+    RGBColor(230, 130, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(86, 180, 233),
+    RGBColor(204, 121, 167),
+    RGBColor(140, 110, 30),
+];
+
+/// A drone's colour; with more drones than colours they come again.
+pub(super) fn drone_colour(index: usize) -> RGBColor {
+    DRONES[index % DRONES.len()]
+}
+
+/// Colour of beliefs.
+pub(super) const BELIEF: RGBColor = RGBColor(200, 20, 60);
+/// The places of a belief's cloud.
+pub(super) const CLOUD: RGBColor = RGBColor(235, 120, 140);
+/// Colour of the truth and of text.
+pub(super) const INK: RGBColor = RGBColor(25, 25, 30);
+/// Text of less weight.
+pub(super) const FAINT_INK: RGBColor = RGBColor(95, 95, 105);
+/// The lines of the grid.
+pub(super) const GRID: RGBColor = RGBColor(228, 230, 234);
+/// The frame about the field.
+pub(super) const EDGE: RGBColor = RGBColor(150, 150, 158);
+/// Paper.
+pub(super) const PAPER: RGBColor = RGBColor(255, 255, 255);
 
 /// The backend knows whole units only: four in a pixel make smooth curves.
 pub(super) const UNIT: i32 = 4;
@@ -39,7 +68,7 @@ pub(super) fn svg(
         let size = (WIDTH.unsigned_abs(), HEIGHT.unsigned_abs());
         let root = SVGBackend::with_string(&mut text, size).into_drawing_area();
         let canvas = Canvas { root };
-        canvas.root.fill(&palette::PAPER).map_err(PictureError::new)?;
+        canvas.root.fill(&PAPER).map_err(PictureError::new)?;
         draw(&canvas)?;
         canvas.root.present().map_err(PictureError::new)?;
     }
@@ -120,7 +149,7 @@ impl Canvas<'_> {
                 at.1 + super::frame::whole(reach * libm::sin(angle)),
             )
         };
-        for (radius, colour) in [(radius + 2 * UNIT, palette::PAPER.mix(0.9)), (radius, colour)] {
+        for (radius, colour) in [(radius + 2 * UNIT, PAPER.mix(0.9)), (radius, colour)] {
             self.area((0..10).map(|i| point(i, f64::from(radius))).collect(), colour)?;
         }
         Ok(())

@@ -1,10 +1,12 @@
 use plotters::style::{Color, RGBColor};
 
 use super::{
-    canvas::{Anchor, Canvas, LEGEND, PLOT, PictureError, UNIT},
+    canvas::{
+        Anchor, BELIEF, Canvas, EDGE, FAINT_INK, INK, LEGEND, PLOT, PictureError, UNIT,
+        drone_colour,
+    },
     chart::shortened,
     frame::{Pixel, Rect, round_step, whole},
-    palette,
 };
 
 /// Curves over one axis, for [`graph_svg`](super::graph_svg).
@@ -92,9 +94,9 @@ pub struct Band {
 impl Tint {
     fn colour(self) -> RGBColor {
         match self {
-            Self::Number(index) => palette::drone(index),
-            Self::Belief => palette::BELIEF,
-            Self::Truth => palette::INK,
+            Self::Number(index) => drone_colour(index),
+            Self::Belief => BELIEF,
+            Self::Truth => INK,
         }
     }
 }
@@ -105,7 +107,7 @@ const SIZE: i32 = 13 * UNIT;
 const MARGIN: f64 = 0.04;
 
 pub(super) fn draw(canvas: &Canvas<'_>, graph: &Graph) -> Result<(), PictureError> {
-    canvas.text(&graph.title, (PLOT.left, 16 * UNIT), 17 * UNIT, palette::INK, Anchor::Left)?;
+    canvas.text(&graph.title, (PLOT.left, 16 * UNIT), 17 * UNIT, INK, Anchor::Left)?;
     let curves = graph.curves.iter().flat_map(|curve| &curve.points).copied();
     let bands = graph.bands.iter().flat_map(|band| &band.points);
     let all: Vec<[f64; 2]> =
@@ -226,32 +228,32 @@ impl Plot {
 
     fn axes(&self, canvas: &Canvas<'_>, across: &str, up: &str) -> Result<(), PictureError> {
         let Rect { left, top, right, bottom } = self.rect;
-        let grid = palette::EDGE.mix(0.4);
+        let grid = EDGE.mix(0.4);
         for (value, label) in self.across.ticks() {
             let Some(share) = self.across.share(value) else { continue };
             let x = left + whole(f64::from(right - left) * share);
             canvas.line(vec![(x, top), (x, bottom)], grid, UNIT)?;
             let at = (x, bottom + 7 * UNIT);
-            canvas.text(&label, at, SIZE, palette::FAINT_INK, Anchor::Top)?;
+            canvas.text(&label, at, SIZE, FAINT_INK, Anchor::Top)?;
         }
         for (value, label) in self.up.ticks() {
             let Some(share) = self.up.share(value) else { continue };
             let y = bottom - whole(f64::from(bottom - top) * share);
             canvas.line(vec![(left, y), (right, y)], grid, UNIT)?;
             let at = (left - 8 * UNIT, y);
-            canvas.text(&label, at, SIZE, palette::FAINT_INK, Anchor::Right)?;
+            canvas.text(&label, at, SIZE, FAINT_INK, Anchor::Right)?;
         }
         let corners = [(left, top), (right, top), (right, bottom), (left, bottom), (left, top)];
-        canvas.line(corners.to_vec(), palette::EDGE.to_rgba(), UNIT)?;
+        canvas.line(corners.to_vec(), EDGE.to_rgba(), UNIT)?;
         let middle = ((left + right) / 2, bottom + 28 * UNIT);
-        canvas.text(across, middle, SIZE, palette::INK, Anchor::Top)?;
-        canvas.text(up, (14 * UNIT, top - 14 * UNIT), SIZE, palette::INK, Anchor::Left)
+        canvas.text(across, middle, SIZE, INK, Anchor::Top)?;
+        canvas.text(up, (14 * UNIT, top - 14 * UNIT), SIZE, INK, Anchor::Left)
     }
 
     fn band(&self, canvas: &Canvas<'_>, band: &Band) -> Result<(), PictureError> {
         let low = band.points.iter().filter_map(|[at, low, _]| self.pixel([*at, *low]));
         let high = band.points.iter().rev().filter_map(|[at, _, high]| self.pixel([*at, *high]));
-        canvas.area(low.chain(high).collect(), palette::EDGE.mix(0.3))
+        canvas.area(low.chain(high).collect(), EDGE.mix(0.3))
     }
 
     fn curve(&self, canvas: &Canvas<'_>, curve: &Curve) -> Result<(), PictureError> {
@@ -307,11 +309,11 @@ fn legend(canvas: &Canvas<'_>, graph: &Graph) -> Result<(), PictureError> {
     let mut y = LEGEND.top + 8 * UNIT;
     let name = |name: &str, y: i32| {
         let at = (right + 8 * UNIT, y);
-        canvas.text(&shortened(name), at, SIZE, palette::INK, Anchor::Left)
+        canvas.text(&shortened(name), at, SIZE, INK, Anchor::Left)
     };
     for band in &graph.bands {
         let rect = Rect { left, top: y - 6 * UNIT, right, bottom: y + 6 * UNIT };
-        canvas.cover(rect, palette::EDGE.mix(0.3))?;
+        canvas.cover(rect, EDGE.mix(0.3))?;
         name(&band.name, y)?;
         y += 22 * UNIT;
     }

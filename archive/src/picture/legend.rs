@@ -1,10 +1,12 @@
 use plotters::style::Color;
 
 use super::{
-    canvas::{Anchor, Canvas, LEGEND, PLOT, PictureError, UNIT},
+    canvas::{
+        Anchor, BELIEF, CLOUD, Canvas, FAINT_INK, INK, LEGEND, PLOT, PictureError, UNIT,
+        drone_colour,
+    },
     chart::{CLOUD_DOT, COURSE_WIDTH, PATH_WIDTH, shortened},
     frame::Pixel,
-    palette,
     scene::{Scene, Search},
 };
 use foxhunt_hunt::log::LogHeader;
@@ -29,7 +31,7 @@ pub(super) fn draw(
         header.seed
     );
     let at = (PLOT.left, 20 * UNIT);
-    canvas.text(&title, at, 18 * UNIT, palette::INK, Anchor::Left)?;
+    canvas.text(&title, at, 18 * UNIT, INK, Anchor::Left)?;
     let mut rows = Rows { canvas, y: LEGEND.top + ROW / 2 };
     marks(&mut rows, scene)?;
     for search in scene.searches.iter().take(MOST_BEACONS) {
@@ -56,14 +58,14 @@ impl Rows<'_, '_> {
     ) -> Result<(), PictureError> {
         mark(self.canvas, (LEGEND.left + 14 * UNIT, self.y))?;
         let at = (LEGEND.left + 36 * UNIT, self.y);
-        self.canvas.text(meaning, at, SIZE, palette::INK, Anchor::Left)?;
+        self.canvas.text(meaning, at, SIZE, INK, Anchor::Left)?;
         self.y += ROW;
         Ok(())
     }
 
     fn text(&mut self, text: &str) -> Result<(), PictureError> {
         let at = (LEGEND.left, self.y);
-        self.canvas.text(text, at, SIZE, palette::FAINT_INK, Anchor::Left)?;
+        self.canvas.text(text, at, SIZE, FAINT_INK, Anchor::Left)?;
         self.y += ROW * 9 / 10;
         Ok(())
     }
@@ -71,7 +73,7 @@ impl Rows<'_, '_> {
     fn heading(&mut self, text: &str) -> Result<(), PictureError> {
         self.y += ROW / 2;
         let at = (LEGEND.left, self.y);
-        self.canvas.text(text, at, 14 * UNIT, palette::INK, Anchor::Left)?;
+        self.canvas.text(text, at, 14 * UNIT, INK, Anchor::Left)?;
         self.y += ROW;
         Ok(())
     }
@@ -81,7 +83,7 @@ fn marks(rows: &mut Rows<'_, '_>, scene: &Scene) -> Result<(), PictureError> {
     const HALF: i32 = 12 * UNIT;
     let ends = |(x, y): Pixel| [(x - HALF, y), (x + HALF, y)];
     for drone in scene.drones.keys().take(MOST_DRONES) {
-        let colour = palette::drone(*drone);
+        let colour = drone_colour(*drone);
         // People count from one.
         let meaning = format!("drone {} listened here", drone.saturating_add(1));
         rows.mark(&meaning, |canvas, at| {
@@ -93,14 +95,14 @@ fn marks(rows: &mut Rows<'_, '_>, scene: &Scene) -> Result<(), PictureError> {
         0 => {}
         more => rows.text(&format!("and {more} more drones"))?,
     }
-    let grey = palette::FAINT_INK;
+    let grey = FAINT_INK;
     rows.mark("bearing", |canvas, at| canvas.line(ends(at).to_vec(), grey.mix(0.6), 5))?;
     rows.mark("bearing, not used", |canvas, at| {
         canvas.dashes(ends(at).to_vec(), grey.mix(0.6), 5)
     })?;
     rows.mark("estimate, step by step", |canvas, at| {
-        canvas.line(ends(at).to_vec(), palette::BELIEF.mix(0.7), 5)?;
-        ends(at).into_iter().try_for_each(|end| canvas.dot(end, 9, palette::BELIEF.mix(0.8)))
+        canvas.line(ends(at).to_vec(), BELIEF.mix(0.7), 5)?;
+        ends(at).into_iter().try_for_each(|end| canvas.dot(end, 9, BELIEF.mix(0.8)))
     })?;
     rows.mark("last estimate, 95 % ellipse", |canvas, at| {
         let corner = |i: u32| {
@@ -109,28 +111,28 @@ fn marks(rows: &mut Rows<'_, '_>, scene: &Scene) -> Result<(), PictureError> {
             (at.0 + reach(HALF, cos), at.1 + reach(8 * UNIT, sin))
         };
         let outline: Vec<Pixel> = (0..=40).map(corner).collect();
-        canvas.area(outline.clone(), palette::BELIEF.mix(0.10))?;
-        canvas.line(outline, palette::BELIEF.to_rgba(), 6)?;
-        canvas.dot(at, 4 * UNIT, palette::BELIEF.to_rgba())
+        canvas.area(outline.clone(), BELIEF.mix(0.10))?;
+        canvas.line(outline, BELIEF.to_rgba(), 6)?;
+        canvas.dot(at, 4 * UNIT, BELIEF.to_rgba())
     })?;
     if scene.searches.iter().any(|search| !search.cloud.is_empty()) {
         rows.mark("belief in the end, its cloud", |canvas, at| {
             let places = [(-9, 2), (-4, -4), (0, 3), (3, -1), (6, 4), (10, -3)];
             places.into_iter().try_for_each(|(x, y)| {
                 let place = (at.0 + x * UNIT, at.1 + y * UNIT);
-                canvas.dot(place, CLOUD_DOT, palette::CLOUD.mix(0.45))
+                canvas.dot(place, CLOUD_DOT, CLOUD.mix(0.45))
             })
         })?;
     }
     if !scene.courses.is_empty() {
         rows.mark("where the beacon went", |canvas, at| {
-            canvas.line(ends(at).to_vec(), palette::INK.mix(0.45), COURSE_WIDTH)
+            canvas.line(ends(at).to_vec(), INK.mix(0.45), COURSE_WIDTH)
         })?;
     }
     if !scene.beacons.is_empty() {
         let truly = if scene.courses.is_empty() { "where it truly is" } else { "truly in the end" };
         rows.mark(&format!("beacon, {truly}"), |canvas, at| {
-            canvas.star(at, 9 * UNIT, palette::INK.to_rgba())
+            canvas.star(at, 9 * UNIT, INK.to_rgba())
         })?;
     }
     Ok(())

@@ -4,24 +4,20 @@
 
 mod canvas;
 mod chart;
-mod clouds;
 mod distributions;
 mod frame;
 mod graph;
-mod label;
 mod legend;
 mod of_overview;
-mod palette;
 mod phases;
 mod polar;
-mod ratios;
 mod scene;
 
 pub use canvas::PictureError;
 pub use distributions::Distribution;
+pub use distributions::Ratios;
 pub use graph::{Axis, Band, Curve, Graph, Mark, Scale, Tint};
 pub use of_overview::{NamedSearch, axes_over_steps, error_over_steps, nees_over_steps};
-pub use ratios::Ratios;
 
 use foxhunt_formation::Phase;
 use foxhunt_sensors::Antenna;
@@ -108,7 +104,7 @@ pub fn phases_svg(title: &str, phases: Option<&[Phase]>) -> Result<String, Pictu
 ///
 /// [`PictureError`] when the drawing library refuses an element.
 pub fn clouds_svg(title: &str, search: &SearchOverview) -> Result<String, PictureError> {
-    canvas::svg(|canvas| clouds::draw(canvas, title, search))
+    canvas::svg(|canvas| chart::draw_clouds(canvas, title, search))
 }
 
 /// Draws how contenders compare with a reference, in each of some figures. Returns the text of an
@@ -122,7 +118,7 @@ pub fn ratios_svg(
     figures: &[&str],
     contenders: &[Ratios],
 ) -> Result<String, PictureError> {
-    canvas::svg(|canvas| ratios::draw(canvas, title, figures, contenders))
+    canvas::svg(|canvas| distributions::draw_ratios(canvas, title, figures, contenders))
 }
 
 /// A picture as PNG, two pixels for each of the SVG's, with the sans-serif fonts of the system.

@@ -5,9 +5,8 @@ use foxhunt_formation::{Phase, Phases};
 use plotters::style::Color;
 
 use super::{
-    canvas::{Anchor, Canvas, PictureError, UNIT, text_width},
+    canvas::{Anchor, BELIEF, Canvas, EDGE, FAINT_INK, INK, PAPER, PictureError, UNIT, text_width},
     frame::{Pixel, Rect, whole},
-    palette,
 };
 
 const HALF_WIDTH: i32 = 82 * UNIT;
@@ -112,7 +111,7 @@ pub(super) fn draw(
     title: &str,
     phases: Option<&[Phase]>,
 ) -> Result<(), PictureError> {
-    canvas.text(title, (48 * UNIT, 36 * UNIT), 18 * UNIT, palette::INK, Anchor::Left)?;
+    canvas.text(title, (48 * UNIT, 36 * UNIT), 18 * UNIT, INK, Anchor::Left)?;
     let arrows = arrows(phases);
     for arrow in &arrows {
         arrow.draw(canvas, &arrows)?;
@@ -121,11 +120,11 @@ pub(super) fn draw(
     for node in Node::ALL {
         let (x, y) = node.middle();
         occupied.push(node.rect(0));
-        for (margin, colour) in [(0, palette::EDGE), (UNIT, palette::PAPER)] {
+        for (margin, colour) in [(0, EDGE), (UNIT, PAPER)] {
             canvas.cover(node.rect(margin), colour.to_rgba())?;
         }
         let at = (x, y - SIZE / 2);
-        canvas.text(node.name(), at, SIZE, palette::INK, Anchor::Top)?;
+        canvas.text(node.name(), at, SIZE, INK, Anchor::Top)?;
     }
     // Labels above all lines.
     arrows.iter().try_for_each(|arrow| arrow.write(canvas, &arrows, &mut occupied))
@@ -161,7 +160,7 @@ fn arrows(phases: Option<&[Phase]>) -> Vec<Arrow> {
 
 impl Arrow {
     fn colour(&self) -> plotters::style::RGBColor {
-        if self.taken == Some(0) { palette::EDGE } else { palette::BELIEF }
+        if self.taken == Some(0) { EDGE } else { BELIEF }
     }
 
     /// The middle of a quadratic Bézier curve between the boxes' middles.
@@ -263,12 +262,12 @@ impl Arrow {
         let covered = |rect: &Rect| -> i64 { occupied.iter().map(|o| overlap(o, rect)).sum() };
         let places = [45, 40, 50, 35, 55, 30, 60, 25, 65, 20, 70].map(at);
         let Some(best) = places.into_iter().min_by_key(covered) else { return Ok(()) };
-        canvas.cover(best, palette::PAPER.mix(0.85))?;
+        canvas.cover(best, PAPER.mix(0.85))?;
         occupied.push(best);
         let mut top = best.top;
         for line in &self.label {
             let at = ((best.left + best.right) / 2, top + (LINE - SIZE) / 2);
-            canvas.text(line, at, SIZE, palette::FAINT_INK, Anchor::Top)?;
+            canvas.text(line, at, SIZE, FAINT_INK, Anchor::Top)?;
             top += LINE;
         }
         Ok(())

@@ -6,9 +6,8 @@ use plotters::style::Color;
 use crate::overview::Turn;
 
 use super::{
-    canvas::{Anchor, Canvas, PictureError, UNIT},
+    canvas::{Anchor, BELIEF, Canvas, FAINT_INK, GRID, INK, PictureError, UNIT, drone_colour},
     frame::{Pixel, whole},
-    palette,
 };
 
 /// Below the maximum by this much the centre is reached, in dB.
@@ -36,10 +35,10 @@ pub(super) fn draw(
 ) -> Result<(), PictureError> {
     let lobe = antenna.main_lobe();
     let at = (48 * UNIT, 36 * UNIT);
-    canvas.text(name, at, 18 * UNIT, palette::INK, Anchor::Left)?;
+    canvas.text(name, at, 18 * UNIT, INK, Anchor::Left)?;
     let scale =
         format!("{:.1} dBi at the outer ring, {RING_DB:.0} dB from ring to ring", lobe.gain_dbi);
-    canvas.text(&scale, (48 * UNIT, 62 * UNIT), SIZE, palette::FAINT_INK, Anchor::Left)?;
+    canvas.text(&scale, (48 * UNIT, 62 * UNIT), SIZE, FAINT_INK, Anchor::Left)?;
     let level =
         format!("azimuth, at {:.0}° of elevation, viewed from above", lobe.elevation.to_degrees());
     let across = Circle {
@@ -74,7 +73,7 @@ pub(super) fn draw_turn(
     bearing: Option<f64>,
 ) -> Result<(), PictureError> {
     let at = (48 * UNIT, 36 * UNIT);
-    canvas.text(title, at, 18 * UNIT, palette::INK, Anchor::Left)?;
+    canvas.text(title, at, 18 * UNIT, INK, Anchor::Left)?;
     let levels = turn.samples.iter().chain(&turn.smoothed).map(|[_, level]| *level);
     let most = levels.filter(|level| level.is_finite()).fold(f64::NEG_INFINITY, f64::max);
     if !most.is_finite() {
@@ -84,7 +83,7 @@ pub(super) fn draw_turn(
     let scale =
         format!("{most:.0} dBm at the outer ring, {RING_DB:.0} dB from ring to ring, North up")
             .replace('-', "\u{2212}");
-    canvas.text(&scale, (48 * UNIT, 62 * UNIT), SIZE, palette::FAINT_INK, Anchor::Left)?;
+    canvas.text(&scale, (48 * UNIT, 62 * UNIT), SIZE, FAINT_INK, Anchor::Left)?;
     let sides = ["N", "W", "S", "E"];
     let raw =
         Circle { centre: (290 * UNIT, 430 * UNIT), title: "samples as they were received", sides };
@@ -101,19 +100,19 @@ pub(super) fn draw_turn(
     raw.axes(canvas)?;
     made.axes(canvas)?;
     for sample in turn.samples.iter().filter(|sample| sample.iter().all(|v| v.is_finite())) {
-        canvas.dot(pixel(&raw, sample), 2 * UNIT, palette::drone(0).mix(0.5))?;
+        canvas.dot(pixel(&raw, sample), 2 * UNIT, drone_colour(0).mix(0.5))?;
     }
     if let Some(bearing) = bearing.filter(|bearing| bearing.is_finite()) {
         for circle in [&raw, &made] {
             let ray = vec![circle.centre, circle.pixel(bearing - FRAC_PI_2, 1.0)];
-            canvas.line(ray, palette::INK.to_rgba(), UNIT)?;
+            canvas.line(ray, INK.to_rgba(), UNIT)?;
         }
     }
     let closed = |points: &[[f64; 2]]| -> Vec<Pixel> {
         points.iter().chain(points.first()).map(|point| pixel(&made, point)).collect()
     };
-    canvas.dashes(closed(&turn.fitted), palette::INK.mix(0.7), UNIT)?;
-    canvas.line(closed(&turn.smoothed), palette::BELIEF.to_rgba(), 2 * UNIT)
+    canvas.dashes(closed(&turn.fitted), INK.mix(0.7), UNIT)?;
+    canvas.line(closed(&turn.smoothed), BELIEF.to_rgba(), 2 * UNIT)
 }
 
 impl Circle<'_> {
@@ -124,7 +123,7 @@ impl Circle<'_> {
     ) -> Result<(), PictureError> {
         self.axes(canvas)?;
         let share = |angle: f64| (1.0 + relative_db(angle) / RANGE_DB).clamp(0.0, 1.0);
-        canvas.line(self.turn(720, &share), palette::BELIEF.to_rgba(), 2 * UNIT)
+        canvas.line(self.turn(720, &share), BELIEF.to_rgba(), 2 * UNIT)
     }
 
     /// A closed curve of shares of the radius over the angle, in so many `steps`.
@@ -139,13 +138,13 @@ impl Circle<'_> {
         while below < RANGE_DB {
             // Steps of 3° are a ring to the eye, and a sixth of the bytes of a curve.
             let ring = self.turn(120, &|_| 1.0 - below / RANGE_DB);
-            canvas.line(ring, palette::GRID.to_rgba(), UNIT)?;
+            canvas.line(ring, GRID.to_rgba(), UNIT)?;
             below += RING_DB;
         }
         for spoke in 0..6_u8 {
             let angle = f64::from(spoke) * std::f64::consts::PI / 6.0;
             let ends = [self.pixel(angle, 1.0), self.pixel(angle, -1.0)];
-            canvas.line(ends.to_vec(), palette::GRID.to_rgba(), UNIT)?;
+            canvas.line(ends.to_vec(), GRID.to_rgba(), UNIT)?;
         }
         let (x, y) = self.centre;
         let gap = 12 * UNIT;
@@ -155,12 +154,12 @@ impl Circle<'_> {
             (bottom, (x, y + RADIUS + gap), Anchor::Top),
             (self.title, (x, y + RADIUS + 3 * gap), Anchor::Top),
         ] {
-            canvas.text(text, at, SIZE, palette::INK, anchor)?;
+            canvas.text(text, at, SIZE, INK, anchor)?;
         }
         // Beside the circle there is no room for more than a word.
         for (text, side) in [(left, -1), (right, 1)] {
             let at = (x + side * (RADIUS - 40 * UNIT), y - 8 * UNIT);
-            canvas.text(text, at, SIZE, palette::FAINT_INK, Anchor::Top)?;
+            canvas.text(text, at, SIZE, FAINT_INK, Anchor::Top)?;
         }
         Ok(())
     }

@@ -32,7 +32,7 @@ pub(super) struct Ray {
     pub(super) drone: usize,
     pub(super) from: Vector2<f64>,
     /// Radians counter-clockwise from East.
-    pub(super) angle: f64,
+    angle: f64,
     /// True if the estimator fused it.
     pub(super) fused: bool,
 }
@@ -48,7 +48,7 @@ impl Ray {
 /// The search for one beacon.
 #[derive(Debug, Default)]
 pub(super) struct Search {
-    pub(super) beacon: BeaconId,
+    beacon: BeaconId,
     pub(super) name: String,
     /// The prior's mean, then one estimate for each reception.
     pub(super) track: Vec<Vector2<f64>>,

@@ -77,6 +77,7 @@ fn hunt(estimate: Estimate<2>, angle: f64, outcome: Outcome) -> Vec<Event> {
         steps: 2,
         formation_positions: 1,
         outcome,
+        transmitters: None,
     };
     let prior = Estimate::isotropic(Vector2::zeros(), 8.0);
     vec![

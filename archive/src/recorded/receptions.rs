@@ -1,14 +1,67 @@
+//! Receptions out of recordings: the bearings of turns, levels, and receivers that stay in one
+//! place.
+
 use std::{cmp::Ordering, collections::BTreeMap, sync::Arc};
 
 use foxhunt_core::{
-    BeaconId, Bearing, BearingExtractor, ByQuantity, Intake, Level, Pose, Quantity, Reception,
-    Receptions,
+    BeaconId, Bearing, BearingExtractor, ByQuantity, Intake, Level, Pose, Quantity, Reading,
+    Reception, Receptions,
 };
-use foxhunt_hunt::calibration::BearingCalibration;
+use foxhunt_hunt::{calibration::BearingCalibration, locate::Listener};
 use nalgebra::Vector3;
 
-use super::{RecordedError, bearings};
-use crate::recording::{Beside, Column, Record, Recording, Source, builtin_mappings};
+use super::RecordedError;
+use crate::recording::{
+    Beside, Column, Record, RecordedSweep, Recording, Source, builtin_mappings,
+};
+
+/// A bearing whose confidence is below this should not be relied on.
+///
+/// The confidence is the mean resultant length of the power over the turn, times the share of the
+/// circle that was received; of a clean patch antenna it is 0.8, of a flat pattern 0.
+pub const LOW_CONFIDENCE: f64 = 0.6;
+
+/// An extractor's result for a recorded turn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BearingReading {
+    /// The turn.
+    pub sweep: RecordedSweep,
+    /// Level of the turn, and its bearing or the reason that the bearing is missing.
+    pub reading: Reading,
+}
+
+impl BearingReading {
+    /// Returns true if the turn has a bearing that is not to be relied on.
+    #[must_use]
+    pub fn is_low(&self) -> bool {
+        self.reading.bearing.is_ok_and(|bearing| bearing.confidence < LOW_CONFIDENCE)
+    }
+}
+
+/// Extracts the level and bearing of every turn of a recording, of `positions` positions each.
+///
+/// # Errors
+///
+/// [`RecordedError`] when there is no turn, or one cannot be read.
+pub fn bearings(
+    recording: &Recording,
+    extractor: &dyn BearingExtractor,
+    positions: u16,
+) -> Result<Vec<BearingReading>, RecordedError> {
+    let sweeps = recording.sweeps(positions)?;
+    if sweeps.is_empty() {
+        return Err(RecordedError::NoTurns { file: recording.file().to_owned() });
+    }
+    sweeps
+        .into_iter()
+        .map(|sweep| {
+            let reading = extractor.extract(&sweep.as_sweep(BeaconId(0))).map_err(|source| {
+                RecordedError::Turn { file: recording.file().to_owned(), line: sweep.line, source }
+            })?;
+            Ok(BearingReading { sweep, reading })
+        })
+        .collect()
+}
 
 /// σ of recorded numbers where the recording has none.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -350,4 +403,32 @@ fn check(reception: &Reception, file: &str, line: u64) -> Result<(), RecordedErr
         .observation(reception)
         .map_err(wrong)?;
     Ok(())
+}
+
+/// A receiver that has moved by less than this stays where it is, in metres.
+const STILL_M: f64 = 1.0;
+
+/// The receivers that stay in one place throughout a recording: they listen from their first record
+/// to their last, whatever beacon those are of, down to the lowest level of all receptions there.
+#[must_use]
+pub fn listeners(recordings: &[Recording], receptions: &Receptions) -> Vec<Listener> {
+    let mut listeners = Vec::new();
+    for recording in recordings {
+        for drone in recording.drones() {
+            let records = || recording.records().iter().filter(|record| &*record.drone == drone);
+            let Some(receiver) = records().find_map(|record| record.receiver()) else { continue };
+            let here = |pose: Pose| (pose.position - receiver.position).norm() < STILL_M;
+            let stays = |record: &Record| record.receiver().is_some_and(here);
+            let times = || records().filter_map(|record| record.time);
+            let levels = receptions.iter().filter(|reception| here(reception.receiver));
+            let levels = levels.filter_map(|reception| reception.level);
+            let floor_dbm = levels.map(|level| level.rss_dbm).fold(f64::INFINITY, f64::min);
+            if floor_dbm.is_finite() && records().all(stays) {
+                let from = times().fold(f64::INFINITY, f64::min);
+                let until = times().fold(f64::NEG_INFINITY, f64::max);
+                listeners.push(Listener { receiver, from, until, floor_dbm });
+            }
+        }
+    }
+    listeners
 }

@@ -69,7 +69,7 @@ impl FromStr for TimeFormat {
 /// The offset from UTC of times that state none, in seconds; East is positive.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TimeZone {
-    pub(super) east_s: f64,
+    east_s: f64,
 }
 
 impl FromStr for TimeZone {

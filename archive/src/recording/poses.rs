@@ -1,3 +1,5 @@
+//! Poses of a receiver over time, and interpolation between rows.
+
 use std::{fs, io::Write, path::Path};
 
 use foxhunt_core::angle;
@@ -8,7 +10,6 @@ use super::{
     table::{Row, Table},
     utc::{utc, utc_seconds},
 };
-use crate::surrounding::surrounding;
 
 /// Columns that a pose may have besides its time.
 const COLUMNS: [Column; 10] = [
@@ -256,10 +257,25 @@ fn between(column: Column, from: f64, to: f64, share: f64) -> Option<f64> {
     is_known.then(|| (value - least).rem_euclid(360.0) + least)
 }
 
+/// The values before and after a time in rows by rising time, and the position of the time between
+/// them, from 0 at the first to 1 at the second; `None` outside the rows, and if the two are more
+/// than `gap_s` apart. At the time of a row both are that row.
+pub(crate) fn surrounding<T>(rows: &[(f64, T)], time: f64, gap_s: f64) -> Option<(&T, &T, f64)> {
+    let after = rows.partition_point(|(at, _)| *at < time);
+    let (later, to) = rows.get(after)?;
+    if *later <= time {
+        return Some((to, to, 0.0));
+    }
+    let (earlier, from) = rows.get(after.checked_sub(1)?)?;
+    let gap = later - earlier;
+    (gap <= gap_s).then(|| (from, to, (time - earlier) / gap))
+}
+
 #[cfg(test)]
 mod tests {
-    use super::*;
     use approx::abs_diff_eq;
+
+    use super::*;
 
     #[test]
     fn a_pose_is_between_its_neighbours() {
@@ -321,6 +337,16 @@ mod tests {
         }
         for header in ["time_s,east_m", "time_s,lat_deg,east_m,north_m", "east_m,north_m"] {
             assert!(PoseLog::parse(header.as_bytes(), "poses.csv").is_err(), "{header}");
+        }
+    }
+
+    #[test]
+    fn the_rows_before_and_after_are_found() {
+        let rows = [(0.0, 'a'), (2.0, 'b'), (9.0, 'c')];
+        assert_eq!(surrounding(&rows, 0.5, 2.0), Some((&'a', &'b', 0.25)));
+        assert_eq!(surrounding(&rows, 2.0, 2.0), Some((&'b', &'b', 0.0)));
+        for time in [-0.1, 5.0, 9.1, f64::NAN] {
+            assert_eq!(surrounding(&rows, time, 2.0), None, "{time}");
         }
     }
 }

@@ -18,10 +18,9 @@ use super::{
     Rover, TimeFormat,
     beside::Joined,
     ceiling::{codes, find_ceilings},
-    content,
     converted::{self, Converted, Made, Rows},
     dates::{Order, order},
-    decompress::decompressed,
+    decompress::{check_content, decompressed},
     exclusion::{Cause, Exclusions},
     formats,
     parse::LeftOut,
@@ -158,7 +157,7 @@ impl Recording {
             }
         }
         if rows.is_none() {
-            content::check(&bytes, name)?;
+            check_content(&bytes, name)?;
         } else if !options.columns.is_empty() {
             return Err(RecordingError::NamedColumns { file: name.to_owned() });
         }

@@ -1,11 +1,96 @@
-use std::{collections::BTreeMap, fmt};
+//! Sources of a column's values in a mapping: fixed values, columns, directions of North.
+
+use std::{collections::BTreeMap, fmt, str::FromStr};
 
 use serde::{
     Deserialize, Deserializer,
     de::{Error, MapAccess, SeqAccess, Visitor, value::MapAccessDeserializer},
 };
 
-use super::Value;
+/// A value that a mapping or a user gives: a number or a text.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(untagged, expecting = "a number or a text")]
+pub enum Value {
+    /// A number.
+    Number(f64),
+    /// A text.
+    Text(String),
+}
+
+impl Value {
+    /// Returns true if a cell holds this value: the same text, or a number equal to it.
+    pub(super) fn is(&self, cell: &str) -> bool {
+        match self {
+            Self::Text(text) => text == cell,
+            Self::Number(number) => {
+                cell.parse::<f64>().is_ok_and(|c| c.partial_cmp(number).is_some_and(|o| o.is_eq()))
+            }
+        }
+    }
+}
+
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Number(number) => write!(f, "{number}"),
+            Self::Text(text) => f.write_str(text),
+        }
+    }
+}
+
+impl From<f64> for Value {
+    fn from(number: f64) -> Self {
+        Self::Number(number)
+    }
+}
+
+impl From<&str> for Value {
+    fn from(text: &str) -> Self {
+        Self::Text(text.to_owned())
+    }
+}
+
+/// North from which a recording's angles are counted: bearings, headings and boresights.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(try_from = "Value")]
+#[non_exhaustive]
+pub enum North {
+    /// True North, that of the meridian; North of the frame for places in metres.
+    #[default]
+    True,
+    /// North of a compass, by the World Magnetic Model of place and day
+    /// ([`foxhunt_wire::declination`]).
+    Magnetic,
+    /// North of the UTM grid, as on maps; North of the frame for places in metres.
+    Grid,
+    /// This many degrees east of true North: a declination that is known otherwise.
+    Stated(f64),
+}
+
+impl TryFrom<Value> for North {
+    type Error = String;
+
+    fn try_from(value: Value) -> Result<Self, String> {
+        match value {
+            Value::Number(deg) if deg.abs() <= 180.0 => Ok(Self::Stated(deg)),
+            Value::Text(text) if text == "true" => Ok(Self::True),
+            Value::Text(text) if text == "magnetic" => Ok(Self::Magnetic),
+            Value::Text(text) if text == "grid" => Ok(Self::Grid),
+            value => Err(format!(
+                "{value} is no North: true, magnetic, grid, or degrees east of true North from \
+                 -180 to 180"
+            )),
+        }
+    }
+}
+
+impl FromStr for North {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        text.parse().map_or_else(|_| Value::from(text), Value::Number).try_into()
+    }
+}
 
 /// Source of one of our columns in a file: a column's name, or a table that says how its cells are
 /// converted.
@@ -162,5 +247,19 @@ impl<'de> Deserialize<'de> for Source {
             }
         }
         deserializer.deserialize_any(NameOrTable)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_compared_as_numbers() {
+        assert!(Value::from(-9999.0).is("-9999.0"));
+        assert!(Value::from(5.0).is("5"));
+        assert!(!Value::from(5.0).is("5.1") && !Value::from(5.0).is("five"));
+        assert!(Value::from("none").is("none") && !Value::from("none").is("None"));
+        assert!(!Value::from(f64::NAN).is("NaN"));
     }
 }

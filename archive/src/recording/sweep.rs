@@ -1,12 +1,54 @@
-use std::{collections::BTreeMap, f64::consts::TAU};
+//! Turns of an antenna in a recording: their limits, their sweeps, and a source that plays them.
+
+use std::{
+    collections::{BTreeMap, VecDeque},
+    f64::consts::TAU,
+};
 
 use foxhunt_core::{
-    BeaconId, OwnedSweep, Pose, Sample, Sweep, Unanswered, angle::Resultant,
+    BeaconId, OwnedSweep, PatternSource, Pose, Sample, Sweep, Unanswered,
+    angle::{self, Resultant},
     parameter::at_least_one,
 };
 use nalgebra::Vector3;
 
-use super::{Record, Recording, RecordingError, turns::LevelRow};
+use super::{Record, Recording, RecordingError, Turns};
+
+/// A level along a boresight, with the row that it is from and the time of its sample.
+#[derive(Clone, Copy)]
+struct LevelRow<'r> {
+    record: &'r Record,
+    boresight: f64,
+    rss_dbm: f64,
+    time: f64,
+}
+
+impl Turns {
+    /// Cuts one drone's readings of one beacon, in the order in which they were taken, into
+    /// turns of positions `step` radians apart.
+    fn cut<'h, 'r>(self, levels: &'h [LevelRow<'r>], step: f64) -> Vec<&'h [LevelRow<'r>]> {
+        let mut turns = Vec::new();
+        let mut begin = 0;
+        let mut gone = 0.0_f64;
+        for (index, pair) in levels.windows(2).enumerate() {
+            let [before, after] = pair else { continue };
+            gone += angle::wrap(after.boresight - before.boresight);
+            let ends = match self {
+                Self::File => false,
+                // Half a step short: the first position of the next turn, as well as it was met.
+                Self::Circle => gone.abs() >= TAU - 0.5 * step,
+                Self::GapS(gap) => after.time - before.time > gap,
+            };
+            if ends {
+                turns.extend(levels.get(begin..=index));
+                begin = index + 1;
+                gone = 0.0;
+            }
+        }
+        turns.extend(levels.get(begin..).filter(|rest| !rest.is_empty()));
+        turns
+    }
+}
 
 /// One turn of the antenna out of a recording.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,10 +81,10 @@ impl Recording {
     /// The turns of the antenna, in the order in which they ended.
     ///
     /// A turn holds one drone's readings of one beacon that have a boresight and a level. The
-    /// `turn` column decides which belong together; without it, the mapping's
-    /// [`Turns`](super::Turns) do. A reading without a `position` belongs to the one whose nominal
-    /// angle 2πi / `positions` is nearest to its boresight. Where the recording has no times, its
-    /// rows are taken to be a second apart.
+    /// `turn` column decides which belong together; without it, the mapping's [`Turns`] do. A
+    /// reading without a `position` belongs to the one whose nominal angle 2πi / `positions` is
+    /// nearest to its boresight. Where the recording has no times, its rows are taken to be a
+    /// second apart.
     ///
     /// A recording whose antenna has no direction has no sweeps.
     ///
@@ -200,6 +242,69 @@ fn nearest(boresight: f64, positions: u16, step: f64) -> u16 {
     let index = (foxhunt_core::angle::wrap(boresight) / step).round();
     let up = if index < 0.0 { index + f64::from(positions) } else { index };
     up as u16 % positions
+}
+
+/// A pattern source that replays the turns of a recording instead of turning an antenna: for each
+/// beacon of [`begin`](PatternSource::begin) it lends the next turn of that beacon.
+#[derive(Clone, Debug, Default)]
+pub struct RecordedSource {
+    /// Remaining turns, in the order in which they ended.
+    turns: VecDeque<(BeaconId, RecordedSweep)>,
+    pending: VecDeque<BeaconId>,
+    current: Option<RecordedSweep>,
+}
+
+impl RecordedSource {
+    /// The turns of one drone. `beacons` are the names of the hunt's beacons in their order; a
+    /// turn that names none of them is left out, and one without a name is of the first.
+    #[must_use]
+    pub fn new(
+        sweeps: impl IntoIterator<Item = RecordedSweep>,
+        drone: &str,
+        beacons: &[String],
+    ) -> Self {
+        let id = |sweep: &RecordedSweep| match &sweep.beacon_name {
+            None => Some(BeaconId(0)),
+            Some(name) => {
+                let index = beacons.iter().position(|known| known == name)?;
+                u16::try_from(index).ok().map(BeaconId)
+            }
+        };
+        let own = sweeps.into_iter().filter(|sweep| sweep.drone == drone);
+        let turns = own.filter_map(|sweep| Some((id(&sweep)?, sweep))).collect();
+        Self { turns, pending: VecDeque::new(), current: None }
+    }
+
+    /// Returns the number of turns that remain.
+    #[must_use]
+    pub fn left(&self) -> usize {
+        self.turns.len()
+    }
+}
+
+impl PatternSource for RecordedSource {
+    type Error = RecordingEnded;
+
+    fn begin(&mut self, beacons: &[BeaconId]) -> Result<(), RecordingEnded> {
+        self.pending = beacons.iter().copied().collect();
+        Ok(())
+    }
+
+    fn poll(&mut self) -> Result<Option<Sweep<'_>>, RecordingEnded> {
+        let Some(beacon) = self.pending.pop_front() else { return Ok(None) };
+        let next = self.turns.iter().position(|(of, _)| *of == beacon);
+        let (_, sweep) =
+            next.and_then(|index| self.turns.remove(index)).ok_or(RecordingEnded { beacon })?;
+        Ok(Some(self.current.insert(sweep).as_sweep(beacon)))
+    }
+}
+
+/// A recording holds no more turns of a beacon.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the recording holds no further turn of beacon {}", beacon.0)]
+pub struct RecordingEnded {
+    /// The beacon, counted from 0.
+    pub beacon: BeaconId,
 }
 
 #[cfg(test)]

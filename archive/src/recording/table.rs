@@ -5,9 +5,8 @@ use csv::{ByteRecord, StringRecord};
 use super::{
     FieldProblem, RecordingError, Source,
     converted::Rows,
-    coordinate,
+    coordinate::{self, is_decimal, number},
     near_miss::near_miss,
-    number::{is_decimal, number},
 };
 
 /// Longer cells are cut in messages: an unclosed quote swallows the rest of the file.

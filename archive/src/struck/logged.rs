@@ -2,7 +2,7 @@ use std::{collections::BTreeMap, path::Path};
 
 use foxhunt_hunt::{hunt::Event, log::Log};
 
-use super::{ReceptionId, StruckError, format::Key, list};
+use super::{Key, ReceptionId, StruckError, entries, read};
 
 /// Receptions of a log that are left out of its replay; none by default.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -18,7 +18,7 @@ impl Struck {
     ///
     /// [`StruckError`] names the file, the line and the value.
     pub fn read(path: &Path, log: &Log) -> Result<Self, StruckError> {
-        Self::parse(&list::read(path)?, path, log)
+        Self::parse(&read(path)?, path, log)
     }
 
     /// Reads receptions from text; `path` is what errors call it.
@@ -29,7 +29,7 @@ impl Struck {
     pub fn parse(text: &str, path: &Path, log: &Log) -> Result<Self, StruckError> {
         let mut struck = Self::default();
         let what = "drone, beacon and time of a reception";
-        for (line, reception) in list::entries::<ReceptionId>(text, path, what)? {
+        for (line, reception) in entries::<ReceptionId>(text, path, what)? {
             let nearest = nearest(reception, log);
             if nearest.is_none_or(|nearest| nearest.key() != reception.key()) {
                 let path = path.to_owned();

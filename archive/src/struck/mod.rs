@@ -18,13 +18,215 @@
 //! {"file":"collars.csv","line":12,"beacon":"fox"}
 //! ```
 
-mod error;
-mod format;
-mod list;
 mod logged;
 mod rows;
 
-pub use error::StruckError;
-pub use format::{ReceptionId, ReceptionKey, RowId, STRUCK_VERSION};
 pub use logged::Struck;
 pub use rows::{StruckRows, file_names};
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use foxhunt_core::{BeaconId, Reception};
+use foxhunt_hunt::document;
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+
+/// Version of the file that this program writes and reads.
+pub const STRUCK_VERSION: u32 = 1;
+
+/// Identifies a reception.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum ReceptionKey {
+    /// In a log.
+    Logged(ReceptionId),
+    /// In a recording.
+    Recorded(RowId),
+}
+
+/// Identifies a reception of a log.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ReceptionId {
+    /// Index of the drone, from 0.
+    pub drone: usize,
+    /// The beacon.
+    pub beacon: BeaconId,
+    /// Time of the reception, in seconds; every bit counts.
+    pub time: f64,
+}
+
+impl ReceptionId {
+    /// Identifies a drone's reception.
+    #[must_use]
+    pub fn new(drone: usize, reception: &Reception) -> Self {
+        Self { drone, beacon: reception.beacon, time: reception.time }
+    }
+
+    /// Drone, beacon and the bits of the time, where −0 is 0.
+    fn key(self) -> Key {
+        (self.drone, self.beacon, (self.time + 0.0).to_bits())
+    }
+}
+
+impl std::fmt::Display for ReceptionId {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { drone, beacon, time } = self;
+        write!(f, "drone {drone}, beacon {}, time {time}", beacon.0)
+    }
+}
+
+type Key = (usize, BeaconId, u64);
+
+/// Identifies a reception of a recording.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RowId {
+    /// The name of the file, without its folder unless another one of the same name is read along.
+    pub file: String,
+    /// The line of the row, or of the first one of the turn, from 1.
+    pub line: u64,
+    /// The beacon, where the recording names beacons.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub beacon: Option<String>,
+}
+
+impl std::fmt::Display for RowId {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { file, line, beacon } = self;
+        match beacon {
+            Some(beacon) => write!(f, "{beacon} in line {line} of {file}"),
+            None => write!(f, "line {line} of {file}"),
+        }
+    }
+}
+
+/// Reason why a list of struck receptions cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StruckError {
+    /// The file cannot be read.
+    #[error("{}: cannot be read", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The error of the file system.
+        source: std::io::Error,
+    },
+    /// The first line is no header.
+    #[error(
+        "{}, line 1: no header of struck receptions, such as {{\"foxhunt_struck\":1}}",
+        path.display()
+    )]
+    Header {
+        /// The file.
+        path: PathBuf,
+        /// The JSON error.
+        source: serde_json::Error,
+    },
+    /// The list is of another version.
+    #[error(
+        "{}, line 1: foxhunt_struck is {version}; this program reads {STRUCK_VERSION}",
+        path.display()
+    )]
+    Version {
+        /// The file.
+        path: PathBuf,
+        /// Version of the list.
+        version: u32,
+    },
+    /// A line is no reception.
+    #[error("{}, line {line}: not {what}", path.display())]
+    Line {
+        /// The file.
+        path: PathBuf,
+        /// Line number, from 1.
+        line: usize,
+        /// Expected contents of such a line.
+        what: &'static str,
+        /// The JSON error.
+        source: serde_json::Error,
+    },
+    /// The log has no such reception.
+    #[error(
+        "{}, line {line}: the log has no reception of {reception}; {}",
+        path.display(),
+        where_it_is(nearest.as_ref())
+    )]
+    NoReception {
+        /// The file.
+        path: PathBuf,
+        /// Line number, from 1.
+        line: usize,
+        /// The reception in that line.
+        reception: ReceptionId,
+        /// The reception of the same drone and beacon that is nearest in time.
+        nearest: Option<ReceptionId>,
+    },
+    /// The recordings have no reception in such a row.
+    #[error("{}, line {line}: there is no reception of {row}; {there}", path.display())]
+    NoRow {
+        /// The file.
+        path: PathBuf,
+        /// Line number, from 1.
+        line: usize,
+        /// The row in that line.
+        row: RowId,
+        /// Text about the rows that exist instead.
+        there: String,
+    },
+    /// A reception stands there twice.
+    #[error("{}, line {line}: {what} stands in line {before} already", path.display())]
+    Twice {
+        /// The file.
+        path: PathBuf,
+        /// Line number, from 1.
+        line: usize,
+        /// The reception in that line.
+        what: String,
+        /// Number of the earlier line.
+        before: usize,
+    },
+}
+
+fn where_it_is(nearest: Option<&ReceptionId>) -> String {
+    nearest.map_or_else(
+        || "that drone has none of that beacon".to_owned(),
+        |nearest| format!("the nearest is at {}", nearest.time),
+    )
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    foxhunt_struck: u32,
+}
+
+/// The text of a list.
+fn read(path: &Path) -> Result<String, StruckError> {
+    fs::read_to_string(path).map_err(|source| StruckError::Read { path: path.to_owned(), source })
+}
+
+/// Reads the lines of a list after its header, each with its number from 1; `what` is the name of
+/// such a line in errors.
+fn entries<T: DeserializeOwned>(
+    text: &str,
+    path: &Path,
+    what: &'static str,
+) -> Result<Vec<(usize, T)>, StruckError> {
+    let path = || path.to_owned();
+    let mut lines = text.lines().zip(1..);
+    let (first, _) = lines.next().unwrap_or_default();
+    let Header { foxhunt_struck: version } = document::from_json(first)
+        .map_err(|source| StruckError::Header { path: path(), source })?;
+    if version != STRUCK_VERSION {
+        return Err(StruckError::Version { path: path(), version });
+    }
+    let entry = |(text, line): (&str, usize)| {
+        let wrong = |source| StruckError::Line { path: path(), line, what, source };
+        Ok((line, document::from_json(text).map_err(wrong)?))
+    };
+    lines.filter(|(text, _)| !text.trim().is_empty()).map(entry).collect()
+}

@@ -1,6 +1,6 @@
 use std::{collections::BTreeMap, path::Path};
 
-use super::{RowId, StruckError, list};
+use super::{RowId, StruckError, entries, read};
 use crate::recording::Recording;
 
 /// Names of some recordings' files in a [`RowId`], in the order of the recordings.
@@ -33,7 +33,7 @@ impl StruckRows {
     ///
     /// [`StruckError`] names the file, the line and the value.
     pub fn read(path: &Path, known: &[RowId]) -> Result<Self, StruckError> {
-        Self::parse(&list::read(path)?, path, known)
+        Self::parse(&read(path)?, path, known)
     }
 
     /// Reads receptions from text; `path` is what errors call it.
@@ -43,7 +43,7 @@ impl StruckRows {
     /// [`StruckError`] names the file, the line and the value.
     pub fn parse(text: &str, path: &Path, known: &[RowId]) -> Result<Self, StruckError> {
         let mut struck = Self::default();
-        for (line, row) in list::entries::<RowId>(text, path, "file and line of a reception")? {
+        for (line, row) in entries::<RowId>(text, path, "file and line of a reception")? {
             let path = || path.to_owned();
             if !known.contains(&row) {
                 let there = what_is_there(&row, known);

@@ -41,7 +41,7 @@ pub(crate) struct Cli {
 }
 
 /// Name of the program.
-pub(crate) const PROGRAM: &str = "foxhunt";
+const PROGRAM: &str = "foxhunt";
 
 /// All commands, their arguments with the names of a registry.
 pub(crate) fn command(registry: &Registry) -> clap::Command {

@@ -17,9 +17,8 @@ use serde::Serialize;
 use super::recorded::{LatLon, Reading, no_degrees};
 use crate::{
     error::{CliError, InFile},
-    output::Output,
+    output::{Output, check_writable},
     table::{number, table},
-    writable,
 };
 
 /// Print the figures of an antenna, and convert its file
@@ -96,7 +95,7 @@ struct Fit {
 }
 
 pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
-    args.write.iter().chain(&args.out).try_for_each(|path| writable::file(path))?;
+    args.write.iter().chain(&args.out).try_for_each(|path| check_writable(path))?;
     let (name, antenna, vendor, learned) = match &args.antenna {
         Some(name) => {
             let (antenna, vendor) = known(name)?;

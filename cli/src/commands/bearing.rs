@@ -16,13 +16,13 @@ use serde::Serialize;
 
 use super::{
     calibration::{Calibration, Part, Surroundings, calibrated, narrate_corrected, parts},
-    extraction::Extraction,
+    choice::Extraction,
     recorded::Reading,
     views::{Antennas, Views},
 };
 use crate::{
-    context::Context,
     error::CliError,
+    output::Context,
     table::{number, table, text},
 };
 

@@ -25,10 +25,13 @@ use foxhunt::{
 use super::{
     calibration::{Part, parts, station_place},
     calibration_report::{Array, Report, Skipped, text},
-    extraction::Extraction,
+    choice::Extraction,
     recorded::{LatLon, Reading, no_degrees},
 };
-use crate::{context::Context, error::CliError, writable};
+use crate::{
+    error::CliError,
+    output::{Context, check_writable},
+};
 
 /// Calibrate path loss, bearings and a station's antennas
 ///
@@ -91,7 +94,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     if let Some(most) = args.max_exponent.filter(|most| !(*most > 0.0 && most.is_finite())) {
         return Err(CliError::input(format!("--max-exponent is {most}; it must be positive")));
     }
-    args.out.iter().try_for_each(|path| writable::file(path))?;
+    args.out.iter().try_for_each(|path| check_writable(path))?;
     let recordings = read(args)?;
     // An array's error is that of any beacon's bearings.
     let all_beacons = args.reading.wanted().is_none()

@@ -99,7 +99,7 @@ struct Offset {
 
 /// σ against errors.
 #[derive(Debug, Serialize)]
-pub(super) struct Sigma {
+struct Sigma {
     scale: f64,
     scale_interval_95: [f64; 2],
     floor_deg: f64,

@@ -1,7 +1,7 @@
 use clap::{Command, builder::PossibleValuesParser};
 use clap_complete::{Shell, generate};
 
-use crate::{context::Context, error::CliError};
+use crate::{error::CliError, output::Context};
 
 /// Print a shell completion script
 ///

@@ -16,10 +16,8 @@ use serde::Serialize;
 
 use super::recorded::{Reading, offset};
 use crate::{
-    context::Context,
     error::{CliError, InFile},
-    output::warn,
-    writable,
+    output::{Context, check_writable, warn},
 };
 
 /// Convert recordings to the program's own format
@@ -139,7 +137,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         let text = format!("{}: it is read and would be written over", out.display());
         return Err(CliError::input(text));
     }
-    writable::file(out)?;
+    check_writable(out)?;
     let bags = files.iter().filter(|file| is_bag(file).unwrap_or(false)).count();
     let report = match (files, &args.posing.poses) {
         (_, Some(poses)) => of_pulses(args, poses, files, out)?,

@@ -1,9 +1,12 @@
 use foxhunt::campaign::{FleetsReport, OWN, Violation, fleets_campaign};
 
-use super::{choice, planning::Planning, repetition::Runs};
+use super::{
+    choice,
+    settings::{Planning, Runs},
+};
 use crate::{
-    context::Context,
     error::CliError,
+    output::Context,
     table::{list, number, table},
 };
 

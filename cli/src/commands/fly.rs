@@ -34,21 +34,18 @@ use foxhunt::{
 
 use super::{
     advice::Adviser,
-    checklist::checklist,
     choice,
     emulate::{Emulated, Emulation},
-    fixes, flight_plan,
+    fixes,
+    flight_plan::{self, checklist, write_missions},
     live::{LiveArgs, LiveView, PaceArgs, Shown},
-    mission_files,
     notices::Notices,
     tone::{Tone, ToneArgs},
     views::{Antennas, Exports, keep_turns, write_page},
 };
 use crate::{
-    context::Context,
     error::CliError,
-    output::{Output, event, warn},
-    writable,
+    output::{Context, Output, check_writable, event, warn},
 };
 
 /// Fly a hunt on real devices
@@ -215,7 +212,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         return flight_plan::print(&config, planned, output);
     }
     if let Some(file) = &args.mission_to {
-        return mission_files::write(&config, registry, file, args.hold_s, output);
+        return write_missions(&config, registry, file, args.hold_s, output);
     }
     let tiles = args.live.map()?;
     let live = args.live.plan_of(config.cot.as_ref(), &field.name)?;
@@ -242,7 +239,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     }
     fs::create_dir_all(&args.out).map_err(|error| CliError::writing(&args.out, error))?;
     let files = Files::free_in(&args.out)?;
-    [&files.picture, &files.page].into_iter().try_for_each(|path| writable::file(path))?;
+    [&files.picture, &files.page].into_iter().try_for_each(|path| check_writable(path))?;
     let clock = calling(&field.clock);
     let epoch_s = field.epoch_s.unwrap_or(0.0);
     #[expect(clippy::cast_possible_truncation, reason = "a whole number of seconds")]

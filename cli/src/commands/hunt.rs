@@ -22,16 +22,14 @@ use super::{
     choice, fixes,
     live::{LiveArgs, LiveView, PaceArgs, Shown},
     notices::Notices,
-    planning::Planning,
-    settings::Settings,
+    settings::{Planning, Settings},
     tiles::NO_PLACE,
     views::{Antennas, Exports, keep_turns},
 };
 use crate::{
-    context::Context,
     error::CliError,
+    output::{Context, check_writable},
     table::{number, table},
-    writable,
 };
 
 /// Fly one simulated hunt
@@ -106,7 +104,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     fs::create_dir_all(&args.out).map_err(|error| CliError::writing(&args.out, error))?;
     let [log, picture, page] =
         ["hunt.jsonl", "hunt.svg", "report.html"].map(|name| args.out.join(name));
-    [&log, &picture, &page].into_iter().try_for_each(|path| writable::file(path))?;
+    [&log, &picture, &page].into_iter().try_for_each(|path| check_writable(path))?;
 
     let (hunt, events, turns) = fly(args, setup, &header, &log, live.as_ref())?;
 

@@ -16,12 +16,10 @@ use super::{
     scores::{Answer, Summary},
 };
 use crate::{
-    context::Context,
     error::CliError,
-    output::warn,
+    output::{Context, check_writable, warn},
     progress::Progress,
     table::{number, table},
-    writable,
 };
 
 /// Judge estimators on recordings whose transmitter's place is known
@@ -86,7 +84,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let beside = args.against.iter().map(|name| choice::estimator(registry, name, "--against"));
     let beside = beside.collect::<Result<Vec<_>, _>>()?;
     let conformal = args.locating.conformal()?;
-    args.calibrate.iter().try_for_each(|path| writable::file(path))?;
+    args.calibrate.iter().try_for_each(|path| check_writable(path))?;
     let prepared = args.locating.prepare(&args.files, None, false, registry)?;
     let of_each = |recording: &Recording| {
         let is_wanted = |beacon: &Option<&str>| wanted(args, *beacon);

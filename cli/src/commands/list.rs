@@ -10,7 +10,11 @@ use foxhunt::{
 };
 use serde::Serialize;
 
-use crate::{context::Context, error::CliError, output::Output, table::list};
+use crate::{
+    error::CliError,
+    output::{Context, Output},
+    table::list,
+};
 
 /// List estimators, extractors, planners, sources, scenarios, trials, cases or keys
 ///

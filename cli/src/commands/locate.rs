@@ -1,5 +1,4 @@
 mod found;
-mod rows;
 mod silent;
 #[cfg(feature = "batch")]
 mod tracked;
@@ -21,10 +20,7 @@ use foxhunt::{
 };
 use serde::Serialize;
 
-use self::{
-    found::{Estimated, Found, Others, likeliest},
-    rows::rows_of,
-};
+use self::found::{Estimated, Found, Others, likeliest, rows_of};
 use super::{
     cot::{CotArgs, Teams},
     fixes::doubts,
@@ -36,12 +32,10 @@ use super::{
     views::Views,
 };
 use crate::{
-    context::Context,
     error::CliError,
-    output::Output,
+    output::{Context, Output, check_writable},
     progress::Progress,
     table::{number, table, text},
-    writable,
 };
 
 /// Locate a transmitter from recorded flights
@@ -168,7 +162,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     args.views.check(args.cot.is_given() || args.mqtt.is_given())?;
     let teams = args.cot.teams(&args.mqtt)?;
-    args.movebank_to.iter().try_for_each(|path| writable::file(path))?;
+    args.movebank_to.iter().try_for_each(|path| check_writable(path))?;
     let conformal = args.locating.conformal()?;
     #[cfg(feature = "batch")]
     if args.track && conformal.is_some() {

@@ -33,10 +33,8 @@ use serde::{Serialize, Serializer};
 
 use super::{
     calibration::{Calibration, Part, Surroundings, calibrated, narrate_corrected, parts},
-    choice,
-    extraction::Extraction,
-    over_terrain::{OverTerrain, Relief},
-    parameter::{EastNorthUp, Parameter},
+    choice::{self, Extraction},
+    parameters::{EastNorthUp, OverTerrain, Parameter, Relief},
     recorded::{Clocked, LatLon, Reading, no_degrees},
     views::Antennas,
 };

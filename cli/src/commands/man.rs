@@ -6,7 +6,7 @@ use std::{
 use clap::Command;
 use clap_mangen::Man;
 
-use crate::{context::Context, error::CliError};
+use crate::{error::CliError, output::Context};
 
 /// Write the manual pages
 ///

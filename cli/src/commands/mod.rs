@@ -1,68 +1,56 @@
-//! One file for each subcommand: its arguments, what it does, its table.
-
-pub(crate) mod antenna;
-pub(crate) mod bearing;
-pub(crate) mod calibrate;
-pub(crate) mod campaign;
-pub(crate) mod compare;
-pub(crate) mod completions;
-pub(crate) mod convert;
-#[cfg(feature = "hardware")]
-pub(crate) mod devices;
-#[cfg(feature = "hardware")]
-pub(crate) mod emulate;
-pub(crate) mod fleets;
-#[cfg(feature = "hardware")]
-pub(crate) mod fly;
-pub(crate) mod hunt;
-pub(crate) mod judge;
-pub(crate) mod list;
-pub(crate) mod listen;
-pub(crate) mod locate;
-pub(crate) mod man;
-#[cfg(feature = "hardware")]
-pub(crate) mod node;
-#[cfg(not(target_family = "wasm"))]
-pub(crate) mod page;
-pub(crate) mod plot;
-pub(crate) mod pulses;
-pub(crate) mod replay;
-#[cfg(feature = "store")]
-pub(crate) mod results;
-pub(crate) mod soak;
-pub(crate) mod tags;
-#[cfg(not(feature = "hardware"))]
-pub(crate) mod unavailable;
+//! One file or folder for each subcommand, with its arguments, its work and its table; and parts
+//! that several of them share.
 
 #[cfg(feature = "hardware")]
 mod advice;
+mod antenna;
+mod bearing;
+mod calibrate;
 mod calibration;
 mod calibration_report;
-mod campaign_tables;
-#[cfg(feature = "hardware")]
-mod checklist;
+mod campaign;
 mod choice;
+mod compare;
+mod completions;
+mod convert;
 mod cot;
-mod extraction;
+#[cfg(feature = "hardware")]
+mod devices;
+#[cfg(feature = "hardware")]
+mod emulate;
 mod fixes;
+mod fleets;
 #[cfg(feature = "hardware")]
 mod flight_plan;
-mod live;
-mod locating;
 #[cfg(feature = "hardware")]
-mod mission_files;
+mod fly;
+mod hunt;
+mod judge;
+mod list;
+mod listen;
+mod live;
+mod locate;
+mod locating;
+mod man;
 mod mqtt;
+#[cfg(feature = "hardware")]
+mod node;
 mod notices;
-mod over_terrain;
-mod overrides;
-mod parameter;
-mod planning;
+#[cfg(not(target_family = "wasm"))]
+mod page;
+mod parameters;
+mod plot;
+mod pulses;
 mod recorded;
-mod repetition;
+mod replay;
+#[cfg(feature = "store")]
+mod results;
 mod scores;
 mod settings;
+mod soak;
 #[cfg(feature = "store")]
 mod storing;
+mod tags;
 mod tiles;
 #[cfg(feature = "hardware")]
 mod tone;
@@ -70,7 +58,10 @@ mod views;
 
 use clap::Subcommand;
 
-use crate::{context::Context, error::CliError, output::count_warnings};
+use crate::{
+    error::CliError,
+    output::{Context, count_warnings},
+};
 
 /// The subcommands, each with its file.
 #[derive(Debug, Subcommand)]
@@ -109,16 +100,43 @@ pub(crate) enum Command {
     Node(node::Args),
     /// Fly a hunt on real devices; not in this build
     #[cfg(not(feature = "hardware"))]
-    Fly(unavailable::AnyArguments),
+    Fly(AnyArguments),
     /// Check attached devices; not in this build
     #[cfg(not(feature = "hardware"))]
-    Devices(unavailable::AnyArguments),
+    Devices(AnyArguments),
     /// Emulate the devices of a simulated field; not in this build
     #[cfg(not(feature = "hardware"))]
-    Emulate(unavailable::AnyArguments),
+    Emulate(AnyArguments),
     /// Run one computer's part of a hunt; not in this build
     #[cfg(not(feature = "hardware"))]
-    Node(unavailable::AnyArguments),
+    Node(AnyArguments),
+}
+
+#[cfg(not(feature = "hardware"))]
+/// The arguments of a command that is not in this build: anything.
+#[derive(Debug, clap::Args)]
+pub(crate) struct AnyArguments {
+    /// Arguments of the command.
+    #[arg(
+        trailing_var_arg = true,
+        allow_hyphen_values = true,
+        hide = true,
+        value_name = "ARGUMENTS"
+    )]
+    arguments: Vec<String>,
+}
+
+#[cfg(not(feature = "hardware"))]
+impl AnyArguments {
+    /// Names the features that the command needs, and how to build with them.
+    fn refuse(&self, command: &str, features: &str) -> Result<(), CliError> {
+        let words = [&[command.to_owned()], self.arguments.as_slice()].concat().join(" ");
+        Err(CliError::input(format!(
+            "`{words}` needs a build with --features {features}: {}, or in the repository `cargo \
+             run --release -p foxhunt-cli --features {features} -- {words}`",
+            crate::hints::build(features)
+        )))
+    }
 }
 
 /// Runs a subcommand.

@@ -10,9 +10,8 @@ use foxhunt::signal::{
 use serde::Serialize;
 
 use crate::{
-    context::Context,
     error::{CliError, InFile},
-    output::Output,
+    output::{Context, Output},
     table::{number, table},
 };
 

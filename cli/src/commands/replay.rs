@@ -16,9 +16,8 @@ use serde::Serialize;
 
 use super::{choice, fixes, views::Views};
 use crate::{
-    context::Context,
     error::{CliError, InFile},
-    output::warn,
+    output::{Context, warn},
     table::{Table, number, table, text},
 };
 

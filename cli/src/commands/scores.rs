@@ -85,7 +85,7 @@ pub(super) struct Summary {
 
 /// Largest log score that a mean takes, in nats: one answer that is sure and wrong would hide all
 /// others.
-pub(super) const WORST_SCORE: f64 = 100.0;
+const WORST_SCORE: f64 = 100.0;
 
 impl Answer {
     /// Scores a place; without a truth nothing but its remarks counts.

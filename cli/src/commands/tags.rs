@@ -7,8 +7,8 @@ use foxhunt::signal::{
 use serde::Serialize;
 
 use crate::{
-    context::Context,
     error::CliError,
+    output::Context,
     table::{number, table},
 };
 

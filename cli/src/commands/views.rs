@@ -23,7 +23,10 @@ use super::{
     recorded::LatLon,
     tiles::{NO_PLACE, Tiles},
 };
-use crate::{error::CliError, output::Output, writable};
+use crate::{
+    error::CliError,
+    output::{Output, check_writable},
+};
 
 /// Files for other programs.
 #[derive(Debug, clap::Args)]
@@ -78,7 +81,7 @@ impl Exports {
         }
         for file in &self.exported {
             Format::of_file(file).map_err(|error| CliError::input(format!("--export: {error}")))?;
-            writable::file(file)?;
+            check_writable(file)?;
         }
         Ok(())
     }
@@ -164,7 +167,7 @@ impl Views {
     /// Refuses files that have an unknown format or cannot be written, before any work is done;
     /// `on_map` is true if something else than exports needs the origin.
     pub(super) fn check(&self, on_map: bool) -> Result<(), CliError> {
-        self.report.iter().try_for_each(|path| writable::file(path))?;
+        self.report.iter().try_for_each(|path| check_writable(path))?;
         let _ = self.map()?;
         self.exports.check(on_map || self.tiles.is_some())
     }

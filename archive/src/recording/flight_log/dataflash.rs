@@ -5,11 +5,7 @@ use std::collections::BTreeMap;
 
 use foxhunt_wire::geodesy::Geodetic;
 
-use super::{
-    fix::{Log, OwnFix, in_utc},
-    levels::Levels,
-    little_endian,
-};
+use super::log::{Levels, Log, OwnFix, binary_array, binary_number, in_utc};
 
 /// The first bytes of a message.
 const HEAD: [u8; 2] = [0xa3, 0x95];
@@ -64,7 +60,7 @@ pub(super) fn binary(bytes: &[u8]) -> Result<Log, String> {
     let mut formats: BTreeMap<u8, Format> = BTreeMap::new();
     let mut read = Read::default();
     let mut at = 0;
-    while let Some([first, second, kind]) = little_endian::array::<3>(bytes, at) {
+    while let Some([first, second, kind]) = binary_array::<3>(bytes, at) {
         let is_fmt = kind == FMT;
         let length = if is_fmt { Some(FMT_LENGTH) } else { formats.get(&kind).map(|f| f.length) };
         let message = length.and_then(|length| bytes.get(at + 3..at + length));
@@ -212,7 +208,7 @@ fn value(message: &[u8], at: usize, letter: u8) -> Option<f64> {
         b'Q' => ("uint64_t", 1.0),
         _ => return None,
     };
-    little_endian::number(message, at, kind).map(|number| number * scale)
+    binary_number(message, at, kind).map(|number| number * scale)
 }
 
 #[cfg(test)]

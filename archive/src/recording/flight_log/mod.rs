@@ -1,20 +1,14 @@
 //! Logs of autopilots and GNSS receivers, as far as they hold places and levels over time.
 
 mod dataflash;
-mod fix;
-mod gnss_logger;
-mod levels;
-mod little_endian;
-mod nmea;
+mod log;
+mod receivers;
 mod tlog;
 mod ulog;
 
 use foxhunt_wire::geodesy::Geodetic;
 
-pub(super) use self::{
-    fix::{Fix, Log},
-    levels::Levels,
-};
+pub(super) use log::{Fix, Levels, Log};
 
 /// Kind of a log, by its first bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,8 +35,8 @@ impl Kind {
             [b'F', b'M', b'T', b',', ..] => Some(Self::DataflashText),
             [b'U', b'L', b'o', b'g', 0x01, 0x12, 0x35, ..] => Some(Self::Ulog),
             _ if tlog::is_tlog(bytes) => Some(Self::Tlog),
-            _ if nmea::is_nmea(bytes) => Some(Self::Nmea),
-            _ => gnss_logger::is_gnss_logger(bytes).then_some(Self::GnssLogger),
+            _ if receivers::is_nmea(bytes) => Some(Self::Nmea),
+            _ => receivers::is_gnss_logger(bytes).then_some(Self::GnssLogger),
         }
     }
 
@@ -77,8 +71,8 @@ impl Kind {
             Self::DataflashText => dataflash::text(bytes)?,
             Self::Ulog => ulog::read(bytes)?,
             Self::Tlog => tlog::read(bytes)?,
-            Self::Nmea => nmea::read(bytes)?,
-            Self::GnssLogger => gnss_logger::read(bytes)?,
+            Self::Nmea => receivers::read_nmea(bytes)?,
+            Self::GnssLogger => receivers::read_gnss_logger(bytes)?,
         };
         fixes.retain(|fix| fix.time.is_finite() && is_place(&fix.place));
         fixes.sort_by(|a, b| a.time.total_cmp(&b.time));

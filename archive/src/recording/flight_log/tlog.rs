@@ -5,11 +5,7 @@ use std::collections::BTreeSet;
 
 use foxhunt_wire::geodesy::Geodetic;
 
-use super::{
-    fix::{Fix, Log},
-    levels::Levels,
-    little_endian,
-};
+use super::log::{Fix, Levels, Log, binary_array, binary_number};
 
 /// Times of the years 2001 to 2100 in microseconds.
 const TIMES_US: std::ops::Range<u64> = 978_307_200_000_000..4_102_444_800_000_000;
@@ -93,7 +89,7 @@ fn take_levels(message: &Message<'_>, levels: &mut Levels) {
     }
     let time = seconds(message);
     let mut take = |name: &str, at: usize, kind: &str| {
-        if let Some(number) = little_endian::number(&payload, at, kind) {
+        if let Some(number) = binary_number(&payload, at, kind) {
             levels.take(name, time, number);
         }
     };
@@ -122,7 +118,7 @@ fn fix(message: &Message<'_>) -> Option<Fix> {
     for (to, from) in payload.iter_mut().zip(message.payload) {
         *to = *from;
     }
-    let number = |at: usize| little_endian::number(&payload, at, "int32_t");
+    let number = |at: usize| binary_number(&payload, at, "int32_t");
     let place = Geodetic {
         lat_deg: number(4)? * 1e-7,
         lon_deg: number(8)? * 1e-7,
@@ -133,13 +129,13 @@ fn fix(message: &Message<'_>) -> Option<Fix> {
 
 /// The message with which bytes begin, behind its time.
 fn message(bytes: &[u8]) -> Option<Message<'_>> {
-    let time_us = u64::from_be_bytes(little_endian::array(bytes, 0)?);
+    let time_us = u64::from_be_bytes(binary_array(bytes, 0)?);
     let frame = bytes.get(8..).filter(|_| TIMES_US.contains(&time_us))?;
     let length = usize::from(*frame.get(1)?);
     let (head, system, id, signature) = match *frame.first()? {
         MAVLINK_1 => (6, *frame.get(3)?, u32::from(*frame.get(5)?), 0),
         MAVLINK_2 => {
-            let [low, middle, high] = little_endian::array(frame, 7)?;
+            let [low, middle, high] = binary_array(frame, 7)?;
             let is_signed = *frame.get(2)? & 1 == 1;
             let id = u32::from_le_bytes([low, middle, high, 0]);
             (10, *frame.get(5)?, id, if is_signed { 13 } else { 0 })
@@ -154,7 +150,7 @@ fn message(bytes: &[u8]) -> Option<Message<'_>> {
         payload: frame.get(head..end)?,
         length: 8 + end + 2 + signature,
         checked: frame.get(1..end)?,
-        checksum: u16::from_le_bytes(little_endian::array(frame, end)?),
+        checksum: u16::from_le_bytes(binary_array(frame, end)?),
     })
 }
 

@@ -5,11 +5,7 @@ use std::collections::BTreeMap;
 
 use foxhunt_wire::geodesy::Geodetic;
 
-use super::{
-    fix::{Log, OwnFix, in_utc},
-    levels::Levels,
-    little_endian,
-};
+use super::log::{Levels, Log, OwnFix, binary_array, binary_number, binary_size, in_utc};
 
 /// Bytes before the first message.
 const HEADER: usize = 16;
@@ -46,7 +42,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Log, String> {
     let mut clock = Vec::new();
     let mut levels = Levels::default();
     let mut at = HEADER;
-    while let Some([low, high, kind]) = little_endian::array::<3>(bytes, at) {
+    while let Some([low, high, kind]) = binary_array::<3>(bytes, at) {
         let size = usize::from(u16::from_le_bytes([low, high]));
         // The last message of a log may be cut off.
         let Some(message) = bytes.get(at + 3..at + 3 + size) else { break };
@@ -59,7 +55,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Log, String> {
                 }
             }
             b'A' => {
-                let Some([instance, low, high]) = little_endian::array::<3>(message, 0) else {
+                let Some([instance, low, high]) = binary_array::<3>(message, 0) else {
                     continue;
                 };
                 let name = String::from_utf8_lossy(message.get(3..).unwrap_or_default());
@@ -72,14 +68,14 @@ pub(super) fn read(bytes: &[u8]) -> Result<Log, String> {
                 }
             }
             b'D' => {
-                let Some(id) = little_endian::array::<2>(message, 0).map(u16::from_le_bytes) else {
+                let Some(id) = binary_array::<2>(message, 0).map(u16::from_le_bytes) else {
                     continue;
                 };
                 let Some((name, fields)) = topics.get(&id) else { continue };
                 let data = message.get(2..).unwrap_or_default();
                 let value = |field: &str| {
                     let (offset, kind) = fields.get(field)?;
-                    little_endian::number(data, *offset, kind)
+                    binary_number(data, *offset, kind)
                 };
                 let Some(own_s) = value("timestamp").map(|micros| micros * 1e-6) else { continue };
                 for (topic, field) in LEVELS.iter().filter(|(topic, _)| name == topic) {
@@ -139,7 +135,7 @@ fn size(formats: &BTreeMap<String, String>, kind: &str, depth: usize) -> Option<
         Some((kind, count)) => (kind, count.trim_end_matches(']').parse::<usize>().ok()?),
         None => (kind, 1),
     };
-    let one = match little_endian::size(kind) {
+    let one = match binary_size(kind) {
         Some(size) => size,
         None => {
             let depth = depth.checked_sub(1)?;

@@ -1,13 +1,10 @@
 //! Comparisons of contenders on the same seeds.
 
-mod antennas;
-mod estimators;
-mod extractors;
+mod drawn;
 mod flown;
 mod planners;
-mod sigmas;
 
-use crate::{context::Context, error::CliError};
+use crate::{error::CliError, output::Context};
 
 /// Compare estimators, extractors, antennas, planners or the σ of bearings
 ///
@@ -28,19 +25,19 @@ pub(crate) struct Args {
 /// Kind of contenders.
 #[derive(Debug, clap::Subcommand)]
 enum What {
-    Estimators(estimators::Args),
-    Extractors(extractors::Args),
-    Antennas(antennas::Args),
+    Estimators(drawn::EstimatorsArgs),
+    Extractors(drawn::ExtractorsArgs),
+    Antennas(flown::AntennasArgs),
     Planners(planners::Args),
-    Sigmas(sigmas::Args),
+    Sigmas(flown::SigmasArgs),
 }
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     match &args.what {
-        What::Estimators(args) => estimators::run(args, context),
-        What::Extractors(args) => extractors::run(args, context),
-        What::Antennas(args) => antennas::run(args, context),
+        What::Estimators(args) => drawn::run_estimators(args, context),
+        What::Extractors(args) => drawn::run_extractors(args, context),
+        What::Antennas(args) => flown::run_antennas(args, context),
         What::Planners(args) => planners::run(args, context),
-        What::Sigmas(args) => sigmas::run(args, context),
+        What::Sigmas(args) => flown::run_sigmas(args, context),
     }
 }

@@ -8,9 +8,12 @@ use foxhunt::{
 };
 
 use crate::{
-    commands::{choice, repetition::Runs, settings::Settings},
-    context::Context,
+    commands::{
+        choice,
+        settings::{Runs, Settings},
+    },
     error::CliError,
+    output::Context,
     table::{markdown, number, table, text},
 };
 

@@ -1,20 +1,25 @@
+//! An emulated RTL-SDR: a server of its samples, and files of them.
+
 use std::{
+    ffi::OsStr,
     fs::{self, File},
     io::{self, BufWriter, Write},
     path::{Path, PathBuf},
 };
 
 use foxhunt::{
+    core::BeaconId,
     document,
-    sim::{EmulatedRtlTcp, EmulatedRtlTcpConfig, Emulator, PlayedPulse, World},
+    sim::{EmulatedDongle, EmulatedRtlTcp, EmulatedRtlTcpConfig, Emulator, PlayedPulse, World},
     wire::TcpServerStream,
 };
+use serde::Serialize;
 
-use super::{
-    device::{Field, Placed},
-    pose::Pose,
+use super::device::{Field, Placed, Pose};
+use crate::{
+    error::{CliError, InFile},
+    output::Output,
 };
-use crate::error::{CliError, InFile};
 
 /// An RTL-SDR behind `rtl_tcp`, with everything that is on air
 ///
@@ -40,7 +45,7 @@ pub(super) struct Args {
     receiver: Option<PathBuf>,
     /// Write the pulses of each tag to this file as CSV: the truth for a detector
     #[arg(long, value_name = "FILE")]
-    pub(super) pulses: Option<PathBuf>,
+    pulses: Option<PathBuf>,
     /// Write samples to this file instead of serving clients: .cu8, or .sigmf-meta with .sigmf-data
     /// beside it
     #[arg(long, value_name = "FILE", requires = "duration_s",
@@ -49,10 +54,10 @@ pub(super) struct Args {
     /// Samples per second of the file
     #[arg(long, value_name = "HZ", default_value_t = 250_000, requires = "to",
         value_parser = clap::value_parser!(u32).range(1..=4_000_000))]
-    pub(super) rate_hz: u32,
+    rate_hz: u32,
     /// The centre frequency of the file, in hertz [default: 20 kHz below the first beacon]
     #[arg(long, value_name = "HZ", requires = "to", value_parser = hertz)]
-    pub(super) center_hz: Option<u32>,
+    center_hz: Option<u32>,
     /// The gain of the file's samples, in dB
     #[arg(
         long,
@@ -77,7 +82,7 @@ impl Args {
     }
 
     /// Returns the settings of the receiver, from the file if one is given.
-    pub(super) fn config(&self) -> Result<EmulatedRtlTcpConfig, CliError> {
+    fn config(&self) -> Result<EmulatedRtlTcpConfig, CliError> {
         let seeded = EmulatedRtlTcpConfig { seed: self.field.seed, ..Default::default() };
         let Some(path) = &self.receiver else { return Ok(seeded) };
         let wrong = |source: Box<dyn std::error::Error>| {
@@ -90,13 +95,13 @@ impl Args {
 
 /// List of the sent pulses.
 #[derive(Debug)]
-pub(super) struct PulseList {
+struct PulseList {
     path: PathBuf,
     writer: BufWriter<File>,
 }
 
 impl PulseList {
-    pub(super) fn create(path: &Path) -> Result<Self, CliError> {
+    fn create(path: &Path) -> Result<Self, CliError> {
         let create = || {
             let mut writer = BufWriter::new(File::create(path)?);
             writeln!(writer, "time_s,frequency_hz,width_s,power_dbm,snr_db,tag")?;
@@ -107,7 +112,7 @@ impl PulseList {
     }
 
     /// Writes pulses, with times from that of the first sample on.
-    pub(super) fn write(
+    fn write(
         &mut self,
         world: &World,
         pulses: &[PlayedPulse],
@@ -168,4 +173,124 @@ pub(super) fn place(args: &Args, world: &World) -> Result<Placed, CliError> {
         endpoint: format!("tcp:{address}"),
         emulator: Box::new(emulator),
     })
+}
+
+/// Time that is sampled at once, in seconds: antennas and drones stand still meanwhile.
+const STEP_S: f64 = 0.01;
+
+/// Distance of the middle below the first beacon, in Hz: away from the receiver's own line.
+const BESIDE_HZ: f64 = 20_000.0;
+
+/// Description of the written samples.
+#[derive(Debug, Serialize)]
+struct Written {
+    file: String,
+    rate_hz: u32,
+    center_hz: u32,
+    gain_db: f64,
+    /// The power of a tone at full scale.
+    full_scale_dbm: f64,
+    seconds: f64,
+    samples: u64,
+    pulses: usize,
+}
+
+/// Writes the samples of a receiver under a drone's antenna to a file.
+pub(super) fn write_samples(
+    args: &Args,
+    to: &Path,
+    world: &World,
+    output: Output<'_>,
+) -> Result<(), CliError> {
+    let config = args.config()?;
+    let full_scale_dbm = config.full_scale_dbm - args.gain_db;
+    let mut dongle =
+        EmulatedDongle::new(world, args.field.drone, config).map_err(CliError::input)?;
+    let first = world.frequency_mhz(BeaconId(0)).map_or(BESIDE_HZ, |mhz| mhz * 1e6);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
+    let center_hz = args.center_hz.unwrap_or((first - BESIDE_HZ) as u32);
+    dongle.tune(center_hz);
+    dongle.set_rate(args.rate_hz);
+    dongle.set_gain(args.gain_db);
+    let data = data_file(to)?;
+    let create = |path: &Path| {
+        File::create(path).map(BufWriter::new).map_err(|error| CliError::writing(path, error))
+    };
+    let mut file = create(&data)?;
+    let mut list = args.pulses.as_deref().map(PulseList::create).transpose()?;
+    let begun = world.time();
+    let seconds = args.field.duration_s.unwrap_or(0.0);
+    let mut samples = 0;
+    let mut pulses = 0;
+    while world.time() < begun + seconds - 1e-9 {
+        world.advance(STEP_S.min(begun + seconds - world.time())).map_err(CliError::failure)?;
+        let bytes = dongle.take();
+        file.write_all(&bytes).map_err(|error| CliError::writing(&data, error))?;
+        samples += bytes.len() as u64 / 2;
+        let played = dongle.played();
+        pulses += played.len();
+        if let Some(list) = &mut list {
+            list.write(world, &played, begun)?;
+        }
+    }
+    file.flush().map_err(|error| CliError::writing(&data, error))?;
+    if data != to {
+        let text = metadata(args.rate_hz, center_hz)?;
+        fs::write(to, text).map_err(|error| CliError::writing(to, error))?;
+    }
+    let written = Written {
+        file: to.display().to_string(),
+        rate_hz: args.rate_hz,
+        center_hz,
+        gain_db: args.gain_db,
+        full_scale_dbm,
+        seconds,
+        samples,
+        pulses,
+    };
+    output.result(&written, |written| {
+        format!(
+            "{}: {} samples of {} kS/s about {} MHz, {} pulses of tags\nread it with foxhunt \
+             pulses {}{} --full-scale-dbm {}",
+            written.file,
+            written.samples,
+            f64::from(written.rate_hz) / 1e3,
+            f64::from(written.center_hz) / 1e6,
+            written.pulses,
+            written.file,
+            if data == to {
+                format!(" --rate-hz {} --center-hz {}", written.rate_hz, written.center_hz)
+            } else {
+                String::new()
+            },
+            written.full_scale_dbm
+        )
+    })
+}
+
+/// Path of the file with the samples themselves.
+fn data_file(to: &Path) -> Result<PathBuf, CliError> {
+    match to.extension().and_then(OsStr::to_str) {
+        Some("cu8" | "bin") => Ok(to.to_owned()),
+        Some("sigmf-meta") => Ok(to.with_extension("sigmf-data")),
+        _ => {
+            let text = format!("--to {}: its extension must be cu8 or sigmf-meta", to.display());
+            Err(CliError::input(text))
+        }
+    }
+}
+
+/// SigMF's metadata of bytes.
+fn metadata(rate_hz: u32, center_hz: u32) -> Result<String, CliError> {
+    let text = serde_json::to_string_pretty(&serde_json::json!({
+        "global": {
+            "core:datatype": "cu8",
+            "core:sample_rate": rate_hz,
+            "core:version": "1.2.0",
+            "core:recorder": "foxhunt emulate rtl-tcp",
+        },
+        "captures": [{ "core:sample_start": 0, "core:frequency": center_hz }],
+        "annotations": [],
+    }));
+    text.map_err(CliError::failure)
 }

@@ -29,9 +29,8 @@ use self::{
 };
 use super::pulses::{HEADER, line};
 use crate::{
-    context::Context,
     error::{CliError, InFile},
-    output::{Output, warn},
+    output::{Context, Output, warn},
 };
 
 /// Output of `--json` at the end.

@@ -26,18 +26,18 @@ const SAME_INTERVAL: f64 = 0.02;
 /// A tag as it is shown.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct TagRow {
-    pub(super) name: String,
+    name: String,
     /// True if its name comes from a table.
-    pub(super) known: bool,
-    pub(super) frequency_hz: f64,
-    pub(super) interval_s: f64,
-    pub(super) jitter_s: f64,
-    pub(super) width_s: f64,
+    known: bool,
+    frequency_hz: f64,
+    interval_s: f64,
+    jitter_s: f64,
+    width_s: f64,
     /// Power of the last pulse.
-    pub(super) power_dbm: f64,
-    pub(super) snr_db: f64,
+    power_dbm: f64,
+    snr_db: f64,
     /// Time of the last pulse, in seconds of the samples' clock.
-    pub(super) last_pulse_s: f64,
+    last_pulse_s: f64,
     /// Number of its pulses.
     pub(super) pulses: usize,
     /// Number of its pulses that are too old to be associated again.

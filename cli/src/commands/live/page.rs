@@ -14,7 +14,11 @@ use foxhunt::{
     page::{Live, Mark, PageLog, live_page, news, page_line},
 };
 
-use super::{PagePlan, Shown, happening::Happening, server, shared::Shared};
+use super::{
+    PagePlan, Shown,
+    happening::Happening,
+    server::{self, Shared},
+};
 use crate::{commands::tiles::NO_PLACE, error::CliError, output::warn};
 
 /// Time for browsers to take the last news before the program ends.

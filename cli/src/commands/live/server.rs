@@ -1,4 +1,16 @@
-use std::{convert::Infallible, net::TcpListener, sync::Arc, sync::mpsc, thread, time::Duration};
+//! Server of the live page, and what it shares with the hunt's thread.
+
+use std::{
+    convert::Infallible,
+    net::TcpListener,
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicBool, Ordering},
+        mpsc::{self, Sender},
+    },
+    thread,
+    time::Duration,
+};
 
 use axum::{
     Router,
@@ -11,14 +23,102 @@ use axum::{
     },
     routing::{get, post},
 };
-use foxhunt::export::Format;
+use foxhunt::export::{ExportError, Format};
 use futures_util::{Stream, stream};
+use tokio::sync::{oneshot, watch};
 
-use super::shared::{Progress, Shared};
+use super::happening::{Asked, Happening};
 use crate::{
-    commands::tiles::{Tile, TileAt},
+    commands::tiles::{Tile, TileAt, Tiles},
     error::CliError,
 };
+
+/// Page and news of a hunt, shared by the hunt, the thread that reads it and the server.
+pub(super) struct Shared {
+    page: String,
+    pub(super) token: Option<String>,
+    pub(super) orders: bool,
+    tiles: Option<Arc<Tiles>>,
+    /// Name of the run that the numbers of the news belong to; another hunt has another name.
+    run: String,
+    /// All news since the beginning, in order. Each browser has its place in it, so that the hunt
+    /// waits for no browser and late ones get everything.
+    news: Mutex<Vec<Arc<str>>>,
+    /// Number of news, and if they are complete.
+    pub(super) progress: watch::Sender<Progress>,
+    /// True if a viewer with the token has broken the flight off.
+    broken_off: AtomicBool,
+    /// Sender of questions to the hunt's thread.
+    questions: Option<Sender<Happening>>,
+}
+
+/// Progress of a hunt.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Progress {
+    news: usize,
+    pub(super) over: bool,
+}
+
+impl Shared {
+    /// Begins without news.
+    pub(super) fn new(
+        page: String,
+        token: Option<String>,
+        orders: bool,
+        tiles: Option<Arc<Tiles>>,
+        run: String,
+    ) -> Self {
+        Self {
+            page,
+            token,
+            orders,
+            tiles,
+            run,
+            news: Mutex::new(Vec::new()),
+            progress: watch::Sender::new(Progress::default()),
+            broken_off: AtomicBool::new(false),
+            questions: None,
+        }
+    }
+
+    /// Sends questions of programs to the hunt's thread.
+    pub(super) fn with_questions(self, questions: Sender<Happening>) -> Self {
+        Self { questions: Some(questions), ..self }
+    }
+
+    /// Returns the hunt as it is now, in a format; `None` if it is not shown any more.
+    async fn ask(&self, format: Format) -> Option<Result<Vec<u8>, ExportError>> {
+        let (answer, answered) = oneshot::channel();
+        let asked = Happening::Asked(Asked { format, answer });
+        self.questions.as_ref()?.send(asked).ok()?;
+        answered.await.ok()
+    }
+
+    /// The news of a number, from 0.
+    fn news(&self, number: usize) -> Option<Arc<str>> {
+        let news = self.news.lock().unwrap_or_else(PoisonError::into_inner);
+        news.get(number).cloned()
+    }
+
+    /// Adds news for every browser.
+    pub(super) fn add(&self, text: String) {
+        let mut news = self.news.lock().unwrap_or_else(PoisonError::into_inner);
+        news.push(text.into());
+        let count = news.len();
+        drop(news);
+        self.progress.send_modify(|progress| progress.news = count);
+    }
+
+    fn break_off(&self) {
+        self.broken_off.store(true, Ordering::Relaxed);
+    }
+
+    /// Returns true if the flight was broken off since the last call.
+    #[cfg(feature = "hardware")]
+    pub(super) fn take_break_off(&self) -> bool {
+        self.broken_off.swap(false, Ordering::Relaxed)
+    }
+}
 
 /// Time between two messages to a browser without news, so that lost connections are noticed.
 const KEEP_ALIVE: Duration = Duration::from_secs(10);

@@ -14,15 +14,12 @@ use foxhunt::{
 };
 use serde::Serialize;
 
-use super::{
-    super::{
+use super::found::{Estimated, Found, likeliest, rows_of};
+use crate::{
+    commands::{
         locating::{Prepared, Residuals, TRUTH_GAP_S, Track},
         recorded::{LatLon, no_degrees},
     },
-    found::{Estimated, Found, likeliest},
-    rows::rows_of,
-};
-use crate::{
     error::CliError,
     output::{Output, warn},
     progress::Progress,

@@ -11,9 +11,8 @@ use foxhunt::{
 use super::over::{Failures, NodeClock, Shared, Stop};
 use crate::{
     commands::{choice, fly, notices::Notices},
-    context::Context,
     error::CliError,
-    output::warn,
+    output::{Context, warn},
 };
 
 /// Run a drone's part: fly and turn the antenna as the fusion node orders, and report receptions

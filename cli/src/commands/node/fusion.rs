@@ -1,13 +1,15 @@
+//! The fusion node: the hunt itself, and its log.
+
 use std::{
-    fs,
+    fs::{self, File, OpenOptions},
     io::{self, IsTerminal},
-    path::PathBuf,
+    path::{Path, PathBuf},
 };
 
 use foxhunt::{
     hardware::link::{FusionLink, Stage, UnixTime},
     hunt::{Event, Fix},
-    log::Log,
+    log::{Log, LogHeader, LogWriter},
     network::{FusionNode, FusionNodeConfig, Past},
     overview::Overview,
     page::PageLog,
@@ -19,7 +21,6 @@ use serde::Serialize;
 
 use super::{
     field::Field,
-    log::NodeLog,
     over::{Failures, Shared, Stop, rest},
 };
 use crate::{
@@ -30,10 +31,61 @@ use crate::{
         notices::Notices,
         views::write_page,
     },
-    context::Context,
     error::CliError,
-    output::{Output, warn},
+    output::{Context, Output, warn},
 };
+
+/// The log that a fusion node writes, and goes on from.
+struct NodeLog {
+    path: PathBuf,
+    writer: Option<LogWriter<File>>,
+    header: LogHeader,
+    events: Vec<Event>,
+}
+
+impl NodeLog {
+    /// A log that begins with its first event.
+    fn new(path: &Path, header: LogHeader) -> Self {
+        Self { path: path.to_owned(), writer: None, header, events: Vec::new() }
+    }
+
+    /// Reads the log, if it exists; without `resume` it must not exist.
+    fn read(path: &Path, resume: bool) -> Result<Option<Log>, CliError> {
+        match fs::metadata(path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+            Ok(_) if !resume => Err(CliError::input(format!(
+                "{} exists: resume it with --resume, or name another one with --log",
+                path.display()
+            ))),
+            _ => Log::read(path).map(Some).map_err(CliError::input),
+        }
+    }
+
+    /// Appends to a log that was read.
+    fn append(path: &Path, log: Log) -> Result<Self, CliError> {
+        let writer = LogWriter::append(path).map_err(|error| CliError::writing(path, error))?;
+        let Log { header, events, .. } = log;
+        Ok(Self { path: path.to_owned(), writer: Some(writer), header, events })
+    }
+
+    /// Writes an event.
+    fn event(&mut self, event: Event) -> Result<(), CliError> {
+        self.write(&event).map_err(|error| CliError::writing(&self.path, error))?;
+        self.events.push(event);
+        Ok(())
+    }
+
+    fn write(&mut self, event: &Event) -> io::Result<()> {
+        if self.writer.is_none() {
+            if let Some(folder) = self.path.parent() {
+                fs::create_dir_all(folder)?;
+            }
+            let file = OpenOptions::new().write(true).create_new(true).open(&self.path)?;
+            self.writer = Some(LogWriter::new(file, &self.header)?);
+        }
+        self.writer.as_mut().map_or(Ok(()), |writer| writer.event(event))
+    }
+}
 
 /// Run the fusing part: receive the drones' reports, estimate, plan, and send the drones orders
 ///

@@ -3,11 +3,9 @@
 mod drone;
 mod field;
 mod fusion;
-mod key;
-mod log;
 mod over;
 
-use crate::{context::Context, error::CliError};
+use crate::{error::CliError, output::Context};
 
 /// Run one computer's part of a hunt, over MQTT, ROS 1 or ROS 2
 ///
@@ -34,13 +32,13 @@ pub(crate) struct Args {
 enum Node {
     Drone(drone::Args),
     Fusion(Box<fusion::Args>),
-    Key(key::Args),
+    Key(over::KeyArgs),
 }
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     match &args.node {
         Node::Drone(args) => drone::run(args, context),
         Node::Fusion(args) => fusion::run(args, context),
-        Node::Key(args) => key::run(args, context.output),
+        Node::Key(args) => over::make_key(args, context.output),
     }
 }

@@ -1,3 +1,5 @@
+//! Links between the nodes, and the key that signs their messages.
+
 use std::{
     path::PathBuf,
     sync::{
@@ -13,18 +15,18 @@ use foxhunt::{
     hardware::{
         SystemClock,
         link::{
-            CarriedDrone, CarriedFusion, DroneLink, FusionLink, MqttCarrier, MqttConfig, TeamKey,
-            UnixTime,
+            CarriedDrone, CarriedFusion, DroneLink, FusionLink, KeyError, MqttCarrier, MqttConfig,
+            TeamKey, UnixTime,
         },
     },
     network::NetworkError,
 };
+use serde::Serialize;
 
-use super::key::key_error;
 use crate::{
     commands::mqtt::{broker, login},
     error::CliError,
-    output::warn,
+    output::{Output, warn},
 };
 
 /// The arguments of both kinds of nodes.
@@ -255,5 +257,36 @@ fn speed(text: &str) -> Result<f64, String> {
         // Its seconds have to fit into a message.
         Ok(value) if (0.01..=100.0).contains(&value) => Ok(value),
         _ => Err("not a number from 0.01 to 100".into()),
+    }
+}
+
+/// Make the key that all nodes of a team share
+///
+/// Copy the file to every computer over a channel that you trust, such as scp. Anyone who has it
+/// can fly the drones. Only its owner may read it.
+#[derive(Debug, clap::Args)]
+pub(super) struct KeyArgs {
+    /// The file to write; an existing one is refused
+    file: PathBuf,
+}
+
+/// The file that was written.
+#[derive(Serialize)]
+struct Made<'a> {
+    key: &'a str,
+}
+
+pub(super) fn make_key(args: &KeyArgs, output: Output) -> Result<(), CliError> {
+    let key = TeamKey::generate().map_err(CliError::failure)?;
+    key.write(&args.file).map_err(key_error)?;
+    let made = args.file.display().to_string();
+    output.result(&Made { key: &made }, |made| format!("key: {}", made.key))
+}
+
+/// Returns the error of a key that cannot be made or read.
+fn key_error(error: KeyError) -> CliError {
+    match error {
+        KeyError::Random(_) => CliError::failure(error),
+        _ => CliError::input(error),
     }
 }

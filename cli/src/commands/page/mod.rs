@@ -15,7 +15,7 @@ use foxhunt::{
 };
 use serde::Serialize;
 
-use crate::{context::Context, error::CliError};
+use crate::{error::CliError, output::Context};
 
 const HTML: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");

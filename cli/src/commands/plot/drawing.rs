@@ -7,7 +7,10 @@ use std::{
 use foxhunt::picture::PictureError;
 use serde::Serialize;
 
-use crate::{error::CliError, output::Output, writable};
+use crate::{
+    error::CliError,
+    output::{Output, check_writable},
+};
 
 /// The file of a figure, by its ending.
 #[derive(Clone, Debug)]
@@ -72,7 +75,7 @@ impl Drawing {
     }
 
     pub(super) fn check(&self) -> Result<(), CliError> {
-        writable::file(&self.target.path)
+        check_writable(&self.target.path)
     }
 
     /// Writes a figure.

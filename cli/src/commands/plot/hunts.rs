@@ -17,9 +17,8 @@ use foxhunt::{
 use super::drawing::Drawing;
 use crate::{
     commands::choice,
-    context::Context,
     error::{CliError, InFile},
-    output::{Output, warn_once},
+    output::{Context, Output, warn_once},
 };
 
 /// Replay of logs.

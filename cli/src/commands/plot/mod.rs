@@ -5,7 +5,7 @@ mod drawing;
 mod hunts;
 mod recordings;
 
-use crate::{context::Context, error::CliError};
+use crate::{error::CliError, output::Context};
 
 /// Draw figures of hunts, recordings and comparisons
 ///

@@ -20,13 +20,12 @@ use foxhunt::{
 use super::drawing::Drawing;
 use crate::{
     commands::{
-        extraction::Extraction,
+        choice::Extraction,
         recorded::{LatLon, Reading, no_degrees},
         views::Antennas,
     },
-    context::Context,
     error::CliError,
-    output::Output,
+    output::{Context, Output},
 };
 
 /// One turn of a recording.

@@ -1,8 +1,6 @@
-mod compared;
-mod distributions;
 mod page;
 
-pub(super) use self::distributions::titled_distributions;
+pub(super) use page::titled_distributions;
 
 use std::{
     fs::{self, File},
@@ -18,8 +16,8 @@ use foxhunt::{
 };
 use serde::Serialize;
 
-use self::compared::{COMPARED, compared_row};
-use super::{campaign_tables::tables, storing::reading};
+use self::page::{COMPARED, compared_row};
+use super::{campaign::tables, storing::reading};
 use crate::{
     error::CliError,
     output::{Output, warn},

@@ -1,20 +1,102 @@
-//! The page of `results`: the contents of a store as one HTML file without scripts.
+//! The contents of a store: seed by seed, as distributions, and as one HTML file without scripts.
 
 use foxhunt::{
     campaign::{BeaconCampaign, EstimatorCampaign},
-    picture::distributions_svg,
-    store::{Filter, SeedBySeed, Store, Summary, compare},
+    picture::{Distribution, distributions_svg},
+    store::{Filter, Held, SeedBySeed, Store, StoreError, Summary, compare},
 };
 
-use super::{
-    compared::{COMPARED, compared_row},
-    distributions::distributions,
-};
 use crate::{
     commands::storing::reading,
     error::CliError,
     table::{number, text},
 };
+
+/// The columns of a comparison.
+pub(super) const COMPARED: [&str; 10] = [
+    "beacon",
+    "figure",
+    "pairs",
+    "mean",
+    "95 %",
+    "p (t)",
+    "p (ranks)",
+    "ratio",
+    "95 %",
+    "p (t of ratio)",
+];
+
+/// A comparison in these columns.
+pub(super) fn compared_row(one: &SeedBySeed) -> [String; 10] {
+    let interval = |at: Option<[f64; 2]>, decimals: usize| match at {
+        Some([low, high]) => format!("{low:.decimals$} to {high:.decimals$}"),
+        None => "-".to_owned(),
+    };
+    let difference = one.difference;
+    let ratio = one.ratio;
+    [
+        one.beacon.clone(),
+        one.figure.to_owned(),
+        difference.map_or(0, |d| d.pairs).to_string(),
+        number(difference.map(|d| d.mean), 3),
+        interval(difference.map(|d| d.mean_interval), 3),
+        probability(difference.and_then(|d| d.t_p_value)),
+        probability(difference.and_then(|d| d.signed_rank_p_value)),
+        number(ratio.map(|r| r.ratio), 3),
+        interval(ratio.map(|r| r.ratio_interval), 3),
+        probability(ratio.map(|r| r.p_value)),
+    ]
+}
+
+/// Formats a probability; one that four digits do not show as `< 0.0001`.
+fn probability(value: Option<f64>) -> String {
+    match value {
+        Some(value) if value < 1e-4 => "< 0.0001".to_owned(),
+        value => number(value, 4),
+    }
+}
+
+/// Returns the distributions of one campaign's runs for one beacon, and their title.
+pub(in crate::commands) fn titled_distributions(
+    store: &Store,
+    filter: &Filter,
+) -> Result<(String, Vec<Distribution>), CliError> {
+    let summaries = store.summaries(filter).map_err(reading)?;
+    let [summary] = &summaries[..] else {
+        return Err(CliError::input(format!(
+            "a picture shows one campaign, and {} fit; choose with --scenario and --planner",
+            summaries.len()
+        )));
+    };
+    let campaign = &summary.campaign;
+    let wanted = |name: &&String| filter.beacon.as_ref().is_none_or(|beacon| beacon == *name);
+    let names: Vec<&String> = campaign.beacons.iter().filter(wanted).collect();
+    let [name] = names[..] else {
+        return Err(CliError::input(format!(
+            "a picture shows one beacon; choose one of {} with --beacon",
+            campaign.beacons.join(", ")
+        )));
+    };
+    let beacon = campaign.beacons.iter().position(|beacon| beacon == name).unwrap_or(0);
+    let distributions = distributions(store, filter, summary, beacon)?;
+    let title = format!("{}, {name}, planner {}", campaign.scenario, campaign.planner);
+    Ok((title, distributions))
+}
+
+/// Returns the errors and the NEES of each contender's runs for the beacon of an index.
+fn distributions(
+    store: &Store,
+    filter: &Filter,
+    summary: &Summary,
+    beacon: usize,
+) -> Result<Vec<Distribution>, CliError> {
+    let distribution = |(held, of): (&Held, &EstimatorCampaign)| {
+        let [errors_m, nees] = store.samples(&held.contender, beacon, filter)?;
+        Ok(Distribution { name: of.estimator.clone(), errors_m, nees })
+    };
+    let of = summary.held.iter().zip(&summary.report.estimators).map(distribution);
+    of.collect::<Result<_, StoreError>>().map_err(reading)
+}
 
 /// Black on white, as wide as the window, and on paper without a figure torn in two.
 const STYLE: &str = "\

@@ -73,7 +73,7 @@ pub(super) struct Judged {
 
 /// The NEES beyond which an answer without a remark is a failure: a consistent one is there once
 /// in three million fixes.
-pub(super) const SILENT_NEES: f64 = 30.0;
+const SILENT_NEES: f64 = 30.0;
 
 /// Way in which a draw failed.
 #[derive(Clone, Debug, PartialEq)]
@@ -120,7 +120,7 @@ impl Judged {
 
 impl Failing {
     /// Returns true if another draw fails in the same way.
-    pub(super) fn is_like(&self, other: &Self) -> bool {
+    fn is_like(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Silent { .. }, Self::Silent { .. }) => true,
             (one, other) => one == other,

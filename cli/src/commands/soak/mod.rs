@@ -1,12 +1,8 @@
 //! Random flights and recordings for hours.
 
-#[cfg(all(unix, feature = "hardware"))]
-mod devices;
 mod drawn;
-mod flights;
-mod least;
 mod recordings;
-mod tally;
+mod runs;
 mod usage;
 mod world;
 
@@ -29,16 +25,14 @@ use foxhunt::{
 use serde::Serialize;
 
 use self::{
-    flights::fly,
     recordings::BentRecording,
-    tally::{Kind, Tally},
+    runs::{Kind, Tally, fly_simulated},
     usage::Memory,
     world::World,
 };
 use crate::{
-    context::Context,
     error::CliError,
-    output::{Output, event},
+    output::{Context, Output, event},
     progress::Progress,
     table::table,
 };
@@ -142,8 +136,8 @@ impl Experiment for Soak<'_> {
         Ok(match Kind::of(seed) {
             Kind::Recording { .. } => BentRecording::draw(seed).locate(registry),
             #[cfg(all(unix, feature = "hardware"))]
-            Kind::Devices => devices::fly(&EmulatedFlight::draw(seed), registry),
-            Kind::Flight => fly(&SoakFlight::draw(registry, seed), registry),
+            Kind::Devices => runs::fly_devices(&EmulatedFlight::draw(seed), registry),
+            Kind::Flight => fly_simulated(&SoakFlight::draw(registry, seed), registry),
         })
     }
 }
@@ -255,14 +249,14 @@ fn keep(
         }
         #[cfg(all(unix, feature = "hardware"))]
         Kind::Devices => {
-            let fails = |flight: &EmulatedFlight| fails(&devices::fly(flight, registry));
-            let flight = devices::minimal(EmulatedFlight::draw(seed), fails);
+            let fails = |flight: &EmulatedFlight| fails(&runs::fly_devices(flight, registry));
+            let flight = runs::minimal(EmulatedFlight::draw(seed), fails);
             let text = document::to_toml(&flight.field).map_err(CliError::failure)?;
             let again = format!("foxhunt soak --runs 1 --seed {seed}");
             (out.join(format!("{seed}.toml")), text.into_bytes(), again)
         }
         Kind::Flight => {
-            let fails = |flight: &SoakFlight| fails(&fly(flight, registry));
+            let fails = |flight: &SoakFlight| fails(&fly_simulated(flight, registry));
             let SoakFlight { scenario, .. } = SoakFlight::draw(registry, seed).minimal(fails);
             let text = document::to_toml(&scenario).map_err(CliError::failure)?;
             let file = out.join(format!("{seed}.toml"));
@@ -287,7 +281,7 @@ fn again(path: &Path, seed: u64, registry: &Registry, output: Output) -> Result<
         BentRecording::again(text, seed).locate(registry)
     } else {
         let scenario = Scenario::find(&path.to_string_lossy()).map_err(CliError::input)?;
-        fly(&SoakFlight { scenario, seed }, registry)
+        fly_simulated(&SoakFlight { scenario, seed }, registry)
     };
     let mut report = Report { seed, ..Report::default() };
     report.add(&tally);

@@ -15,10 +15,7 @@ use foxhunt::{
     soak::SoakFailure,
 };
 
-use super::{
-    least::least,
-    tally::{Kind, Tally, text_of},
-};
+use super::runs::{Kind, Tally, least, text_of};
 
 /// A recording of a few drones, which was bent, and cut off somewhere.
 #[derive(Debug)]

@@ -15,16 +15,16 @@ use foxhunt::{
 use serde::Serialize;
 
 use super::{
-    super::{
-        choice,
-        scores::{Answer, Summary},
-    },
     drawn::{
         Beside, Draws, Failing, Judged, Timed, flags, is_silent_and_wrong, without_numbers, write,
     },
-    least::least,
+    runs::least,
 };
 use crate::{
+    commands::{
+        choice,
+        scores::{Answer, Summary},
+    },
     error::CliError,
     output::{Output, event},
     progress::Progress,

@@ -1,14 +1,20 @@
-use std::time::{SystemTime, UNIX_EPOCH};
+//! Sources of a drone's place: a GNSS receiver with its caster, and motion capture.
+
+use std::{
+    io,
+    time::{SystemTime, UNIX_EPOCH},
+};
 
 use clap::ValueEnum;
 use foxhunt::{
     geodesy::Geodetic,
     scenario::Scenario,
     sim::{
-        EmulatedCaster, EmulatedCasterConfig, EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind,
-        Emulator, World,
+        EmulatedArDrone, EmulatedCaster, EmulatedCasterConfig, EmulatedGnss, EmulatedGnssConfig,
+        EmulatedGnssKind, EmulatedMotionCapture, EmulatedMotionCaptureConfig, Emulator, Interval,
+        World,
     },
-    wire::{ByteStream, FixQuality, PtyStream, TcpServerStream},
+    wire::{ByteStream, Endpoint, FixQuality, PtyStream, TcpServerStream, UdpStream},
 };
 
 use super::device::{Field, Placed, linked};
@@ -16,7 +22,7 @@ use crate::error::CliError;
 
 /// A GNSS receiver
 #[derive(Debug, clap::Args)]
-pub(super) struct Args {
+pub(super) struct GnssArgs {
     #[command(flatten)]
     pub(super) field: Field,
     /// The protocol
@@ -70,7 +76,11 @@ enum Quality {
     RtkFixed,
 }
 
-pub(super) fn place(args: &Args, _scenario: &Scenario, world: &World) -> Result<Placed, CliError> {
+pub(super) fn place_gnss(
+    args: &GnssArgs,
+    _scenario: &Scenario,
+    world: &World,
+) -> Result<Placed, CliError> {
     let kind = match args.kind {
         Kind::Nmea => EmulatedGnssKind::Nmea,
         Kind::Ublox => EmulatedGnssKind::Ublox,
@@ -113,7 +123,7 @@ pub(super) fn place(args: &Args, _scenario: &Scenario, world: &World) -> Result<
 }
 
 /// The caster beside the receiver, if there is one.
-pub(super) fn caster(args: &Args, world: &World) -> Result<Option<Placed>, CliError> {
+pub(super) fn caster(args: &GnssArgs, world: &World) -> Result<Option<Placed>, CliError> {
     let Some(address) = &args.caster else { return Ok(None) };
     let server = TcpServerStream::listen(address).map_err(CliError::failure)?;
     let endpoint = format!("tcp:{}", server.local_address().map_err(CliError::failure)?);
@@ -138,5 +148,85 @@ fn place_on_earth(text: &str) -> Result<Geodetic, String> {
     match numbers.as_deref() {
         Ok([lat, lon, alt]) => Geodetic::new(*lat, *lon, *alt).map_err(|error| error.to_string()),
         _ => Err("not three numbers, such as 50.1,14.5,250".into()),
+    }
+}
+
+/// A motion-capture system, as JSON lines over UDP
+///
+/// Sends the true pose of the scenario's drone, which stays where it is unless `--ar-drone` has it
+/// flown.
+#[derive(Debug, clap::Args)]
+pub(super) struct MotionCaptureArgs {
+    #[command(flatten)]
+    pub(super) field: Field,
+    /// The address and port that the poses are sent to
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:5005")]
+    to: String,
+    /// The name of the rigid body
+    #[arg(long, value_name = "NAME", default_value = "drone-1")]
+    body: String,
+    /// The number of poses per second
+    #[arg(long, value_name = "HZ", default_value_t = 100.0)]
+    rate: f64,
+    /// The σ of a position on each axis, in metres
+    #[arg(long, value_name = "M", default_value_t = 0.001)]
+    sigma_m: f64,
+    /// Hide the body from the cameras from this time on, for 5 s, in seconds of the field's time
+    #[arg(long, value_name = "S")]
+    hide_at_s: Option<f64>,
+    /// Also emulate an AR.Drone, whose pose it is: orders arrive at UDP port 5556 of this machine,
+    /// navdata are served at 5554
+    #[arg(long)]
+    ar_drone: bool,
+}
+
+/// Time in seconds for which a body is hidden.
+const HIDDEN_S: f64 = 5.0;
+
+pub(super) fn place_motion_capture(
+    args: &MotionCaptureArgs,
+    world: &World,
+) -> Result<Placed, CliError> {
+    let hidden = args.hide_at_s.map(|from_s| Interval { from_s, to_s: Some(from_s + HIDDEN_S) });
+    let config = EmulatedMotionCaptureConfig {
+        body: args.body.clone(),
+        rate_hz: args.rate,
+        sigma_m: args.sigma_m,
+        hidden: hidden.into_iter().collect(),
+    };
+    let stream = UdpStream::to(&args.to).map_err(CliError::failure)?;
+    let Field { drone, seed, .. } = args.field;
+    let emulator = EmulatedMotionCapture::new(world, drone, config, seed, stream);
+    let emulator = emulator.map_err(CliError::input)?;
+    let endpoint = Endpoint::UdpIn { address: args.to.clone() }.to_string();
+    Ok(Placed { device: "motion capture", endpoint, emulator: Box::new(emulator) })
+}
+
+/// The AR.Drone that is seen, if there is one, and its port of navdata.
+pub(super) fn ar_drone(args: &MotionCaptureArgs, world: &World) -> Result<Vec<Placed>, CliError> {
+    if !args.ar_drone {
+        return Ok(Vec::new());
+    }
+    let listen = |port: u16| {
+        let address = format!("127.0.0.1:{port}");
+        let stream = UdpStream::listen(&address).map_err(CliError::failure)?;
+        Ok::<_, CliError>((stream, Endpoint::UdpOut { address }.to_string()))
+    };
+    let (orders, endpoint) = listen(5556)?;
+    let (navdata, navdata_endpoint) = listen(5554)?;
+    let emulator = EmulatedArDrone::new(world, args.field.drone, orders, navdata);
+    let emulator = Box::new(emulator.map_err(CliError::input)?);
+    Ok(vec![
+        Placed { device: "vehicle", endpoint, emulator },
+        Placed { device: "navdata", endpoint: navdata_endpoint, emulator: Box::new(Beside) },
+    ])
+}
+
+/// A port of a device that another emulator serves.
+struct Beside;
+
+impl Emulator for Beside {
+    fn serve(&mut self) -> io::Result<()> {
+        Ok(())
     }
 }

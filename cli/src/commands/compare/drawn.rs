@@ -1,17 +1,55 @@
+//! Comparisons on drawn bearings and turns, where nothing flies.
+
 use foxhunt::{
     bearing_trial::{
         BearingCampaignError, BearingCase, BearingReport, bearing_campaign, bearing_case_named,
         bearing_cases,
     },
-    registry::{ExtractorEntry, antenna_named},
+    registry::{EstimatorEntry, ExtractorEntry, antenna_named},
+    trial::trial_campaign,
 };
 
 use crate::{
-    commands::repetition::Runs,
-    context::Context,
+    commands::{campaign::tables, choice, settings::Runs},
     error::CliError,
+    output::Context,
     table::{number, table},
 };
+
+/// Compare estimators on drawn bearings
+///
+/// Draws bearings on a target of known course from a stated density, and prints the errors at the
+/// end and at the trial's checkpoints, with the posterior Cramér-Rao bound where there is one.
+/// Nothing flies.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  foxhunt compare estimators isaacs-static --runs 1000\n  \
+                        foxhunt compare estimators bot-m --runs 100 --estimator imm \
+                        --estimator range-parameterised")]
+pub(super) struct EstimatorsArgs {
+    /// A built-in trial (`foxhunt list trials`) or a TOML file
+    trial: String,
+    #[command(flatten)]
+    runs: Runs,
+    /// An estimator; may be repeated [default: the trial's own]
+    #[arg(long, value_name = "NAME")]
+    estimator: Vec<String>,
+}
+
+pub(super) fn run_estimators(args: &EstimatorsArgs, context: Context<'_>) -> Result<(), CliError> {
+    let Context { output, registry, .. } = context;
+    let trial = choice::trial(&args.trial)?;
+    let chosen = if args.estimator.is_empty() {
+        let place = format!("{}: estimator", args.trial);
+        vec![choice::estimator(registry, &trial.estimator, &place)?]
+    } else {
+        choice::estimators(registry, &args.estimator)?
+    };
+    let estimators: Vec<EstimatorEntry> = chosen.into_iter().cloned().collect();
+    let report = args.runs.with_progress(output, "runs", estimators.len(), |repetition| {
+        trial_campaign(&trial, &estimators, repetition)
+    });
+    output.result(&report.map_err(choice::trial_error)?, tables)
+}
 
 /// Compare extractors on simulated turns of the antenna
 ///
@@ -21,7 +59,7 @@ use crate::{
 #[command(after_help = "Examples:\n  foxhunt compare extractors --runs 2000\n  \
                         foxhunt compare extractors bearing-reflector --runs 2000 \
                         --antenna panel.msi")]
-pub(super) struct Args {
+pub(super) struct ExtractorsArgs {
     /// The case that turns are drawn from (`foxhunt list cases` describes them)
     #[arg(default_value = DEFAULT_CASE, value_parser = bearing_cases().map(|case| case.name))]
     case: String,
@@ -39,7 +77,7 @@ pub(super) struct Args {
 /// Default case.
 const DEFAULT_CASE: &str = "bearing-clean";
 
-pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub(super) fn run_extractors(args: &ExtractorsArgs, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     let case: BearingCase = bearing_case_named(&args.case)
         .ok_or_else(|| CliError::input(format!("{:?} is not a case", args.case)))?;
@@ -57,7 +95,7 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         BearingCampaignError::Threads(_) => CliError::failure(error),
         error => CliError::input(error),
     })?;
-    output.result(&report, text)
+    output.result(&report, extractor_table)
 }
 
 /// Meaning of the columns.
@@ -65,7 +103,7 @@ const LEGEND: &str = "Errors and σ in degrees. For a consistent extractor error
      root mean square, and 95 % of the errors lie within 1.96 σ. r is the correlation \
      of σ and error.";
 
-fn text(report: &BearingReport) -> String {
+fn extractor_table(report: &BearingReport) -> String {
     let mut rows = table(&[
         "extractor",
         "rms",

@@ -1,6 +1,41 @@
-//! Levels in autopilots' logs.
+//! Contents of a log: fixes, levels, and the numbers of binary logs.
 
 use std::collections::BTreeMap;
+
+use foxhunt_wire::geodesy::Geodetic;
+
+/// Places and levels of a log, by times in seconds since 1970.
+#[derive(Debug, Default)]
+pub(in crate::recording) struct Log {
+    pub(in crate::recording) fixes: Vec<Fix>,
+    pub(in crate::recording) levels: Levels,
+}
+
+/// A place at a time in seconds since 1970.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::recording) struct Fix {
+    pub(in crate::recording) time: f64,
+    pub(in crate::recording) place: Geodetic,
+}
+
+/// A place at a time of the vehicle's own clock in seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct OwnFix {
+    pub(super) own_s: f64,
+    pub(super) place: Geodetic,
+}
+
+/// Fixes and levels of the vehicle's own clock in UTC. `pairs` are times of the own clock and of
+/// UTC; their median offset stands for all, as single ones are late.
+pub(super) fn in_utc(fixes: &[OwnFix], levels: Levels, pairs: &[[f64; 2]]) -> Result<Log, String> {
+    let mut offsets: Vec<f64> = pairs.iter().map(|[own, utc]| utc - own).collect();
+    offsets.sort_by(f64::total_cmp);
+    let Some(offset) = offsets.get(offsets.len() / 2) else {
+        return Err("no message of its GNSS says what time it was in UTC".to_owned());
+    };
+    let fix = |fix: &OwnFix| Fix { time: fix.own_s + offset, place: fix.place };
+    Ok(Log { fixes: fixes.iter().map(fix).collect(), levels: levels.later(*offset) })
+}
 
 /// Levels by the names of their message and field, each with its times.
 #[derive(Debug, Default)]
@@ -52,7 +87,7 @@ impl Levels {
     }
 
     /// Adds seconds to all times.
-    pub(super) fn later(mut self, seconds: f64) -> Self {
+    fn later(mut self, seconds: f64) -> Self {
         for pair in self.0.values_mut().flatten() {
             pair[0] += seconds;
         }
@@ -88,4 +123,39 @@ impl Levels {
             Scale::Decibels => "taken as decibels",
         }
     }
+}
+
+/// The bytes at an offset, as many as the array has; `None` beyond the end.
+pub(super) fn binary_array<const N: usize>(bytes: &[u8], at: usize) -> Option<[u8; N]> {
+    let end = at.checked_add(N)?;
+    bytes.get(at..end)?.try_into().ok()
+}
+
+/// A number at an offset, by the name of its type in C.
+pub(super) fn binary_number(bytes: &[u8], at: usize, kind: &str) -> Option<f64> {
+    #[expect(clippy::cast_precision_loss, reason = "microseconds of a flight are below 2^53")]
+    Some(match kind {
+        "uint8_t" | "bool" | "char" => f64::from(u8::from_le_bytes(binary_array(bytes, at)?)),
+        "int8_t" => f64::from(i8::from_le_bytes(binary_array(bytes, at)?)),
+        "uint16_t" => f64::from(u16::from_le_bytes(binary_array(bytes, at)?)),
+        "int16_t" => f64::from(i16::from_le_bytes(binary_array(bytes, at)?)),
+        "uint32_t" => f64::from(u32::from_le_bytes(binary_array(bytes, at)?)),
+        "int32_t" => f64::from(i32::from_le_bytes(binary_array(bytes, at)?)),
+        "uint64_t" => u64::from_le_bytes(binary_array(bytes, at)?) as f64,
+        "int64_t" => i64::from_le_bytes(binary_array(bytes, at)?) as f64,
+        "float" => f64::from(f32::from_le_bytes(binary_array(bytes, at)?)),
+        "double" => f64::from_le_bytes(binary_array(bytes, at)?),
+        _ => return None,
+    })
+}
+
+/// The size of a type in bytes.
+pub(super) fn binary_size(kind: &str) -> Option<usize> {
+    Some(match kind {
+        "uint8_t" | "int8_t" | "bool" | "char" => 1,
+        "uint16_t" | "int16_t" => 2,
+        "uint32_t" | "int32_t" | "float" => 4,
+        "uint64_t" | "int64_t" | "double" => 8,
+        _ => return None,
+    })
 }
