@@ -6,7 +6,10 @@ use foxhunt_core::{BeaconId, Estimate, EstimatorError, Reception, Receptions, Re
 use foxhunt_filters::consistency::{ChiSquaredAverage, Whiteness};
 use foxhunt_hunt::{
     config::{ModelConfig, ModelError},
-    hunt::{Event, Fix, LearnedReceiver, Search, Track, TrackStep, Tracks, remarks_of_receivers},
+    hunt::{
+        Event, Fix, FoundTransmitter, LearnedReceiver, Search, Track, TrackStep, Tracks,
+        remarks_of_receivers,
+    },
     log::{Log, LogHeader},
     registry::{EstimatorEntry, Registry, RegistryError, TrackRequest, beacon_seed},
 };
@@ -57,6 +60,8 @@ pub struct ReplayedFix {
     /// Errors that were learned of each receiver, with the drone's number; empty for an estimator
     /// that takes all receivers for alike.
     pub receivers: Vec<(usize, LearnedReceiver)>,
+    /// The transmitters on its frequency, the most probable first; `None` for an estimator of one.
+    pub transmitters: Option<Vec<FoundTransmitter>>,
     /// The fix of the log, if the search ended.
     pub logged: Option<Fix>,
 }
@@ -380,6 +385,7 @@ impl ReplayedSearch {
             diverged: 0,
             remarks: Vec::new(),
             receivers: Vec::new(),
+            transmitters: None,
             logged: None,
         };
         Self { track, fix, receptions: Vec::new() }
@@ -387,6 +393,7 @@ impl ReplayedSearch {
 
     fn into_fix(mut self, examined: Option<&(EstimatorEntry, ModelConfig)>) -> ReplayedFix {
         self.fix.receivers = self.track.learned_receivers();
+        self.fix.transmitters = self.track.found();
         if let Some((estimator, model)) = examined.filter(|_| !self.receptions.is_empty()) {
             let learned = &self.fix.receivers;
             let mut receptions = Receptions::default();

@@ -263,7 +263,7 @@ impl EstimatorConfig {
         }
         let own = self.prior(prior)?;
         let several = Several::new(several, one.build(model, prior, seed)?)?;
-        Ok(Track::of_several(several, self.track).with_prior(own))
+        Ok(Track::of(several, self.track).with_prior(own))
     }
 
     /// The estimator of the place, the reference power and each receiver's offsets.

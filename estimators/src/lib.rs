@@ -18,9 +18,12 @@ use foxhunt_core::{Estimator, EstimatorError, Smooth};
 
 pub use estimator::{EstimatorConfig, MovingConfig, ReceiverModel};
 pub use filter::{AnyModel, AnyMotion, FilterConfig, FilterOf, GateConfig, OutlierConfig, Prior};
-pub use several::{FoundTransmitter, SeveralConfig};
+pub use several::SeveralConfig;
 pub use team::{LearnedReceiver, MOST_RECEIVERS, ReceiversConfig};
-pub use track::{Components, TimeStep, Track, TrackConfig, TrackError, TrackStep, WithoutBearing};
+pub use track::{
+    Components, FoundTransmitter, TimeStep, Track, TrackConfig, TrackError, TrackStep,
+    WithoutBearing,
+};
 
 /// An estimator that was chosen at run time, and can be copied with all that it believes.
 pub type BoxedEstimator<const N: usize, const M: usize> = Box<dyn CloneEstimator<N, M>>;

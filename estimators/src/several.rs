@@ -10,15 +10,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     BoxedEstimator,
-    track::{Fed, TrackError},
+    track::{Fed, FoundTransmitter, TrackError},
 };
 
 /// Levels that a wrong direction may have, in dB: wrong ones are spread evenly over them and over
 /// the circle.
 const LEVEL_WIDTH_DB: f64 = 60.0;
 
-/// Histories of a track: those below the first share of the heaviest are dropped, and all but so
-/// many.
+/// Share of a track's heaviest history below which one is dropped, and the largest number of them.
 const LEAST_SHARE: f64 = 1e-3;
 const MOST_HISTORIES: usize = 4;
 
@@ -52,16 +51,6 @@ pub struct SeveralConfig {
     pub births: f64,
     /// Largest probability that a direction which no track explains is a transmitter's.
     pub most_birth: f64,
-}
-
-/// A transmitter that is more probable than not, or one of those of the most probable number.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FoundTransmitter {
-    /// Probability that it is there.
-    pub existence: f64,
-    /// Estimated place, if it is there.
-    pub estimate: Estimate<2>,
 }
 
 type Filter = LabelledMultiBernoulli<BoxedEstimator<2, 2>, 2, 2>;
@@ -119,7 +108,7 @@ impl Several {
             };
             one.bearing = Some(bearing);
             if let Some(level) = &mut one.level {
-                level.rss_dbm += 10.0 * mode.weight.log10();
+                level.rss_dbm += 10.0 * libm::log10(mode.weight);
             }
             scan.extend(self.intake.observation(&one)?);
         }

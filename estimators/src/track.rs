@@ -11,10 +11,7 @@ use foxhunt_filters::{
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    several::{FoundTransmitter, Several},
-    team::{LearnedReceiver, Team},
-};
+use crate::team::{LearnedReceiver, Team};
 
 /// Way in which receptions are put to an estimator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -207,12 +204,8 @@ impl Track {
         Self::of(joined, config)
     }
 
-    /// A track of an unknown number of transmitters.
-    pub(crate) fn of_several(several: Several, config: TrackConfig) -> Self {
-        Self::of(several, config)
-    }
-
-    fn of(estimator: impl Fed + 'static, config: TrackConfig) -> Self {
+    /// A track of any estimator that takes receptions.
+    pub(crate) fn of(estimator: impl Fed + 'static, config: TrackConfig) -> Self {
         let watchdog = NisWatchdog::default();
         Self {
             prior: estimator.position(),
@@ -386,6 +379,16 @@ pub enum TrackStep {
     },
     /// It has no bearing, and without one it is not used.
     Skipped,
+}
+
+/// A transmitter that was found: there are as many as is most probable.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FoundTransmitter {
+    /// Probability that it is there.
+    pub existence: f64,
+    /// Estimated place, if it is there.
+    pub estimate: Estimate<2>,
 }
 
 /// Reason why a reception could not be used.

@@ -37,6 +37,7 @@ impl Setup<'_> {
             truth: Some(Vector2::new(b.east_m, b.north_m)),
             name: b.name,
             course: b.course,
+            others: b.others.iter().map(|other| other.place().xy()).collect(),
         };
         LogHeader {
             foxhunt_log: LOG_VERSION,

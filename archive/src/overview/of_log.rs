@@ -204,7 +204,7 @@ impl<'a> OverviewReader<'a> {
             let steps = 1..=u32::MAX;
             search.smoothed = (fix.smoothed.iter().zip(steps))
                 .map(|((time, estimate), steps)| {
-                    let truth = beacon.and_then(|beacon| beacon.place_at(*time));
+                    let truth = beacon.and_then(|beacon| beacon.nearest_at(*time, &estimate.mean));
                     Believed::of(*time, steps, *estimate, truth)
                 })
                 .collect();
@@ -260,7 +260,7 @@ impl<'a> OverviewReader<'a> {
         if let Some(beacon) = beacon {
             extend_way(&mut search.truth, beacon, time);
         }
-        let truth = beacon.and_then(|beacon| beacon.place_at(time));
+        let truth = beacon.and_then(|beacon| beacon.nearest_at(time, &step.estimate.mean));
         let believed = Believed::of(time, step.steps, step.estimate, truth);
         search.beliefs.push(Believed { cloud: step.cloud, ..believed });
     }

@@ -97,6 +97,9 @@ impl Scene {
                 scene.beacons.push((beacon.name.clone(), place));
                 scene.courses.extend(course(beacon, last));
             }
+            for (other, number) in beacon.others.iter().filter(|other| drawable(other)).zip(2..) {
+                scene.beacons.push((format!("{} {number}", beacon.name), *other));
+            }
         }
         for event in events {
             scene.add(event);

@@ -32,7 +32,12 @@ fn header(truth: Option<Vector2<f64>>) -> LogHeader {
             terrain: None,
         },
         planner: None,
-        beacons: vec![LoggedBeacon { name: "<fox & co>".to_owned(), truth, course: None }],
+        beacons: vec![LoggedBeacon {
+            name: "<fox & co>".to_owned(),
+            truth,
+            course: None,
+            others: Vec::new(),
+        }],
         epoch_unix_s: None,
         homes: Vec::new(),
         origin: None,

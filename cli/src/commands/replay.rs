@@ -3,7 +3,7 @@ use std::{collections::BTreeSet, path::PathBuf};
 use foxhunt::{
     core::{Ellipse, Outcome, Remark},
     filters::consistency::Verdict,
-    hunt::{LearnedReceiver, PlaceEstimate},
+    hunt::{FoundTransmitter, LearnedReceiver, PlaceEstimate},
     log::{Log, LogError},
     overview::{Believed, Overview, SearchOverview},
     page::PageLog,
@@ -95,12 +95,31 @@ struct Replayed {
     /// Errors that were learned of each receiver; absent for an estimator that takes all for alike.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     receivers: Vec<Learned>,
+    /// The transmitters on its frequency, the most probable first; absent for an estimator of one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    transmitters: Option<Vec<Transmitter>>,
     outcome: Option<Outcome>,
     logged_estimate: Option<PlaceEstimate>,
     logged_error_m: Option<f64>,
     /// The smoothed track; absent without `--smooth`.
     #[serde(skip_serializing_if = "Option::is_none")]
     smoothed: Option<SmoothedTrack>,
+}
+
+/// A transmitter that was found.
+#[derive(Debug, Serialize)]
+struct Transmitter {
+    existence: f64,
+    estimate: PlaceEstimate,
+    ellipse_95: Option<Ellipse>,
+}
+
+impl From<&FoundTransmitter> for Transmitter {
+    fn from(found: &FoundTransmitter) -> Self {
+        let estimate = &found.estimate;
+        let ellipse_95 = estimate.ellipse(0.95);
+        Self { existence: found.existence, estimate: estimate.into(), ellipse_95 }
+    }
 }
 
 /// Errors that were learned of a receiver: each offset with its σ, that of bearings
@@ -223,7 +242,7 @@ impl Report {
 impl Replayed {
     fn new(log: &Log, fix: &ReplayedFix) -> Self {
         let beacon = log.header.beacons.get(usize::from(fix.beacon.0));
-        let truth = beacon.and_then(|beacon| beacon.place_at(fix.time));
+        let truth = beacon.and_then(|beacon| beacon.nearest_at(fix.time, &fix.estimate.mean));
         let logged = fix.logged.as_ref();
         Self {
             name: fix.name.clone(),
@@ -241,6 +260,8 @@ impl Replayed {
             diverged: fix.diverged,
             remarks: fix.remarks.clone(),
             receivers: fix.receivers.iter().map(Learned::from).collect(),
+            transmitters: (fix.transmitters.as_ref())
+                .map(|found| found.iter().map(Transmitter::from).collect()),
             outcome: logged.map(|logged| logged.outcome),
             logged_estimate: logged.map(|logged| (&logged.estimate).into()),
             smoothed: None,

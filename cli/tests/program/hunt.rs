@@ -144,6 +144,9 @@ fn a_hunt_for_several_transmitters_lists_each() {
     // The log has them, too, and its receptions give the same again.
     let log = fs::read_to_string(format!("{out}/hunt.jsonl")).expect("it was written");
     assert!(log.contains(r#""transmitters":[{"existence":"#));
+    let again = foxhunt(["replay", "--json", &format!("{out}/hunt.jsonl")]).json();
+    assert_eq!(again["beacons"][0]["transmitters"], transmitters["found"]);
+    assert_eq!(again["beacons"][0]["error_m"], report["beacons"][0]["error_m"]);
     let one = foxhunt(["hunt", "--json", "--out", out]).json();
     assert!(one["beacons"][0].get("transmitters").is_none(), "an estimator of one");
     let campaign = ["campaign", "two-transmitters", "--runs", "3"];

@@ -410,8 +410,12 @@ impl FlightConfig {
         seed: u64,
         epoch_unix_s: Option<i64>,
     ) -> LogHeader {
-        let beacon =
-            |b: &FlownBeacon| LoggedBeacon { name: b.name.clone(), truth: None, course: None };
+        let beacon = |b: &FlownBeacon| LoggedBeacon {
+            name: b.name.clone(),
+            truth: None,
+            course: None,
+            others: Vec::new(),
+        };
         LogHeader {
             foxhunt_log: LOG_VERSION,
             scenario: self.name.clone(),

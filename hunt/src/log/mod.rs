@@ -69,6 +69,9 @@ pub struct LoggedBeacon {
     /// Course from there; it stays where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub course: Option<BeaconCourse>,
+    /// True places of further transmitters on its frequency, which stay.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub others: Vec<Vector2<f64>>,
 }
 
 impl LoggedBeacon {
@@ -77,5 +80,14 @@ impl LoggedBeacon {
     pub fn place_at(&self, time: f64) -> Option<Vector2<f64>> {
         let start = self.truth?;
         Some(self.course.as_ref().map_or(start, |course| course.place_at(start, time)))
+    }
+
+    /// Returns the true place after `time` seconds of the transmitter on its frequency that is
+    /// nearest to a place; its own where it is alone.
+    #[must_use]
+    pub fn nearest_at(&self, time: f64, place: &Vector2<f64>) -> Option<Vector2<f64>> {
+        let off = |truth: &Vector2<f64>| (truth - place).norm_squared();
+        let truths = self.place_at(time).into_iter().chain(self.others.iter().copied());
+        truths.min_by(|a, b| off(a).total_cmp(&off(b)))
     }
 }

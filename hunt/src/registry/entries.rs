@@ -109,6 +109,7 @@ pub struct EstimatorEntry {
 }
 
 #[derive(Clone)]
+#[expect(clippy::large_enum_variant, reason = "a registry has some thirty of them")]
 enum Build {
     Stream(Recipe<EstimatorConfig, MakeTrack>),
     AtOnce(Arc<dyn Locator>),

@@ -27,7 +27,12 @@ fn logged(outing: &Outing, config: EstimatorConfig) -> String {
         planner: None,
         beacons: TARGETS
             .iter()
-            .map(|truth| LoggedBeacon { name: "b".to_owned(), truth: Some(*truth), course: None })
+            .map(|truth| LoggedBeacon {
+                name: "b".to_owned(),
+                truth: Some(*truth),
+                course: None,
+                others: Vec::new(),
+            })
             .collect(),
         epoch_unix_s: None,
         homes: Vec::new(),
