@@ -3,7 +3,7 @@ use std::{collections::BTreeMap, fmt};
 use foxhunt_core::{BeaconId, Estimate, OwnedSweep, Reception};
 use foxhunt_formation::Phase;
 use foxhunt_hunt::{
-    hunt::{Event, TrackStep, cloud},
+    hunt::{Event, FoundTransmitter, TrackStep, cloud},
     log::{Log, LogHeader, LoggedBeacon},
     registry::{EstimatorEntry, Registry},
 };
@@ -15,7 +15,7 @@ use super::{
     notice,
 };
 use crate::{
-    replay::{Moment, Replay, ReplayError, Replayer},
+    replay::{Moment, Replay, ReplayError, ReplayedFix, Replayer},
     struck::{ReceptionId, ReceptionKey, Struck},
 };
 
@@ -84,6 +84,25 @@ impl Overview {
         }
         reader.finish_smoothed()
     }
+}
+
+/// The transmitters on a beacon's frequency, each as a search with one belief; none for an estimator
+/// of one transmitter.
+fn transmitters(fix: &ReplayedFix, header: &LogHeader) -> Vec<SearchOverview> {
+    let beacon = header.beacons.get(usize::from(fix.beacon.0));
+    let found = fix.transmitters.iter().flatten().zip(1_u32..);
+    let search = |(found, number): (&FoundTransmitter, u32)| {
+        let estimate = found.estimate;
+        let truth = beacon.and_then(|beacon| beacon.nearest_at(fix.time, &estimate.mean));
+        SearchOverview {
+            name: format!("{} {number}", fix.name),
+            truth: truth.map(|place| Knot::on_ground(fix.time, place)).into_iter().collect(),
+            beliefs: vec![Believed::of(fix.time, fix.steps, estimate, truth)],
+            outcome: Some(format!("there with {:.3}", found.existence)),
+            ..SearchOverview::default()
+        }
+    };
+    found.map(search).collect()
 }
 
 /// Number of places for one belief of a log.
@@ -192,6 +211,8 @@ impl<'a> OverviewReader<'a> {
         for (search, fix) in self.overview.searches.iter_mut().zip(&replay.fixes) {
             search.remarks.clone_from(&fix.remarks);
         }
+        let found = replay.fixes.iter().flat_map(|fix| transmitters(fix, &self.header));
+        self.overview.searches.extend(found);
         (self.overview, replay)
     }
 

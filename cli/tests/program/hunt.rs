@@ -144,6 +144,8 @@ fn a_hunt_for_several_transmitters_lists_each() {
     // The log has them, too, and its receptions give the same again.
     let log = fs::read_to_string(format!("{out}/hunt.jsonl")).expect("it was written");
     assert!(log.contains(r#""transmitters":[{"existence":"#));
+    let page = fs::read_to_string(format!("{out}/report.html")).expect("it was written");
+    assert!(page.contains("fox 2"), "the page shows each");
     let again = foxhunt(["replay", "--json", &format!("{out}/hunt.jsonl")]).json();
     assert_eq!(again["beacons"][0]["transmitters"], transmitters["found"]);
     assert_eq!(again["beacons"][0]["error_m"], report["beacons"][0]["error_m"]);
