@@ -1,6 +1,6 @@
 //! Arrays of Python as vectors and matrices of known size.
 
-use foxhunt::nalgebra::{SMatrix, SVector};
+use foxhunt::nalgebra::{DMatrix, DVector, SMatrix, SVector};
 use numpy::{
     AllowTypeChange, PyArray1, PyArrayLike1, PyArrayLike2, PyArrayLike3, PyArrayMethods,
     PyUntypedArrayMethods,
@@ -59,6 +59,43 @@ pub(crate) fn covariance<const D: usize>(
         Ok(sigma) => Ok(SMatrix::from_diagonal(&sigma.component_mul(&sigma))),
         Err(_) => matrix(value, name),
     }
+}
+
+/// So many numbers, as [`vector`].
+pub(crate) fn as_many(
+    value: &Bound<'_, PyAny>,
+    count: usize,
+    name: &str,
+) -> PyResult<DVector<f64>> {
+    let all = match number(value) {
+        Some(one) => vec![one],
+        None => numbers(value, name)?,
+    };
+    if all.len() != count {
+        return Err(wrong(name, &format!("{count} numbers"), value));
+    }
+    Ok(all.into())
+}
+
+/// A matrix of so many rows and columns, as [`matrix`].
+pub(crate) fn of_shape(
+    value: &Bound<'_, PyAny>,
+    rows: usize,
+    columns: usize,
+    name: &str,
+) -> PyResult<DMatrix<f64>> {
+    let requirement = || format!("{rows} rows of {columns} numbers");
+    let array: PyArrayLike2<'_, f64, AllowTypeChange> =
+        value.extract().map_err(|_| wrong(name, &requirement(), value))?;
+    if array.shape() != [rows, columns] {
+        return Err(wrong(name, &requirement(), value));
+    }
+    Ok(DMatrix::from_row_iterator(rows, columns, array.as_array().iter().copied()))
+}
+
+/// A square matrix, as [`of_shape`].
+pub(crate) fn square(value: &Bound<'_, PyAny>, size: usize, name: &str) -> PyResult<DMatrix<f64>> {
+    of_shape(value, size, size, name)
 }
 
 /// Numbers of any count, as [`vector`].

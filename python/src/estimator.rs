@@ -19,6 +19,7 @@ use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 use crate::{
     arrays,
     failure::{Failure, value_error},
+    joint::joint,
     model::{AnyModel, components, model},
     motion::{AnyMotion, motion},
     pose::pose,
@@ -32,6 +33,12 @@ pub(crate) struct Estimate {
     mean: Py<PyArray1<f64>>,
     /// The covariance about the mean.
     covariance: Py<PyArray2<f64>>,
+}
+
+impl Estimate {
+    pub(crate) fn of(mean: Py<PyArray1<f64>>, covariance: Py<PyArray2<f64>>) -> Self {
+        Self { mean, covariance }
+    }
 }
 
 #[pymethods]
@@ -123,10 +130,10 @@ impl From<core::Correction> for Correction {
 }
 
 /// Mean and covariance of a prior.
-type Prior<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
+pub(crate) type Prior<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
 
 /// States, one a row, and their weights.
-type Samples<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
+pub(crate) type Samples<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
 
 /// A recursive Bayesian estimator; see the classes that derive from it.
 #[pyclass(subclass, module = "foxhunt")]
@@ -158,12 +165,12 @@ enum Past {
 
 /// The numbers of an update.
 #[derive(Clone)]
-struct Update {
-    value: Vec<Option<f64>>,
+pub(crate) struct Update {
+    pub(crate) value: Vec<Option<f64>>,
     /// The rows of its covariance.
-    noise: Vec<f64>,
-    receiver: Pose,
-    time: f64,
+    pub(crate) noise: Vec<f64>,
+    pub(crate) receiver: Pose,
+    pub(crate) time: f64,
 }
 
 /// An update as it stands in a pickle: values, noise, time, and the numbers of the pose.
@@ -187,25 +194,25 @@ impl Update {
 }
 
 /// The settings of every kind of estimator.
-struct Settings<'a> {
-    kind: &'a str,
-    gate: Option<f64>,
-    iterations: u32,
-    alpha: f64,
-    beta: f64,
-    kappa: f64,
-    particles: usize,
-    side: usize,
-    seed: u64,
+pub(crate) struct Settings<'a> {
+    pub(crate) kind: &'a str,
+    pub(crate) gate: Option<f64>,
+    pub(crate) iterations: u32,
+    pub(crate) alpha: f64,
+    pub(crate) beta: f64,
+    pub(crate) kappa: f64,
+    pub(crate) particles: usize,
+    pub(crate) side: usize,
+    pub(crate) seed: u64,
 }
 
 /// Arguments of every kind of estimator.
-struct Parts<'a, 'py> {
-    motion: &'a Bound<'py, PyAny>,
-    model: &'a Bound<'py, PyAny>,
-    mean: &'a Bound<'py, PyAny>,
-    covariance: &'a Bound<'py, PyAny>,
-    failure: &'a Failure,
+pub(crate) struct Parts<'a, 'py> {
+    pub(crate) motion: &'a Bound<'py, PyAny>,
+    pub(crate) model: &'a Bound<'py, PyAny>,
+    pub(crate) mean: &'a Bound<'py, PyAny>,
+    pub(crate) covariance: &'a Bound<'py, PyAny>,
+    pub(crate) failure: &'a Failure,
 }
 
 #[pymethods]
@@ -237,7 +244,10 @@ impl Estimator {
         let parts = Parts { motion, model, mean, covariance, failure: &failure };
         let n = arrays::length(mean, "mean")?;
         let m = components(model)?;
-        let steps = of_size!(n, m, steps(&settings, &parts))?;
+        let steps = match (n, m) {
+            (2..=8, 1..=3) => of_size!(n, m, steps(&settings, &parts))?,
+            _ => joint(n, m, &settings, &parts)?,
+        };
         let py = mean.py();
         let keywords = PyDict::new(py);
         keywords.set_item("gate", gate)?;
@@ -458,7 +468,7 @@ impl Estimator {
 }
 
 /// An estimator of any size.
-trait Steps: Any + Send + Sync {
+pub(crate) trait Steps: Any + Send + Sync {
     fn predict(&mut self, dt: f64) -> Result<(), core::EstimatorError>;
 
     /// The rows of a covariance that is given, or of that of standard deviations.

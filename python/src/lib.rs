@@ -26,6 +26,7 @@ mod command;
 mod consistency;
 mod estimator;
 mod failure;
+mod joint;
 mod laws;
 mod model;
 mod motion;

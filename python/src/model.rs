@@ -6,8 +6,8 @@ use std::{
 
 use foxhunt::{
     core::{
-        Axis, MeasurementModel, Observation, Pose, Quantity, State, log_likelihoods_one_by_one,
-        numeric_jacobian, residuals_one_by_one,
+        Axis, DynamicMeasurement, MeasurementModel, Observation, On, Pose, Quantity, State,
+        log_likelihoods_one_by_one, numeric_jacobian, residuals_one_by_one,
     },
     nalgebra::{SMatrix, SVector, Vector3},
     sensors::{
@@ -21,7 +21,7 @@ use pyo3::{exceptions::PyValueError, prelude::*, types::PyTuple};
 use crate::{
     arrays,
     failure::{Failure, value_error},
-    pose,
+    joint, pose,
     recipe::Recipe,
 };
 
@@ -160,7 +160,7 @@ pub(crate) fn model<const N: usize, const M: usize>(
             is_vectorized: arrays::is_vectorized(object)?,
             has_jacobian: object.hasattr("jacobian")?,
             object: object.clone().unbind(),
-            receiver: Mutex::default(),
+            receivers: Receivers::default(),
             failure: failure.clone(),
         }));
     };
@@ -188,6 +188,47 @@ pub(crate) fn model<const N: usize, const M: usize>(
     }
 }
 
+/// A measurement model over states of any size.
+pub(crate) type AnyDynamicModel = Arc<dyn DynamicMeasurement + Send + Sync>;
+
+/// The model of a Python object for a state of any size: the library's are over its first two
+/// components, and its last ones where they have parameters; any other object as [`model`] takes
+/// it, over the `components` that it names.
+pub(crate) fn dynamic(
+    object: &Bound<'_, PyAny>,
+    size: usize,
+    failure: &Failure,
+) -> PyResult<AnyDynamicModel> {
+    let Ok(model) = object.cast::<Model>() else {
+        let components: Option<Vec<usize>> = match object.getattr_opt("components")? {
+            Some(components) => Some(components.extract()?),
+            None => None,
+        };
+        return Ok(Arc::new(joint::PythonModel {
+            quantities: each_quantity(&object.getattr("quantities")?)?,
+            components,
+            has_jacobian: object.hasattr("jacobian")?,
+            object: object.clone().unbind(),
+            receivers: Receivers::default(),
+            failure: failure.clone(),
+        }));
+    };
+    if size < 4 {
+        let text = format!("the state has {size} components; there must be 2 or more");
+        return Err(PyValueError::new_err(text));
+    }
+    Ok(match &model.get().kind {
+        Kind::Rss(model) => Arc::new(On::<_, 2, 1>::new(*model, [0, 1])),
+        Kind::Bearing(model) => Arc::new(On::<_, 2, 1>::new(*model, [0, 1])),
+        Kind::RangeDifference(model) => Arc::new(On::<_, 2, 1>::new(*model, [0, 1])),
+        Kind::RssBearing(model) => Arc::new(On::<_, 2, 2>::new(*model, [0, 1])),
+        Kind::FreePower(model) => Arc::new(On::<_, 3, 2>::new(*model, [0, 1, size - 1])),
+        Kind::FreePathLoss(model) => {
+            Arc::new(On::<_, 4, 2>::new(*model, [0, 1, size - 2, size - 1]))
+        }
+    })
+}
+
 /// A model for states of A and measurements of B components where one of N and M is wanted.
 fn of_size<const A: usize, const B: usize, const N: usize, const M: usize>(
     model: AnyModel<A, B>,
@@ -206,15 +247,18 @@ struct PythonModel<const M: usize> {
     is_vectorized: bool,
     /// True if the object has its own derivative; otherwise it is taken by differences.
     has_jacobian: bool,
-    /// Pose of the last call as Python has it: sigma points and particles share one.
-    receiver: Mutex<Option<(Pose, Py<PyAny>)>>,
+    receivers: Receivers,
     failure: Failure,
 }
 
-impl<const M: usize> PythonModel<M> {
+/// Pose of the last call as Python has it: sigma points and particles share one.
+#[derive(Default)]
+pub(crate) struct Receivers(Mutex<Option<(Pose, Py<PyAny>)>>);
+
+impl Receivers {
     /// The receiver as Python has it.
-    fn receiver<'py>(&self, py: Python<'py>, pose: &Pose) -> PyResult<Bound<'py, PyAny>> {
-        let last = self.receiver.lock().unwrap_or_else(PoisonError::into_inner);
+    pub(crate) fn of<'py>(&self, py: Python<'py>, pose: &Pose) -> PyResult<Bound<'py, PyAny>> {
+        let last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((last, made)) = &*last
             && last == pose
         {
@@ -227,11 +271,13 @@ impl<const M: usize> PythonModel<M> {
         for array in [&made, &made.getattr("_plain")?] {
             array.getattr("flags")?.setattr("writeable", false)?;
         }
-        let mut last = self.receiver.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         *last = Some((*pose, made.clone().unbind()));
         Ok(made)
     }
+}
 
+impl<const M: usize> PythonModel<M> {
     /// The expected measurements of many states.
     fn expected_rows<const N: usize>(
         &self,
@@ -241,7 +287,7 @@ impl<const M: usize> PythonModel<M> {
         let count = columns.first().map_or(0, |column| column.len());
         let call = |py: Python<'_>| {
             let states = arrays::states(py, columns)?;
-            let receiver = self.receiver(py, receiver)?;
+            let receiver = self.receivers.of(py, receiver)?;
             let expected = self.object.bind(py).call_method1("expected", (states, receiver))?;
             arrays::rows(&expected, count, "what expected returns")
         };
@@ -257,7 +303,7 @@ impl<const N: usize, const M: usize> MeasurementModel<N, M> for PythonModel<M> {
     fn expected(&self, state: &State<N>, receiver: &Pose) -> SVector<f64, M> {
         let call = |py: Python<'_>| {
             let state = PyArray1::from_slice(py, state.as_slice());
-            let receiver = self.receiver(py, receiver)?;
+            let receiver = self.receivers.of(py, receiver)?;
             let expected = self.object.bind(py).call_method1("expected", (state, receiver))?;
             arrays::vector(&expected, "what expected returns")
         };
@@ -276,7 +322,7 @@ impl<const N: usize, const M: usize> MeasurementModel<N, M> for PythonModel<M> {
         }
         let call = |py: Python<'_>| {
             let state = PyArray1::from_slice(py, state.as_slice());
-            let receiver = self.receiver(py, receiver)?;
+            let receiver = self.receivers.of(py, receiver)?;
             let jacobian = self.object.bind(py).call_method1("jacobian", (state, receiver))?;
             arrays::matrix(&jacobian, "what jacobian returns")
         };
@@ -342,6 +388,12 @@ impl<const N: usize, const M: usize> MeasurementModel<N, M> for PythonModel<M> {
 
 /// The quantities of a Python model: pairs of a name and "linear" or "angle".
 pub(crate) fn quantities<const M: usize>(object: &Bound<'_, PyAny>) -> PyResult<[Quantity; M]> {
+    let each = each_quantity(object)?;
+    each.try_into().map_err(|_| PyValueError::new_err(format!("there must be {M} quantities")))
+}
+
+/// The quantities of a Python model, as [`quantities`].
+fn each_quantity(object: &Bound<'_, PyAny>) -> PyResult<Vec<Quantity>> {
     let pairs: Vec<(String, String)> = object.extract().map_err(|_| {
         PyValueError::new_err(format!(
             "quantities is {object}; it must be pairs such as (\"range_m\", \"linear\")"
@@ -359,8 +411,7 @@ pub(crate) fn quantities<const M: usize>(object: &Bound<'_, PyAny>) -> PyResult<
             "the geometry of {name} is {axis:?}; it must be \"linear\" or \"angle\""
         ))),
     });
-    let each: Vec<Quantity> = each.collect::<PyResult<_>>()?;
-    each.try_into().map_err(|_| PyValueError::new_err(format!("there must be {M} quantities")))
+    each.collect()
 }
 
 /// The name for as long as the program runs, kept once however many models have it.

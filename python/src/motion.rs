@@ -5,6 +5,7 @@ use foxhunt::{
         ConstantVelocity, CoordinatedTurn, MotionModel, RandomWalk, State, numeric_jacobian,
         parameter::not_negative,
     },
+    filters::JointMotion,
     nalgebra::SMatrix,
 };
 use numpy::PyArray1;
@@ -13,6 +14,7 @@ use pyo3::{exceptions::PyValueError, prelude::*, types::PyTuple};
 use crate::{
     arrays,
     failure::{Failure, value_error},
+    joint,
     recipe::Recipe,
 };
 
@@ -122,6 +124,41 @@ pub(crate) fn motion<const N: usize>(
             _ => of_size::<5, N>(Arc::new(*motion)),
         },
     }
+}
+
+/// The motion of a Python object for a state of any size: a random walk of the library, or any
+/// object as [`motion`] takes it.
+pub(crate) fn dynamic(
+    object: &Bound<'_, PyAny>,
+    size: usize,
+    failure: &Failure,
+) -> PyResult<JointMotion> {
+    let Ok(motion) = object.cast::<Motion>() else {
+        for method in ["propagate", "noise_factor"] {
+            object.getattr(method)?;
+        }
+        let motion = joint::PythonMotion {
+            has_jacobian: object.hasattr("jacobian")?,
+            object: object.clone().unbind(),
+            failure: failure.clone(),
+        };
+        return Ok(JointMotion::new().with_block(size, motion));
+    };
+    let drift = match &motion.get().kind {
+        Kind::RandomWalk { drift } if drift.len() == 1 => vec![drift[0]; size],
+        Kind::RandomWalk { drift } if drift.len() == size => drift.clone(),
+        Kind::RandomWalk { drift } => {
+            let given = drift.len();
+            let text = format!("drift has {given} components; the state has {size}");
+            return Err(PyValueError::new_err(text));
+        }
+        _ => {
+            return Err(PyValueError::new_err(format!(
+                "the state has {size} components; the motion is of 4, 5, 6 or 7"
+            )));
+        }
+    };
+    Ok(JointMotion::new().with_block(size, joint::Walk(drift)))
 }
 
 /// A motion of K components where one of N is wanted.

@@ -1,5 +1,8 @@
 """Estimators, held against filterpy and against numpy's own linear algebra."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
@@ -156,7 +159,7 @@ def test_power_is_estimated_where_it_is_not_known():
     [
         (lambda m: foxhunt.Ekf(m, foxhunt.Model.bearing(), [0, 0], np.eye(3)), "covariance"),
         (lambda m: foxhunt.Ekf(m, foxhunt.Model.bearing(), [0, 0], -np.eye(2)), "prior"),
-        (lambda m: foxhunt.Ekf(m, foxhunt.Model.bearing(), [0], np.eye(1)), "2 to 8"),
+        (lambda m: foxhunt.Ekf(m, foxhunt.Model.bearing(), [0], np.eye(1)), "2 or more"),
         (lambda m: foxhunt.Ekf(m, foxhunt.Model.bearing(), [0, 0], np.eye(2), gate=1.5), "1.5"),
         (lambda m: foxhunt.Model.rss(-30.0, -1.0), "exponent"),
         (lambda m: foxhunt.Ukf(m, foxhunt.Model.free_power(2.0), [0, 0], np.eye(2)), "2"),
@@ -206,3 +209,104 @@ def test_exceptions_of_a_model_come_through(kind):
     np.testing.assert_array_equal(estimator.estimate().mean, before.mean)
     model.broken = False
     estimator.update([9.0], [1.0])
+
+
+class Mixed:
+    """Five linear measurements of twelve components."""
+
+    quantities = [(f"sum_{row}", "linear") for row in range(5)]
+    matrix = np.random.default_rng(7).normal(size=(5, 12))
+
+    def expected(self, state, receiver):
+        return self.matrix @ state
+
+
+class OfOne:
+    """The distance between two of many components."""
+
+    quantities = [("apart_m", "linear")]
+
+    def __init__(self, first, second, whole):
+        self.first, self.second = (first, second) if whole else (0, 1)
+        if not whole:
+            self.components = [first, second]
+
+    def expected(self, state, receiver):
+        return state[self.first] - state[self.second]
+
+
+@pytest.mark.parametrize("kind", [foxhunt.Ekf, foxhunt.Ukf, foxhunt.Ckf])
+def test_states_of_any_size_equal_the_kalman_filter_of_numpy(kind):
+    rng = np.random.default_rng(11)
+    drift = rng.uniform(0.1, 1.0, 12)
+    mean, covariance = rng.normal(size=12), np.diag(rng.uniform(1.0, 4.0, 12))
+    ours = kind(foxhunt.Motion.random_walk(drift), Mixed(), mean, covariance)
+    truth = mean + np.linalg.cholesky(covariance) @ rng.normal(size=12)
+    h, r = Mixed.matrix, np.diag([0.25] * 5)
+    for step in range(6):
+        ours.predict(2.0)
+        covariance = covariance + np.diag(drift**2 * 2.0)
+        value = h @ truth + 0.5 * rng.normal(size=5)
+        missing = [None if step == 3 and row == 1 else z for row, z in enumerate(value)]
+        correction = ours.update(missing, [0.5] * 5)
+        seen = [row for row in range(5) if missing[row] is not None]
+        hs, rs = h[seen], r[np.ix_(seen, seen)]
+        s = hs @ covariance @ hs.T + rs
+        gain = np.linalg.solve(s, hs @ covariance).T
+        residual = value[seen] - hs @ mean
+        assert correction.nis == pytest.approx(residual @ np.linalg.solve(s, residual), rel=1e-6)
+        mean = mean + gain @ residual
+        covariance = covariance - gain @ s @ gain.T
+    estimate = ours.estimate()
+    np.testing.assert_allclose(estimate.mean, mean, atol=1e-7)
+    np.testing.assert_allclose(estimate.covariance, covariance, atol=1e-7)
+    difference = truth - mean
+    assert ours.nees(truth) == pytest.approx(
+        difference @ np.linalg.solve(covariance, difference), rel=1e-6
+    )
+    states, weights = ours.samples()
+    np.testing.assert_allclose(weights @ states, mean, atol=1e-7)
+    spread = (states - mean).T @ np.diag(weights) @ (states - mean)
+    np.testing.assert_allclose(spread, covariance, atol=1e-7)
+    again = pickle.loads(pickle.dumps(ours))
+    np.testing.assert_array_equal(again.estimate().mean, estimate.mean)
+    np.testing.assert_array_equal(copy.deepcopy(ours).estimate().covariance, estimate.covariance)
+
+
+def test_a_model_over_few_of_many_components_gives_the_same():
+    walk = foxhunt.Motion.random_walk(0.2)
+    covariance = np.eye(20) + 0.5
+    beliefs = []
+    for whole in [True, False]:
+        ours = foxhunt.Ekf(walk, OfOne(3, 17, whole), np.zeros(20), covariance)
+        ours.predict(1.0)
+        ours.update(4.0, 0.3)
+        beliefs.append(ours.estimate())
+    np.testing.assert_allclose(beliefs[0].mean, beliefs[1].mean, atol=1e-7)
+    np.testing.assert_allclose(beliefs[0].covariance, beliefs[1].covariance, atol=1e-7)
+    assert beliefs[1].mean[3] > 1.0
+
+
+def test_what_a_large_state_cannot_do_is_refused():
+    walk, model, prior = foxhunt.Motion.random_walk(0.2), Mixed(), (np.zeros(12), np.eye(12))
+    for kind in [foxhunt.ParticleFilter, foxhunt.GridFilter]:
+        with pytest.raises(ValueError, match="there must be 2 to 8"):
+            kind(walk, model, *prior)
+    with pytest.raises(ValueError, match="iterations is 3"):
+        foxhunt.Ekf(walk, model, *prior, iterations=3)
+    with pytest.raises(ValueError, match="motion is of 4, 5, 6 or 7"):
+        foxhunt.Ekf(foxhunt.Motion.constant_velocity(0.1), model, *prior)
+    with pytest.raises(ValueError, match="it must be 12 rows of 12 numbers"):
+        foxhunt.Ekf(walk, model, np.zeros(12), np.eye(11))
+    ours = foxhunt.Ekf(walk, model, *prior)
+    before = ours.estimate()
+    with pytest.raises(ValueError, match="value has 2 components"):
+        ours.update([1.0, 2.0], np.eye(5))
+    with pytest.raises(ValueError, match="5 rows of 5"):
+        ours.update([1.0] * 5, np.eye(4))
+    with pytest.raises(ValueError, match="smoothing a state of more than 8"):
+        ours.smooth(copy.deepcopy(ours), 1.0)
+    np.testing.assert_array_equal(ours.estimate().mean, before.mean)
+    bearing = foxhunt.Ekf(walk, foxhunt.Model.bearing(), np.arange(12.0), np.eye(12))
+    bearing.update(0.5, 0.1, receiver=(10.0, 0.0))
+    assert bearing.ellipse() is not None

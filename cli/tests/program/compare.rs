@@ -76,7 +76,7 @@ fn extractors_are_compared_alike_on_any_number_of_jobs() {
     let report = one.json();
     has(&report, &["campaign", "runs", "seed", "bound_deg", "extractors"]);
     let extractors = report["extractors"].as_array().expect("a list");
-    assert_eq!(extractors.len(), 9);
+    assert_eq!(extractors.len(), 10);
     for extractor in extractors {
         has(
             extractor,

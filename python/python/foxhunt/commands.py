@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 EstimatorName = Literal[
     "default",
     "team",
+    "several",
     "grid",
     "particle",
     "iterated-posterior-linearisation",
@@ -73,10 +74,12 @@ ExtractorName = Literal[
     "maximum-likelihood",
     "maximum-likelihood-t",
     "maximum-likelihood-reflection",
+    "maximum-likelihood-several",
 ]
 EstimatorName2 = Literal[
     "default",
     "team",
+    "several",
     "grid",
     "particle",
     "iterated-posterior-linearisation",
