@@ -301,12 +301,12 @@ fn several_transmitters_use_what_they_are_given() {
         (EstimatorConfig { receivers, ..several() }, "receivers"),
         (EstimatorConfig { track: levels, ..several() }, "levels alone"),
     ] {
-        let refused = config.track(model(), &prior(), 1, false).err().expect("not used");
+        let refused = config.track(model(), &prior(), 1, false).expect_err("not used");
         assert!(refused.to_string().contains(named), "{refused}");
     }
     let certain = SeveralConfig { detection: 1.0, ..several().several.expect("set") };
     let config = EstimatorConfig { several: Some(certain), ..several() };
-    let refused = config.track(model(), &prior(), 1, false).err().expect("never missed");
+    let refused = config.track(model(), &prior(), 1, false).expect_err("never missed");
     assert!(refused.to_string().contains("detection probability"), "{refused}");
     assert!(several().build(model(), &prior(), 1).is_err());
 }

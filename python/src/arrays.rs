@@ -61,7 +61,7 @@ pub(crate) fn covariance<const D: usize>(
     }
 }
 
-/// So many numbers, as [`vector`].
+/// `count` numbers, as [`vector`].
 pub(crate) fn as_many(
     value: &Bound<'_, PyAny>,
     count: usize,
@@ -77,7 +77,7 @@ pub(crate) fn as_many(
     Ok(all.into())
 }
 
-/// A matrix of so many rows and columns, as [`matrix`].
+/// A matrix of `rows` by `columns`, as [`matrix`].
 pub(crate) fn of_shape(
     value: &Bound<'_, PyAny>,
     rows: usize,

@@ -151,7 +151,7 @@ where
         Ok(estimator::Estimate::of(mean.unbind(), covariance.unbind()))
     }
 
-    /// The 2n cubature points, whose moments are those of the belief.
+    /// The 2n cubature points: they have the moments of the belief.
     fn samples<'py>(&self, py: Python<'py>) -> PyResult<Samples<'py>> {
         let DynamicEstimate { mean, covariance } = self.filter.estimate();
         let size = mean.len();

@@ -198,14 +198,14 @@ fn superposed(sources: &[(f64, f64)], seed: u64) -> Vec<Sample> {
 fn transmitters_on_one_frequency_are_told_apart() {
     let extractor = likelihood(Residuals::Superposed);
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(3);
-    for number in 2..=4_usize {
+    for number in 2..=4_u8 {
         let (mut squares, mut off, mut count) = (0.0, 0.0, 0.0);
         for turn in 0..60 {
             let first = rng.random_range(-PI..PI);
             let mut sources: Vec<(f64, f64)> = Vec::new();
             for index in 0..number {
-                let spread = TAU / number as f64;
-                let angle = first + spread * index as f64;
+                let spread = TAU / f64::from(number);
+                let angle = first + spread * f64::from(index);
                 let play = (spread - 1.22).max(0.0) / 2.0;
                 let angle = angle::wrap(angle + rng.random_range(-play..=play));
                 sources.push((angle, rng.random_range(-70.0..-60.0)));
@@ -213,7 +213,7 @@ fn transmitters_on_one_frequency_are_told_apart() {
             let samples = superposed(&sources, turn);
             let reading = extractor.extract(&sweep_of(&samples)).expect("a turn");
             let modes = reading.modes.as_slice();
-            assert_eq!(modes.len(), number, "{sources:?}: {modes:?}");
+            assert_eq!(modes.len(), usize::from(number), "{sources:?}: {modes:?}");
             let power = |level: f64| 10.0_f64.powf(0.1 * level);
             let total: f64 = sources.iter().map(|(_, level)| power(*level)).sum();
             for (bearing, level) in sources {
