@@ -394,7 +394,9 @@ impl ReplayedSearch {
     fn into_fix(mut self, examined: Option<&(EstimatorEntry, ModelConfig)>) -> ReplayedFix {
         self.fix.receivers = self.track.learned_receivers();
         self.fix.transmitters = self.track.found();
-        if let Some((estimator, model)) = examined.filter(|_| !self.receptions.is_empty()) {
+        // Receptions of several transmitters do not have to fit one place.
+        let one = self.fix.transmitters.is_none() && !self.receptions.is_empty();
+        if let Some((estimator, model)) = examined.filter(|_| one) {
             let learned = &self.fix.receivers;
             let mut receptions = Receptions::default();
             for (drone, reception) in &self.receptions {
