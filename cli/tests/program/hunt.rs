@@ -163,6 +163,8 @@ fn a_hunt_for_several_transmitters_lists_each() {
 fn what_a_hunt_cannot_fly_with_is_refused() {
     foxhunt(["hunt", "--extractor", "magic"]).failed(2, &["magic", "main-lobe"]);
     foxhunt(["hunt", "--antenna", "dipole"]).failed(2, &["--antenna"]);
+    foxhunt(["hunt", "vhf-tag", "--estimator", "several"])
+        .failed(2, &["maximum-likelihood-several"]);
     foxhunt(["hunt", "--estimator", "lenth1981"]).failed(2, &["all receptions", "foxhunt locate"]);
     foxhunt(["bearing", "x.csv", "--all", "--extractor", "maximum"]).failed(2, &["--all"]);
 }

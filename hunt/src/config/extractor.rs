@@ -193,6 +193,17 @@ impl ExtractorConfig {
         }
     }
 
+    /// Returns true if a turn may have several directions that compete for one transmitter.
+    #[must_use]
+    pub fn directions_compete(&self) -> bool {
+        matches!(
+            self,
+            Self::MaximumLikelihood(_)
+                | Self::MaximumLikelihoodT(_)
+                | Self::MaximumLikelihoodReflection(_)
+        )
+    }
+
     /// The extractor with another antenna; `None` for one that does not know its antenna.
     #[must_use]
     pub fn with_antenna(mut self, antenna: &AntennaConfig) -> Option<Self> {

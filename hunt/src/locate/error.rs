@@ -57,8 +57,8 @@ pub enum LocateError {
         /// The place's North in metres.
         north: f64,
     },
-    /// The estimator learns what each receiver of a hunt gets wrong.
-    #[error("it is for hunts: it learns what each of several receivers gets wrong")]
+    /// The estimator is for several receivers or several transmitters of a hunt.
+    #[error("it is for hunts; for bearings of several transmitters there is --unknown-number")]
     OfHunts,
     /// The estimator needs a known power.
     #[error("it needs the transmitter's power and the exponent (--p0-dbm, --exponent)")]

@@ -49,6 +49,11 @@ impl HuntParts<'_> {
     pub fn build(self) -> Result<Hunt, PartsError> {
         let estimator = self.estimator.clone();
         estimator.require_stream()?;
+        let several = estimator.settings().is_some_and(|settings| settings.several.is_some());
+        if several && self.extractor.directions_compete() {
+            let estimator = estimator.name.into_owned();
+            return Err(PartsError::DirectionsCompete { estimator });
+        }
         let model = self.model.build()?;
         let pulses = self.model.build_pulses()?;
         let reference = self.model.reference_m.map(Vector3::from);
@@ -96,6 +101,17 @@ pub enum PartsError {
     /// The calibration of bearings is out of range.
     #[error("the bearings: {0}")]
     Bearings(#[source] ParameterError),
+    /// The estimator looks for several transmitters, and the directions of a turn are those that
+    /// compete for one.
+    #[error(
+        "{estimator} takes each direction of a turn for a transmitter, and this extractor has \
+         several for one; take the extractor maximum-likelihood-several, or another one that has a \
+         single direction"
+    )]
+    DirectionsCompete {
+        /// The estimator's name.
+        estimator: String,
+    },
     /// The planner cannot be built.
     #[error("the planner: {0}")]
     Planner(#[from] PlannerConfigError),
