@@ -43,7 +43,8 @@ const MUCH_WORSE: f64 = 4.0;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SeveralConfig {
-    /// Probability that a reception holds the direction of a transmitter that is there.
+    /// Probability that a reception holds the direction of a transmitter that is there. A reception
+    /// without any direction says nothing.
     pub detection: f64,
     /// Mean number of directions of a reception that no transmitter is in.
     pub wrong: f64,
@@ -97,7 +98,6 @@ impl Several {
             let one = self.intake.observation(&alone)?.filter(|_| reception.has_bearing());
             return Ok(one.into_iter().collect());
         }
-        alone.covariance = 0.0;
         let mut scan = Vec::with_capacity(modes.len());
         for mode in modes.iter().filter(|mode| mode.sigma <= LARGEST_SIGMA) {
             let mut one = alone;
@@ -107,6 +107,8 @@ impl Several {
                 confidence: alone.bearing.map_or(0.0, |bearing| bearing.confidence),
             };
             one.bearing = Some(bearing);
+            // The covariance is that of the level of all with their mean direction.
+            one.covariance = 0.0;
             if let Some(level) = &mut one.level {
                 level.rss_dbm += 10.0 * libm::log10(mode.weight);
             }

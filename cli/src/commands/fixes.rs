@@ -49,6 +49,25 @@ pub(super) fn fixes<'a>(rows: impl IntoIterator<Item = Row<'a>>) -> Table {
     fixes
 }
 
+/// A table of the transmitters on a beacon's frequency: existence, place and ellipse of each.
+pub(super) fn transmitters(
+    beacon: &str,
+    found: impl IntoIterator<Item = (f64, PlaceEstimate, Option<Ellipse>)>,
+) -> Table {
+    let mut rows = table(&["transmitter", "east m", "north m", "95 % ellipse m", "existence"]);
+    for ((existence, estimate, ellipse_95), rank) in found.into_iter().zip(1_u32..) {
+        let axes = ellipse_95.map(|e| format!("{:.2} × {:.2}", e.semi_major, e.semi_minor));
+        rows.add_row([
+            format!("{beacon} {rank}"),
+            number(estimate.east_m, 2),
+            number(estimate.north_m, 2),
+            crate::table::text(axes),
+            number(existence, 3),
+        ]);
+    }
+    rows
+}
+
 /// Returns a list of the doubts about a place, each on a line of its own; empty without any.
 pub(super) fn doubts<'a>(remarks: impl IntoIterator<Item = &'a Remark>, whose: &str) -> String {
     let lines: String = remarks.into_iter().map(|remark| format!("\n- {remark}")).collect();

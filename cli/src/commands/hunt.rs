@@ -29,7 +29,6 @@ use super::{
 use crate::{
     error::CliError,
     output::{Context, check_writable},
-    table::{number, table},
 };
 
 /// Fly one simulated hunt
@@ -214,23 +213,11 @@ fn text(Examined { report, remarks }: &Examined) -> String {
 /// The transmitters on one frequency, where the estimator looks for several.
 fn transmitters(report: &HuntReport) -> String {
     let several = report.beacons.iter().filter_map(|beacon| {
-        let transmitters = beacon.transmitters.as_ref()?;
-        let mut found = table(&["transmitter", "east m", "north m", "95 % ellipse m", "existence"]);
-        for (transmitter, number_of) in transmitters.found.iter().zip(1..) {
-            let axes = transmitter.ellipse_95;
-            found.add_row([
-                format!("{} {number_of}", beacon.name),
-                number(transmitter.estimate.east_m, 2),
-                number(transmitter.estimate.north_m, 2),
-                crate::table::text(
-                    axes.map(|e| format!("{:.2} × {:.2}", e.semi_major, e.semi_minor)),
-                ),
-                number(transmitter.existence, 3),
-            ]);
-        }
-        let there = transmitters.truths.len();
-        let gospa = transmitters.gospa_m;
-        Some(format!("\n{found}\nThere are {there}; GOSPA is {gospa:.2} m (c = 50 m, p = 2)."))
+        let of = beacon.transmitters.as_ref()?;
+        let rows = of.found.iter().map(|found| (found.existence, found.estimate, found.ellipse_95));
+        let table = fixes::transmitters(&beacon.name, rows);
+        let (there, gospa_m) = (of.truths.len(), of.gospa_m);
+        Some(format!("\n{table}\nTrue number: {there}; GOSPA: {gospa_m:.2} m (c = 50 m, p = 2)."))
     });
     several.collect()
 }

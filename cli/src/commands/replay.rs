@@ -356,7 +356,17 @@ fn tables(report: &Report) -> String {
         .map(|beacon| fixes::doubts(&beacon.remarks, &format!(" of {}", beacon.name)))
         .collect();
     let smoothed = smoothed_tracks(report);
-    format!("{head}\n{fixes}\n{}\n{LEGEND}{smoothed}\n{verdict}{doubts}", innovations(report))
+    let transmitters: String = (report.beacons.iter())
+        .filter_map(|beacon| {
+            let found = beacon.transmitters.as_ref()?.iter();
+            let rows = found.map(|found| (found.existence, found.estimate, found.ellipse_95));
+            Some(format!("\n{}", fixes::transmitters(&beacon.name, rows)))
+        })
+        .collect();
+    format!(
+        "{head}\n{fixes}{transmitters}\n{}\n{LEGEND}{smoothed}\n{verdict}{doubts}",
+        innovations(report)
+    )
 }
 
 /// Meaning of the columns of [`innovations`].

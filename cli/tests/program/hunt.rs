@@ -138,7 +138,7 @@ fn a_hunt_for_several_transmitters_lists_each() {
     }
     assert!(transmitters["gospa_m"].as_f64().is_some_and(|gospa| gospa < 10.0), "{transmitters}");
     let shown = foxhunt(hunt).stdout;
-    for text in ["fox 1", "fox 2", "existence", "There are 2; GOSPA is"] {
+    for text in ["fox 1", "fox 2", "existence", "True number: 2; GOSPA: "] {
         assert!(shown.contains(text), "{text} is missing in {shown}");
     }
     // The log has them, too, and its receptions give the same again.
@@ -146,6 +146,8 @@ fn a_hunt_for_several_transmitters_lists_each() {
     assert!(log.contains(r#""transmitters":[{"existence":"#));
     let page = fs::read_to_string(format!("{out}/report.html")).expect("it was written");
     assert!(page.contains("fox 2"), "the page shows each");
+    let shown = foxhunt(["replay", &format!("{out}/hunt.jsonl")]).stdout;
+    assert!(shown.contains("fox 2"), "{shown}");
     let again = foxhunt(["replay", "--json", &format!("{out}/hunt.jsonl")]).json();
     assert_eq!(again["beacons"][0]["transmitters"], transmitters["found"]);
     assert_eq!(again["beacons"][0]["error_m"], report["beacons"][0]["error_m"]);

@@ -228,7 +228,18 @@ impl<A: Antenna> MaximumLikelihood<A> {
 impl<A: Antenna> BearingExtractor for MaximumLikelihood<A> {
     fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading> {
         let (fit, Judged { posterior, residual_db, .. }) = self.judged(sweep)?;
-        Ok(read_out(sweep, &fit, &posterior.modes(), residual_db, &self.limits))
+        let peaks = posterior.modes();
+        let mut reading = read_out(sweep, &fit, &peaks, residual_db, &self.limits);
+        // The level of a sum is known, though its directions have no common one.
+        if let (Residuals::Superposed, Err(_), [peak, _, ..]) =
+            (self.residuals, reading.bearing, &peaks[..])
+            && !reading.modes.is_empty()
+        {
+            reading.rss_dbm = peak.level;
+            let fitted = libm::sqrt(peak.level_variance);
+            reading.rss_sigma_db = libm::hypot(self.limits.rss_sigma_db, fitted);
+        }
+        Ok(reading)
     }
 
     /// The larger of the bearing's σ and of the Cramér-Rao bound at the bearing and the level that

@@ -32,7 +32,7 @@ const SOMEWHERE: f64 = 6.0;
 const SPARE: f64 = 4.0;
 
 /// A direction with a larger σ is no direction, in radians.
-const LARGEST_SIGMA: f64 = 0.5;
+const NO_DIRECTION: f64 = 0.5;
 
 /// Steps of Levenberg and Marquardt.
 const STEPS: u32 = 30;
@@ -58,7 +58,8 @@ type Normal = (SMatrix<f64, UNKNOWNS, UNKNOWNS>, SVector<f64, UNKNOWNS>);
 
 /// The reading of a turn as the sum of the powers of up to four transmitters, as many as the turn
 /// warrants. Each peak's weight is its share of the power, and its level that of the sum. A turn
-/// that warrants one is judged as Gaussian residuals are.
+/// that warrants one is judged as Gaussian residuals are, without the directions that compete for it:
+/// each peak here is a transmitter of its own.
 pub(super) fn superposed<A: Antenna>(fit: &Fit<'_, A>) -> Judged {
     let (offset, level) = summit(&gaussian_nodes(fit, 1.0));
     let mut best = fitted(fit, alloc::vec![Source { offset, level }]);
@@ -69,12 +70,21 @@ pub(super) fn superposed<A: Antenna>(fit: &Fit<'_, A>) -> Judged {
         }
     }
     if best.sources.len() < 2 {
-        return gaussian(fit);
+        return alone(gaussian(fit));
     }
     let misfit = misfit(fit, &best);
-    let Some(peaks) = peaks(fit, &best, misfit.inflation()) else { return gaussian(fit) };
+    let Some(peaks) = peaks(fit, &best, misfit.inflation()) else { return alone(gaussian(fit)) };
     let posterior = Posterior { log_mass: 0.0, peaks };
     Judged { posterior, residual_db: misfit.residual_db, inflation: misfit.inflation() }
+}
+
+/// A judgement with its most probable direction alone.
+fn alone(mut judged: Judged) -> Judged {
+    let peaks = &mut judged.posterior.peaks;
+    peaks.sort_by(|a, b| b.weight.total_cmp(&a.weight));
+    peaks.truncate(1);
+    peaks.iter_mut().for_each(|peak| peak.weight = 1.0);
+    judged
 }
 
 fn misfit<A: Antenna>(fit: &Fit<'_, A>, sum: &Sum) -> Misfit {
@@ -218,7 +228,7 @@ fn peaks<A: Antenna>(fit: &Fit<'_, A>, sum: &Sum, inflation: f64) -> Option<Vec<
     };
     let peaks: Vec<Peak> = sum.sources.iter().enumerate().map(peak).collect();
     // Neither is known where they may be in each other's place.
-    peaks.iter().all(|peak| peak.sigma < LARGEST_SIGMA).then_some(peaks)
+    peaks.iter().all(|peak| peak.sigma < NO_DIRECTION).then_some(peaks)
 }
 
 fn power(decibels: f64) -> f64 {
