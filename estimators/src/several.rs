@@ -1,8 +1,9 @@
 //! An unknown number of transmitters on one frequency.
 
 use foxhunt_core::{
-    Belief, ByQuantity, Correction, Estimate, Estimator, EstimatorError, Intake, Observation,
-    ObservationError, Quantity, Reception, parameter::probability,
+    Bearing, Belief, ByQuantity, Correction, Estimate, Estimator, EstimatorError, Intake,
+    Observation, ObservationError, Quantity, Reception,
+    parameter::{not_negative, probability},
 };
 use foxhunt_filters::multi::{self, Detection, Label, LabelledMultiBernoulli, Reduction};
 use nalgebra::Vector2;
@@ -57,8 +58,8 @@ pub struct SeveralConfig {
 type Filter = LabelledMultiBernoulli<BoxedEstimator<2, 2>, 2, 2>;
 
 /// A labelled multi-Bernoulli filter (Reuter, Vo, Vo & Dietmayer 2014) over any estimator of level
-/// and bearing. Its place is that of one transmitter, the one that a hunt goes on for: it stays with
-/// that until another one is much worse known.
+/// and bearing. Its place is that of one transmitter, the one that a hunt goes on for: it stays
+/// with that until another one is much worse known.
 pub(crate) struct Several {
     filter: Filter,
     /// A transmitter anywhere.
@@ -79,7 +80,7 @@ impl Several {
     ) -> Result<Self, EstimatorError> {
         let widths = [LEVEL_WIDTH_DB, std::f64::consts::TAU];
         let detection = Detection::new(config.detection, config.wrong, widths)?;
-        foxhunt_core::parameter::not_negative("births", config.births)?;
+        not_negative("births", config.births)?;
         probability("most_birth", config.most_birth)?;
         let filter = LabelledMultiBernoulli::new([], 1.0, detection)?
             .with_reduction(Reduction::new(LEAST_SHARE, MOST_HISTORIES)?)
@@ -101,7 +102,7 @@ impl Several {
         let mut scan = Vec::with_capacity(modes.len());
         for mode in modes.iter().filter(|mode| mode.sigma <= LARGEST_SIGMA) {
             let mut one = alone;
-            let bearing = foxhunt_core::Bearing {
+            let bearing = Bearing {
                 angle: mode.angle,
                 sigma: mode.sigma,
                 confidence: alone.bearing.map_or(0.0, |bearing| bearing.confidence),

@@ -199,7 +199,7 @@ impl Found {
 
     /// Distance from the transmitters that were found to those that there are (Rahmathullah,
     /// García-Fernández & Svensson 2017) with c = 50 m, p = 2 and α = 2; `None` for an estimator
-    /// of one transmitter.
+    /// of one transmitter, and where a place is not finite.
     #[must_use]
     pub fn gospa(&self) -> Option<Gospa> {
         let found = self.fix.transmitters.as_ref()?.iter().map(|found| found.estimate.mean);

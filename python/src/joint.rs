@@ -38,8 +38,8 @@ pub(crate) fn joint(
     let Settings { kind, gate, iterations, alpha, beta, kappa, .. } = *settings;
     if !["ekf", "ckf", "ukf"].contains(&kind) {
         return Err(PyValueError::new_err(format!(
-            "the state has {n} and the measurement {m} components; for {kind} there must be 2 to 8, \
-             and 1 to 3 (ekf, ukf and ckf take any number)"
+            "the state has {n} and the measurement {m} components; for {kind} there must be 2 to \
+             8, and 1 to 3 (ekf, ukf and ckf take any number)"
         )));
     }
     if iterations != 1 {
@@ -323,7 +323,8 @@ impl DynamicMeasurement for PythonModel {
         if !self.has_jacobian {
             return ByDifferences(self).jacobian(state, receiver);
         }
-        let (rows, columns) = (self.quantities.len(), state.len());
+        let rows = self.quantities.len();
+        let columns = state.len();
         let call = |py: Python<'_>| {
             let state = PyArray1::from_slice(py, state.as_slice());
             let receiver = self.receivers.of(py, receiver)?;

@@ -86,8 +86,8 @@ impl Overview {
     }
 }
 
-/// The transmitters on a beacon's frequency, each as a search with one belief; none for an estimator
-/// of one transmitter.
+/// The transmitters on a beacon's frequency, each as a search with one belief; none for an
+/// estimator of one transmitter.
 fn transmitters(fix: &ReplayedFix, header: &LogHeader) -> Vec<SearchOverview> {
     let beacon = header.beacons.get(usize::from(fix.beacon.0));
     let found = fix.transmitters.iter().flatten().zip(1_u32..);

@@ -7,7 +7,7 @@ use std::{
 };
 
 use foxhunt::{
-    campaign::{BeaconCampaign, CampaignReport, campaign_watched},
+    campaign::{BeaconCampaign, CampaignReport, EstimatorCampaign, campaign_watched},
     document,
     registry::EstimatorEntry,
     report::HuntReport,
@@ -176,10 +176,19 @@ fn all_alike(beacon: &BeaconCampaign, runs: u32) -> bool {
     runs.saturating_sub(beacon.failed) > 1 && beacon.error_m.is_some_and(|e| e.p10 >= e.max)
 }
 
+/// The estimators with their figures of one beacon.
+fn of_beacon(
+    report: &CampaignReport,
+    index: usize,
+) -> impl Iterator<Item = (&EstimatorCampaign, &BeaconCampaign)> {
+    report.estimators.iter().filter_map(move |e| Some((e, e.beacons.get(index)?)))
+}
+
 /// The transmitters on a beacon's frequency, where an estimator looks for several.
 fn transmitters(report: &CampaignReport, index: usize) -> Option<String> {
-    let beacons = || report.estimators.iter().filter_map(|e| Some((e, e.beacons.get(index)?)));
-    let found = beacons().filter_map(|(e, beacon)| Some((e, beacon.transmitters?)));
+    let found = of_beacon(report, index).filter_map(|(e, beacon)| Some((e, beacon.transmitters?)));
+    let mut found = found.peekable();
+    let _ = found.peek()?;
     let mut several = table(&[
         "transmitters on one frequency",
         "GOSPA m mean",
@@ -189,9 +198,7 @@ fn transmitters(report: &CampaignReport, index: usize) -> Option<String> {
         "missed",
         "invented",
     ]);
-    let mut any = false;
     for (estimator, transmitters) in found {
-        any = true;
         several.add_row([
             estimator.estimator.clone(),
             number(Some(transmitters.gospa_m.mean), 2),
@@ -202,12 +209,12 @@ fn transmitters(report: &CampaignReport, index: usize) -> Option<String> {
             transmitters.invented.to_string(),
         ]);
     }
-    any.then(|| several.to_string())
+    Some(several.to_string())
 }
 
 /// The root mean square errors at the checkpoints, where the trial has any.
 fn checkpoints(report: &CampaignReport, index: usize) -> Option<String> {
-    let beacons = || report.estimators.iter().filter_map(|e| Some((e, e.beacons.get(index)?)));
+    let beacons = || of_beacon(report, index);
     let (_, first) = beacons().next()?;
     if first.checkpoints.is_empty() && first.track_rms_m.is_none() {
         return None;

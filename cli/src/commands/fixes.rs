@@ -3,9 +3,10 @@
 use foxhunt::{
     core::{Ellipse, Remark},
     hunt::PlaceEstimate,
+    report::HuntedTransmitter,
 };
 
-use crate::table::{Table, number, table};
+use crate::table::{Table, number, table, text};
 
 /// A row of the table.
 #[derive(Debug)]
@@ -33,12 +34,11 @@ pub(super) fn fixes<'a>(rows: impl IntoIterator<Item = Row<'a>>) -> Table {
         "outcome",
     ]);
     for row in rows {
-        let axes = row.ellipse_95.map(|e| format!("{:.2} × {:.2}", e.semi_major, e.semi_minor));
         fixes.add_row([
             row.beacon.to_owned(),
             number(row.estimate.east_m, 2),
             number(row.estimate.north_m, 2),
-            crate::table::text(axes),
+            axes(row.ellipse_95),
             number(row.ellipse_95.map(|e| e.orientation.to_degrees()), 0),
             number(row.error_m, 2),
             number(row.nees, 2),
@@ -50,22 +50,23 @@ pub(super) fn fixes<'a>(rows: impl IntoIterator<Item = Row<'a>>) -> Table {
 }
 
 /// A table of the transmitters on a beacon's frequency: existence, place and ellipse of each.
-pub(super) fn transmitters(
-    beacon: &str,
-    found: impl IntoIterator<Item = (f64, PlaceEstimate, Option<Ellipse>)>,
-) -> Table {
+pub(super) fn transmitters(beacon: &str, found: &[HuntedTransmitter]) -> Table {
     let mut rows = table(&["transmitter", "east m", "north m", "95 % ellipse m", "existence"]);
-    for ((existence, estimate, ellipse_95), rank) in found.into_iter().zip(1_u32..) {
-        let axes = ellipse_95.map(|e| format!("{:.2} × {:.2}", e.semi_major, e.semi_minor));
+    for (transmitter, rank) in found.iter().zip(1_u32..) {
         rows.add_row([
             format!("{beacon} {rank}"),
-            number(estimate.east_m, 2),
-            number(estimate.north_m, 2),
-            crate::table::text(axes),
-            number(existence, 3),
+            number(transmitter.estimate.east_m, 2),
+            number(transmitter.estimate.north_m, 2),
+            axes(transmitter.ellipse_95),
+            number(transmitter.existence, 3),
         ]);
     }
     rows
+}
+
+/// The semi-axes of an ellipse.
+fn axes(ellipse: Option<Ellipse>) -> String {
+    text(ellipse.map(|e| format!("{:.2} × {:.2}", e.semi_major, e.semi_minor)))
 }
 
 /// Returns a list of the doubts about a place, each on a line of its own; empty without any.

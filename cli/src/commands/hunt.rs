@@ -214,9 +214,9 @@ fn text(Examined { report, remarks }: &Examined) -> String {
 fn transmitters(report: &HuntReport) -> String {
     let several = report.beacons.iter().filter_map(|beacon| {
         let of = beacon.transmitters.as_ref()?;
-        let rows = of.found.iter().map(|found| (found.existence, found.estimate, found.ellipse_95));
-        let table = fixes::transmitters(&beacon.name, rows);
-        let (there, gospa_m) = (of.truths.len(), of.gospa_m);
+        let table = fixes::transmitters(&beacon.name, &of.found);
+        let there = of.truths.len();
+        let gospa_m = of.gospa_m;
         Some(format!("\n{table}\nTrue number: {there}; GOSPA: {gospa_m:.2} m (c = 50 m, p = 2)."))
     });
     several.collect()

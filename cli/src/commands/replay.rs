@@ -3,13 +3,13 @@ use std::{collections::BTreeSet, path::PathBuf};
 use foxhunt::{
     core::{Ellipse, Outcome, Remark},
     filters::consistency::Verdict,
-    hunt::{FoundTransmitter, LearnedReceiver, PlaceEstimate},
+    hunt::{LearnedReceiver, PlaceEstimate},
     log::{Log, LogError},
     overview::{Believed, Overview, SearchOverview},
     page::PageLog,
     registry::EstimatorEntry,
     replay::{Replay, ReplayedFix},
-    report::Place,
+    report::{HuntedTransmitter, Place},
     struck::{Struck, StruckError},
 };
 use serde::Serialize;
@@ -97,29 +97,13 @@ struct Replayed {
     receivers: Vec<Learned>,
     /// The transmitters on its frequency, the most probable first; absent for an estimator of one.
     #[serde(skip_serializing_if = "Option::is_none")]
-    transmitters: Option<Vec<Transmitter>>,
+    transmitters: Option<Vec<HuntedTransmitter>>,
     outcome: Option<Outcome>,
     logged_estimate: Option<PlaceEstimate>,
     logged_error_m: Option<f64>,
     /// The smoothed track; absent without `--smooth`.
     #[serde(skip_serializing_if = "Option::is_none")]
     smoothed: Option<SmoothedTrack>,
-}
-
-/// A transmitter that was found.
-#[derive(Debug, Serialize)]
-struct Transmitter {
-    existence: f64,
-    estimate: PlaceEstimate,
-    ellipse_95: Option<Ellipse>,
-}
-
-impl From<&FoundTransmitter> for Transmitter {
-    fn from(found: &FoundTransmitter) -> Self {
-        let estimate = &found.estimate;
-        let ellipse_95 = estimate.ellipse(0.95);
-        Self { existence: found.existence, estimate: estimate.into(), ellipse_95 }
-    }
 }
 
 /// Errors that were learned of a receiver: each offset with its σ, that of bearings
@@ -261,7 +245,7 @@ impl Replayed {
             remarks: fix.remarks.clone(),
             receivers: fix.receivers.iter().map(Learned::from).collect(),
             transmitters: (fix.transmitters.as_ref())
-                .map(|found| found.iter().map(Transmitter::from).collect()),
+                .map(|found| found.iter().map(HuntedTransmitter::from).collect()),
             outcome: logged.map(|logged| logged.outcome),
             logged_estimate: logged.map(|logged| (&logged.estimate).into()),
             smoothed: None,
@@ -358,9 +342,8 @@ fn tables(report: &Report) -> String {
     let smoothed = smoothed_tracks(report);
     let transmitters: String = (report.beacons.iter())
         .filter_map(|beacon| {
-            let found = beacon.transmitters.as_ref()?.iter();
-            let rows = found.map(|found| (found.existence, found.estimate, found.ellipse_95));
-            Some(format!("\n{}", fixes::transmitters(&beacon.name, rows)))
+            let found = beacon.transmitters.as_ref()?;
+            Some(format!("\n{}", fixes::transmitters(&beacon.name, found)))
         })
         .collect();
     format!(

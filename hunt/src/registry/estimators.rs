@@ -109,8 +109,8 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
         ),
         EstimatorEntry::of_settings(
             "several",
-            "an unknown number of transmitters on one frequency: labelled multi-Bernoulli over rows \
-             of Gaussians",
+            "an unknown number of transmitters on one frequency: labelled multi-Bernoulli over \
+             rows of Gaussians",
             "Reuter, Vo, Vo & Dietmayer 2014",
             EstimatorConfig {
                 power_sigma_db: Some(5.0),

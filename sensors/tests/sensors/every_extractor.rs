@@ -199,7 +199,9 @@ fn transmitters_on_one_frequency_are_told_apart() {
     let extractor = likelihood(Residuals::Superposed);
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(3);
     for number in 2..=4_u8 {
-        let (mut squares, mut off, mut count) = (0.0, 0.0, 0.0);
+        let mut squares = 0.0;
+        let mut off = 0.0;
+        let mut count = 0.0;
         for turn in 0..60 {
             let first = rng.random_range(-PI..PI);
             let mut sources: Vec<(f64, f64)> = Vec::new();

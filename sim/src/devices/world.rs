@@ -153,8 +153,8 @@ impl World {
         Some(self.truth.borrow().beacons.get(usize::from(beacon.0))?.place_at(time))
     }
 
-    /// The places of all transmitters on a beacon's frequency after `time` seconds, the beacon's own
-    /// first: East, North and Up in metres; empty if there is no such beacon.
+    /// The places of all transmitters on a beacon's frequency after `time` seconds, the beacon's
+    /// own first: East, North and Up in metres; empty if there is no such beacon.
     #[must_use]
     pub fn transmitters_at(&self, beacon: BeaconId, time: f64) -> Vec<Vector3<f64>> {
         let truth = self.truth.borrow();

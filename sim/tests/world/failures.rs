@@ -170,8 +170,8 @@ fn a_beacon_that_comes_later_leaves_all_else_as_it_is() {
     }
 }
 
-/// Of 1000 seeds a transmitter that is there with 0.3 is there in 300 within 5 standard deviations
-/// of a binomial number; it scatters by itself, and changes nothing of the beacon's own place.
+/// A transmitter that is there with 0.3 is there in 300 of 1000 seeds within 5 standard deviations
+/// of a binomial number. It scatters by itself, and changes nothing of the beacon's own place.
 #[test]
 fn others_on_a_frequency_are_drawn_with_the_seed() {
     let mut config = config(quiet());

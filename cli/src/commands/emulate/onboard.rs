@@ -28,7 +28,8 @@ pub(super) struct XbeeArgs {
     #[command(flatten)]
     pub(super) pose: Pose,
     /// Its API mode (AP): 0 transparent, 1 plain frames, 2 escaped frames
-    #[arg(long, value_name = "AP", default_value_t = 1, value_parser = clap::value_parser!(u8).range(0..=2))]
+    #[arg(long, value_name = "AP", default_value_t = 1)]
+    #[arg(value_parser = clap::value_parser!(u8).range(0..=2))]
     api: u8,
     /// The protocol of its firmware
     #[arg(long, value_enum, default_value_t = Firmware::Zigbee)]

@@ -46,8 +46,8 @@ pub enum Residuals {
     /// The residuals of two paths are diffuse fading, Rician, so that the pattern's back weighs
     /// less than its main lobe. The one to use where the antenna is known.
     Reflection,
-    /// As Gaussian noise about the sum of the powers of up to four transmitters that send at once on
-    /// one frequency, as many as the turn warrants. Their directions are the reading's
+    /// As Gaussian noise about the sum of the powers of up to four transmitters that send at once
+    /// on one frequency, as many as the turn warrants. Their directions are the reading's
     /// [`modes`](Reading::modes), each with its share of the power for a weight, and the level is
     /// that of the sum. What was not received counts where there is one transmitter alone.
     Superposed,

@@ -24,7 +24,7 @@ const STRIDE: u16 = 2;
 /// Levels that are tried for one more, in dB below the strongest.
 const BELOW_DB: [f64; 5] = [0.0, 4.0, 8.0, 12.0, 16.0];
 
-/// What χ² has to fall by for one more, beside 2 ln n for its two unknowns (Schwarz 1978): there
+/// Fall of χ² that one more has to bring, beside 2 ln n for its two unknowns (Schwarz 1978): there
 /// are some twenty places for it that a lobe tells apart.
 const SOMEWHERE: f64 = 6.0;
 
@@ -50,32 +50,33 @@ struct Sum {
     sources: Vec<Source>,
     chi_squared: f64,
     residuals: Vec<f64>,
+    /// The normal equations: JᵀWJ and JᵀWr, level and direction of each in turn; the identity where
+    /// there is no transmitter.
+    matrix: SMatrix<f64, UNKNOWNS, UNKNOWNS>,
+    gradient: SVector<f64, UNKNOWNS>,
 }
 
-/// The normal equations of a fit: JᵀWJ and JᵀWr, level and direction of each in turn; the identity
-/// where there is nothing.
-type Normal = (SMatrix<f64, UNKNOWNS, UNKNOWNS>, SVector<f64, UNKNOWNS>);
+impl Sum {
+    /// Number of its unknowns, as a number to reckon with.
+    fn unknowns(&self) -> f64 {
+        self.sources.iter().map(|_| 2.0).sum()
+    }
+}
 
 /// The reading of a turn as the sum of the powers of up to four transmitters, as many as the turn
 /// warrants. Each peak's weight is its share of the power, and its level that of the sum. A turn
-/// that warrants one is judged as Gaussian residuals are, without the directions that compete for it:
-/// each peak here is a transmitter of its own.
+/// that warrants one is judged as Gaussian residuals are, without the directions that compete for
+/// it: each peak here is a transmitter of its own.
 pub(super) fn superposed<A: Antenna>(fit: &Fit<'_, A>) -> Judged {
     let (offset, level) = summit(&gaussian_nodes(fit, 1.0));
-    let mut best = fitted(fit, alloc::vec![Source { offset, level }]);
-    while best.sources.len() < MOST {
-        match one_more(fit, &best) {
-            Some(more) => best = more,
-            None => break,
-        }
+    let mut sum = fitted(fit, alloc::vec![Source { offset, level }]);
+    let mut several = None;
+    while sum.sources.len() < MOST {
+        let Some((more, judged)) = one_more(fit, &sum) else { break };
+        sum = more;
+        several = Some(judged);
     }
-    if best.sources.len() < 2 {
-        return alone(gaussian(fit));
-    }
-    let misfit = misfit(fit, &best);
-    let Some(peaks) = peaks(fit, &best, misfit.inflation()) else { return alone(gaussian(fit)) };
-    let posterior = Posterior { log_mass: 0.0, peaks };
-    Judged { posterior, residual_db: misfit.residual_db, inflation: misfit.inflation() }
+    several.unwrap_or_else(|| alone(gaussian(fit)))
 }
 
 /// A judgement with its most probable direction alone.
@@ -87,17 +88,20 @@ fn alone(mut judged: Judged) -> Judged {
     judged
 }
 
-fn misfit<A: Antenna>(fit: &Fit<'_, A>, sum: &Sum) -> Misfit {
+/// The judgement of a sum; `None` where the direction of one of its transmitters is not known.
+fn judged<A: Antenna>(fit: &Fit<'_, A>, sum: &Sum) -> Option<Judged> {
     let strongest = sum.sources.iter().max_by(|a, b| a.level.total_cmp(&b.level));
     let offset = strongest.map_or(0.0, |source| source.offset);
-    let fitted: f64 = sum.sources.iter().map(|_| 2.0).sum();
-    Misfit::new(fit, offset, &sum.residuals, fitted)
+    let misfit = Misfit::new(fit, offset, &sum.residuals, sum.unknowns());
+    let inflation = misfit.inflation();
+    let posterior = Posterior { log_mass: 0.0, peaks: peaks(sum, inflation)? };
+    Some(Judged { posterior, residual_db: misfit.residual_db, inflation })
 }
 
-/// The transmitters and one more, if the turn warrants that.
-fn one_more<A: Antenna>(fit: &Fit<'_, A>, sum: &Sum) -> Option<Sum> {
+/// The transmitters and one more with their judgement, if the turn warrants that.
+fn one_more<A: Antenna>(fit: &Fit<'_, A>, sum: &Sum) -> Option<(Sum, Judged)> {
     let count = fit.looks.len();
-    let freedom = count - sum.sources.iter().map(|_| 2.0).sum::<f64>() - 2.0;
+    let freedom = count - sum.unknowns() - 2.0;
     if freedom < SPARE {
         return None;
     }
@@ -107,8 +111,8 @@ fn one_more<A: Antenna>(fit: &Fit<'_, A>, sum: &Sum) -> Option<Sum> {
     let scale = ((more.chi_squared + PROMISED) / (freedom + PROMISED)).max(1.0);
     let warranted =
         sum.chi_squared - more.chi_squared > scale * (2.0 * libm::log(count) + SOMEWHERE);
-    let known = || peaks(fit, &more, misfit(fit, &more).inflation());
-    (warranted && known().is_some()).then_some(more)
+    let judged = judged(fit, &more).filter(|_| warranted)?;
+    Some((more, judged))
 }
 
 /// The place for one more at which the residuals are least.
@@ -139,21 +143,21 @@ fn start<A: Antenna>(fit: &Fit<'_, A>, sum: &Sum) -> Option<Source> {
 
 /// The least squares of residuals in dB from these on (Marquardt 1963).
 fn fitted<A: Antenna>(fit: &Fit<'_, A>, sources: Vec<Source>) -> Sum {
-    let (mut best, mut normal) = laid(fit, sources);
+    let mut best = laid(fit, sources);
     let mut damping = 1e-3;
     for _ in 0..STEPS {
-        let (mut matrix, gradient) = normal;
+        let mut matrix = best.matrix;
         matrix.set_diagonal(&(matrix.diagonal() * (1.0 + damping)));
         let Some(factor) = matrix.cholesky() else { break };
-        let step = factor.solve(&gradient);
+        let step = factor.solve(&best.gradient);
         let moved = best.sources.iter().enumerate().map(|(i, source)| Source {
             level: source.level + step[2 * i],
             offset: source.offset + step[2 * i + 1].clamp(-0.3, 0.3),
         });
-        let (next, next_normal) = laid(fit, moved.collect());
+        let next = laid(fit, moved.collect());
         if next.chi_squared < best.chi_squared {
             let settled = best.chi_squared - next.chi_squared < 1e-6;
-            (best, normal) = (next, next_normal);
+            best = next;
             damping = (damping * 0.3).max(1e-9);
             if settled {
                 break;
@@ -168,8 +172,8 @@ fn fitted<A: Antenna>(fit: &Fit<'_, A>, sources: Vec<Source>) -> Sum {
     best
 }
 
-/// Transmitters laid against the turn, and their normal equations.
-fn laid<A: Antenna>(fit: &Fit<'_, A>, sources: Vec<Source>) -> (Sum, Normal) {
+/// Transmitters laid against the turn.
+fn laid<A: Antenna>(fit: &Fit<'_, A>, sources: Vec<Source>) -> Sum {
     let mut powers: Vec<Vec<f64>> = Vec::new();
     let mut slopes: Vec<Vec<f64>> = Vec::new();
     for source in &sources {
@@ -199,13 +203,12 @@ fn laid<A: Antenna>(fit: &Fit<'_, A>, sources: Vec<Source>) -> (Sum, Normal) {
     for unused in 2 * sources.len()..UNKNOWNS {
         matrix[(unused, unused)] = 1.0;
     }
-    (Sum { sources, chi_squared, residuals }, (matrix, gradient))
+    Sum { sources, chi_squared, residuals, matrix, gradient }
 }
 
 /// Their directions with the covariance of the fit; `None` where one of them is not known.
-fn peaks<A: Antenna>(fit: &Fit<'_, A>, sum: &Sum, inflation: f64) -> Option<Vec<Peak>> {
-    let (sum, (matrix, _)) = laid(fit, sum.sources.clone());
-    let factor = matrix.cholesky()?;
+fn peaks(sum: &Sum, inflation: f64) -> Option<Vec<Peak>> {
+    let factor = sum.matrix.cholesky()?;
     let total: f64 = sum.sources.iter().map(|source| power(source.level)).sum();
     // The level of the sum goes with each level by its share.
     let mut shares = SVector::<f64, UNKNOWNS>::zeros();
