@@ -44,8 +44,8 @@ pub(super) enum Kind {
 }
 
 impl Kind {
-    /// Returns the kind that a seed draws: a recording one time in four, and emulated devices, whose
-    /// flights take longest, one time in eight.
+    /// Returns the kind that a seed draws: a recording one time in four, and emulated devices,
+    /// whose flights take longest, one time in eight.
     pub(super) fn of(seed: u64) -> Self {
         match seed % 8 {
             0 | 4 => Self::Recording { is_read: false },
