@@ -1,6 +1,8 @@
 // Runs two replayers on logs and compares their answers: node replayer.mjs COMMITTED BUILT LOG...
+// The committed one is WebAssembly, the other a program of this machine.
 // Exits with 1 where the answers have another shape; prints by how much numbers differ.
 
+import { spawnSync } from "node:child_process";
 import { closeSync, mkdtempSync, openSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
@@ -12,7 +14,13 @@ const TOLERANCE = 1e-6;
 const [committed, built, ...logs] = process.argv.slice(2);
 const folder = mkdtempSync(join(tmpdir(), "replayer-"));
 
-async function answer(program, input) {
+function answerOfProgram(program, input) {
+  const run = spawnSync(program, { input, maxBuffer: 2 ** 30 });
+  if (run.status !== 0) throw new Error(`${program} ends with ${run.status}: ${run.stderr}`);
+  return JSON.parse(run.stdout);
+}
+
+async function answerOfModule(program, input) {
   const files = ["in", "out", "err"].map((name) => join(folder, name));
   writeFileSync(files[0], input);
   const [stdin, stdout, stderr] = files.map((file, index) => openSync(file, index === 0 ? "r" : "w"));
@@ -54,7 +62,7 @@ try {
     const log = readFileSync(file, "utf8").trim();
     for (const list of lists(log)) {
       const input = `${log}\n\n${[{ foxhunt_struck: 1 }, ...list].map((line) => JSON.stringify(line)).join("\n")}\n`;
-      const [before, now] = [await answer(committed, input), await answer(built, input)];
+      const [before, now] = [await answerOfModule(committed, input), answerOfProgram(built, input)];
       worst = Math.max(worst, difference(before, now, file));
     }
   }
