@@ -289,12 +289,15 @@ where
             let off = deviation(i) - mean;
             covariance += off * (off * (weight / total)).transpose();
         }
-        let own = covariance.cholesky().and_then(|own| own.unpack().try_inverse());
-        let Some(own) = own.filter(|_| stride > 1) else {
+        // S L = F, of the factors of some and of all: S takes the moments of some to those of all.
+        let factor = self.belief.factor().transpose();
+        let own = covariance.cholesky().filter(|_| stride > 1);
+        let Some(stretch) = own.and_then(|own| own.l_dirty().tr_solve_lower_triangular(&factor))
+        else {
             weights.iter().enumerate().for_each(|(i, w)| visit(&self.cloud.state(i), *w));
             return;
         };
-        let stretch = self.belief.factor() * own;
+        let stretch = stretch.transpose();
         for (i, weight) in some() {
             visit(&(centre + stretch * (deviation(i) - mean)), weight / total);
         }
