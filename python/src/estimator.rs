@@ -3,10 +3,10 @@ use std::{any::Any, fmt::Write as _};
 use foxhunt::{
     core::{self, Observation, Pose},
     filters::{
-        Ckf, Ekf, Gate, GridConfig, GridFilter, Iterations, Kalman, ParticleFilter, Transform, Ukf,
-        Unscented,
+        self, Ckf, Ekf, Gate, GridConfig, GridFilter, Iterations, Kalman, ParticleFilter,
+        Transform, Ukf, Unscented,
     },
-    nalgebra::{SMatrix, Vector3},
+    nalgebra::{DMatrix, DVector, SMatrix, Vector3},
 };
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::{
@@ -127,6 +127,61 @@ impl From<core::Correction> for Correction {
         let nis = correction.nis();
         Self { rejected, nis, log_evidence, effective_sample_size }
     }
+}
+
+/// Difference between a measurement and its expectation under the belief.
+#[pyclass(frozen, get_all, module = "foxhunt")]
+#[derive(Debug)]
+pub(crate) struct Innovation {
+    /// The measurement less its expectation; NaN for a missing component.
+    residual: Py<PyArray1<f64>>,
+    /// The expectation, in the measurement's units.
+    expected: Py<PyArray1<f64>>,
+    /// The covariance of the residual; a missing component has a variance of 1 and no covariance.
+    covariance: Py<PyArray2<f64>>,
+    /// The normalised innovation squared.
+    nis: f64,
+    /// The residual in standard deviations, uncorrelated, as `whiteness` takes it; NaN for a missing
+    /// component.
+    normalised: Py<PyArray1<f64>>,
+}
+
+#[pymethods]
+impl Innovation {
+    #[new]
+    fn new(
+        residual: Py<PyArray1<f64>>,
+        expected: Py<PyArray1<f64>>,
+        covariance: Py<PyArray2<f64>>,
+        nis: f64,
+        normalised: Py<PyArray1<f64>>,
+    ) -> Self {
+        Self { residual, expected, covariance, nis, normalised }
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let Self { residual, covariance, nis, .. } = self;
+        let residual = residual.bind(py).repr()?;
+        let covariance = covariance.bind(py).repr()?;
+        Ok(format!("Innovation(residual={residual}, covariance={covariance}, nis={nis:?})"))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let Self { residual, expected, covariance, nis, normalised } = slf.get();
+        let py = slf.py();
+        let own = [residual, expected, normalised].map(|array| array.clone_ref(py));
+        let [residual, expected, normalised] = own;
+        let values = (residual, expected, covariance.clone_ref(py), *nis, normalised);
+        (slf.get_type(), values).into_pyobject(py)
+    }
+}
+
+/// Numbers of an innovation, of the components that were measured.
+pub(crate) struct Innovated {
+    pub(crate) residual: DVector<f64>,
+    pub(crate) expected: DVector<f64>,
+    pub(crate) covariance: DMatrix<f64>,
+    pub(crate) nis: f64,
 }
 
 /// Mean and covariance of a prior.
@@ -293,13 +348,29 @@ impl Estimator {
         velocity: Option<&Bound<'_, PyAny>>,
         time: f64,
     ) -> PyResult<Correction> {
-        let receiver = pose(receiver, heading, velocity)?;
-        let value = match arrays::number(value) {
-            Some(value) => vec![Some(value)],
-            None => value.extract()?,
-        };
-        let noise = self.steps.noise(noise)?;
-        self.update_by(py, Update { value, noise, receiver, time })
+        let update = self.measured(value, noise, receiver, heading, velocity, time)?;
+        self.update_by(py, update)
+    }
+
+    /// The difference between a measurement and its expectation under the belief, which is not
+    /// changed. The arguments are the ones of `update`. `None` for a measurement without components,
+    /// and where the model expects nothing finite.
+    #[pyo3(signature = (value, noise, *, receiver=None, heading=None, velocity=None, time=0.0))]
+    #[expect(clippy::too_many_arguments, reason = "Python's are named")]
+    fn innovation(
+        &self,
+        py: Python<'_>,
+        value: &Bound<'_, PyAny>,
+        noise: &Bound<'_, PyAny>,
+        receiver: Option<&Bound<'_, PyAny>>,
+        heading: Option<f64>,
+        velocity: Option<&Bound<'_, PyAny>>,
+        time: f64,
+    ) -> PyResult<Option<Innovation>> {
+        let update = self.measured(value, noise, receiver, heading, velocity, time)?;
+        let found = self.raised(self.steps.innovation(py, &update))?;
+        let missing: Vec<bool> = update.value.iter().map(Option::is_none).collect();
+        found.map(|innovated| innovated.into_python(py, &missing)).transpose()
     }
 
     /// Conditions the belief on `later`: the smoothed belief `dt` seconds afterwards, of a copy
@@ -444,7 +515,50 @@ impl Estimator {
     }
 }
 
+impl Innovated {
+    fn into_python(self, py: Python<'_>, missing: &[bool]) -> PyResult<Innovation> {
+        let Self { mut residual, expected, covariance, nis } = self;
+        let factor = covariance.clone().cholesky().ok_or_else(|| {
+            PyValueError::new_err("the innovation's covariance is not positive definite")
+        })?;
+        let mut normalised = residual.clone();
+        factor.l_dirty().solve_lower_triangular_mut(&mut normalised);
+        for (component, _) in missing.iter().enumerate().filter(|(_, missing)| **missing) {
+            residual[component] = f64::NAN;
+            normalised[component] = f64::NAN;
+        }
+        let of = |vector: &DVector<f64>| PyArray1::from_slice(py, vector.as_slice()).unbind();
+        // Symmetric: rows are columns.
+        let flat = PyArray1::from_slice(py, covariance.as_slice());
+        Ok(Innovation {
+            residual: of(&residual),
+            expected: of(&expected),
+            covariance: flat.reshape([missing.len(), missing.len()])?.unbind(),
+            nis,
+            normalised: of(&normalised),
+        })
+    }
+}
+
 impl Estimator {
+    /// A measurement as Python gave it.
+    fn measured(
+        &self,
+        value: &Bound<'_, PyAny>,
+        noise: &Bound<'_, PyAny>,
+        receiver: Option<&Bound<'_, PyAny>>,
+        heading: Option<f64>,
+        velocity: Option<&Bound<'_, PyAny>>,
+        time: f64,
+    ) -> PyResult<Update> {
+        let receiver = pose(receiver, heading, velocity)?;
+        let value = match arrays::number(value) {
+            Some(value) => vec![Some(value)],
+            None => value.extract()?,
+        };
+        Ok(Update { value, noise: self.steps.noise(noise)?, receiver, time })
+    }
+
     fn update_by(&mut self, py: Python<'_>, update: Update) -> PyResult<Correction> {
         self.note(|| Past::Update(Box::new(update.clone())));
         let result = self.steps.update(py, &update);
@@ -476,6 +590,9 @@ pub(crate) trait Steps: Any + Send + Sync {
 
     fn update(&mut self, py: Python<'_>, update: &Update) -> PyResult<core::Correction>;
 
+    /// `None` for a measurement without components, and where the model expects nothing finite.
+    fn innovation(&self, py: Python<'_>, update: &Update) -> PyResult<Option<Innovated>>;
+
     fn copied(&self) -> Box<dyn Steps>;
 
     /// Conditions the belief on a later one; `None` if that is of another kind or size.
@@ -499,7 +616,15 @@ pub(crate) trait Steps: Any + Send + Sync {
 }
 
 /// An estimator of a size that is known when it is compiled.
-struct Sized<const N: usize, const M: usize>(Box<dyn Copied<N, M>>);
+struct Sized<const N: usize, const M: usize> {
+    filter: Box<dyn Copied<N, M>>,
+    model: AnyModel<N, M>,
+    own_innovation: OwnInnovation<N, M>,
+}
+
+/// A filter's own innovation; `None` for a family that has none.
+type OwnInnovation<const N: usize, const M: usize> =
+    fn(&dyn Any, &Observation<M>) -> Option<Result<filters::Innovation<M>, core::EstimatorError>>;
 
 /// An estimator that can be copied and smoothed behind its pointer.
 trait Copied<const N: usize, const M: usize>: core::Estimator<N, M> + Any + Send + Sync {
@@ -522,9 +647,31 @@ where
     }
 }
 
+/// A measurement of a size that is known when this is compiled.
+fn observation<const M: usize>(update: &Update) -> PyResult<Observation<M>> {
+    let Update { value, noise, receiver, time } = update;
+    if value.len() != M {
+        let text = format!("value has {} components; the model measures {M}", value.len());
+        return Err(PyValueError::new_err(text));
+    }
+    if noise.len() != M * M {
+        let text = format!("noise has {} numbers; the model measures {M}", noise.len());
+        return Err(PyValueError::new_err(text));
+    }
+    let noise = SMatrix::from_row_slice(noise);
+    // What is missing holds no number.
+    let numbers = SMatrix::from_fn(|row, _| value[row].unwrap_or(0.0));
+    let mut observation =
+        Observation::new(*time, *receiver, numbers, noise).map_err(value_error)?;
+    for (component, _) in value.iter().enumerate().filter(|(_, value)| value.is_none()) {
+        observation = observation.without(component);
+    }
+    Ok(observation)
+}
+
 impl<const N: usize, const M: usize> Steps for Sized<N, M> {
     fn predict(&mut self, dt: f64) -> Result<(), core::EstimatorError> {
-        self.0.predict(dt)
+        self.filter.predict(dt)
     }
 
     fn noise(&self, noise: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
@@ -534,33 +681,39 @@ impl<const N: usize, const M: usize> Steps for Sized<N, M> {
     }
 
     fn update(&mut self, py: Python<'_>, update: &Update) -> PyResult<core::Correction> {
-        let Update { value, noise, receiver, time } = update;
-        if value.len() != M {
-            let text = format!("value has {} components; the model measures {M}", value.len());
-            return Err(PyValueError::new_err(text));
+        let observation = observation(update)?;
+        py.detach(|| self.filter.update(&observation)).map_err(value_error)
+    }
+
+    fn innovation(&self, py: Python<'_>, update: &Update) -> PyResult<Option<Innovated>> {
+        let observation = observation(update)?;
+        if observation.is_empty() {
+            return Ok(None);
         }
-        if noise.len() != M * M {
-            let text = format!("noise has {} numbers; the model measures {M}", noise.len());
-            return Err(PyValueError::new_err(text));
-        }
-        let noise = SMatrix::from_row_slice(noise);
-        // What is missing holds no number.
-        let numbers = SMatrix::from_fn(|row, _| value[row].unwrap_or(0.0));
-        let mut observation =
-            Observation::new(*time, *receiver, numbers, noise).map_err(value_error)?;
-        for (component, _) in value.iter().enumerate().filter(|(_, value)| value.is_none()) {
-            observation = observation.without(component);
-        }
-        py.detach(|| self.0.update(&observation)).map_err(value_error)
+        let Self { filter, model, own_innovation } = self;
+        let found = py.detach(|| match own_innovation(&**filter, &observation) {
+            Some(own) => own.map(Some),
+            None => Ok(filters::Innovation::of_belief(&**filter, &**model, &observation)),
+        });
+        Ok(found.map_err(value_error)?.map(|innovation| Innovated {
+            residual: DVector::from_column_slice(innovation.residual.as_slice()),
+            expected: DVector::from_column_slice(innovation.expected.as_slice()),
+            covariance: DMatrix::from_column_slice(M, M, innovation.covariance.as_slice()),
+            nis: innovation.nis,
+        }))
     }
 
     fn copied(&self) -> Box<dyn Steps> {
-        Box::new(Self(self.0.copied()))
+        Box::new(Self {
+            filter: self.filter.copied(),
+            model: self.model.clone(),
+            own_innovation: self.own_innovation,
+        })
     }
 
     fn smooth(&mut self, later: &dyn Steps, dt: f64) -> Option<PyResult<()>> {
         let later: &Self = (later as &dyn Any).downcast_ref()?;
-        let smoothed = self.0.smooth_by(&*later.0, dt)?;
+        let smoothed = self.filter.smooth_by(&*later.filter, dt)?;
         Some(smoothed.map_err(value_error))
     }
 
@@ -577,7 +730,7 @@ impl<const N: usize, const M: usize> Steps for Sized<N, M> {
     }
 
     fn estimate(&self, py: Python<'_>) -> PyResult<Estimate> {
-        let core::Estimate { mean, covariance } = self.0.estimate();
+        let core::Estimate { mean, covariance } = self.filter.estimate();
         // Symmetric: rows are columns.
         let flat = PyArray1::from_slice(py, covariance.as_slice());
         Ok(Estimate {
@@ -589,7 +742,7 @@ impl<const N: usize, const M: usize> Steps for Sized<N, M> {
     fn samples<'py>(&self, py: Python<'py>) -> PyResult<Samples<'py>> {
         let mut states = Vec::new();
         let mut weights = Vec::new();
-        self.0.visit_samples(&mut |state, weight| {
+        self.filter.visit_samples(&mut |state, weight| {
             states.extend_from_slice(state.as_slice());
             weights.push(weight);
         });
@@ -598,11 +751,11 @@ impl<const N: usize, const M: usize> Steps for Sized<N, M> {
     }
 
     fn nees(&self, truth: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
-        Ok(self.0.estimate().nees(&arrays::vector(truth, "truth")?))
+        Ok(self.filter.estimate().nees(&arrays::vector(truth, "truth")?))
     }
 
     fn ellipse(&self, probability: f64) -> Option<(f64, f64, f64)> {
-        let core::Estimate { mean, covariance } = self.0.estimate();
+        let core::Estimate { mean, covariance } = self.filter.estimate();
         let place = core::Estimate::<2> {
             mean: mean.fixed_rows::<2>(0).into_owned(),
             covariance: covariance.fixed_view::<2, 2>(0, 0).into_owned(),
@@ -625,25 +778,28 @@ fn steps<const N: usize, const M: usize>(
     };
     let Settings { kind, particles, seed, .. } = *settings;
     Ok(match kind {
-        "ekf" => kalman(Ekf::new(motion, model, prior), settings)?,
-        "ckf" => kalman(Ckf::new(motion, model, prior), settings)?,
+        "ekf" => kalman(Ekf::new(motion, model.clone(), prior), model, settings)?,
+        "ckf" => kalman(Ckf::new(motion, model.clone(), prior), model, settings)?,
         "ukf" => {
             let Settings { alpha, beta, kappa, .. } = *settings;
             let transform = Unscented::new(alpha, beta, kappa).map_err(value_error)?;
-            let filter = Ukf::new(motion, model, prior);
-            kalman(filter.and_then(|filter| filter.with_transform(transform)), settings)?
+            let filter = Ukf::new(motion, model.clone(), prior);
+            let filter = filter.and_then(|filter| filter.with_transform(transform));
+            kalman(filter, model, settings)?
         }
         "particle" => {
             let rng = Xoshiro256PlusPlus::seed_from_u64(seed);
-            let filter = ParticleFilter::new(motion, model, prior, particles, rng);
-            Box::new(Sized(Box::new(filter.map_err(value_error)?.with_threads())))
+            let filter = ParticleFilter::new(motion, model.clone(), prior, particles, rng);
+            let filter = Box::new(filter.map_err(value_error)?.with_threads());
+            Box::new(Sized { filter, model, own_innovation: |_, _| None })
         }
         "grid" => {
             let side = settings.side;
             let most_per_side = side.max(GridConfig::default().most_per_side);
             let config = GridConfig { side, most_per_side, ..GridConfig::default() };
-            let filter = GridFilter::new(motion, model, prior, config).map_err(value_error)?;
-            Box::new(Sized(Box::new(filter)))
+            let filter =
+                GridFilter::new(motion, model.clone(), prior, config).map_err(value_error)?;
+            Box::new(Sized { filter: Box::new(filter), model, own_innovation: |_, _| None })
         }
         _ => {
             let text = format!("kind is {kind:?}; it must be ekf, ukf, ckf, particle or grid");
@@ -652,9 +808,13 @@ fn steps<const N: usize, const M: usize>(
     })
 }
 
+/// A Kalman filter over the parts of this module.
+type Made<T, const N: usize, const M: usize> = Kalman<T, AnyMotion<N>, AnyModel<N, M>, N, M>;
+
 /// A Kalman filter with its gate and its iterations.
 fn kalman<T, const N: usize, const M: usize>(
-    filter: Result<Kalman<T, AnyMotion<N>, AnyModel<N, M>, N, M>, core::EstimatorError>,
+    filter: Result<Made<T, N, M>, core::EstimatorError>,
+    model: AnyModel<N, M>,
     settings: &Settings<'_>,
 ) -> PyResult<Box<dyn Steps>>
 where
@@ -665,5 +825,9 @@ where
         filter = filter.with_gate(Gate::probability(probability).map_err(value_error)?);
     }
     let iterations = Iterations::at_most(settings.iterations).map_err(value_error)?;
-    Ok(Box::new(Sized(Box::new(filter.with_iterations(iterations)))))
+    let own_innovation: OwnInnovation<N, M> = |filter, observation| {
+        filter.downcast_ref::<Made<T, N, M>>().map(|filter| filter.innovation(observation))
+    };
+    let filter = Box::new(filter.with_iterations(iterations));
+    Ok(Box::new(Sized { filter, model, own_innovation }))
 }

@@ -15,7 +15,7 @@ use pyo3::{exceptions::PyValueError, prelude::*};
 
 use crate::{
     arrays,
-    estimator::{self, Parts, Prior, Samples, Settings, Steps, Update},
+    estimator::{self, Innovated, Parts, Prior, Samples, Settings, Steps, Update},
     failure::{Failure, value_error},
     model::{self, AnyDynamicModel, Receivers},
     motion,
@@ -79,24 +79,8 @@ where
     Ok(Box::new(Joint { filter, model }))
 }
 
-impl<T> Steps for Joint<T>
-where
-    T: DynamicTransform + Clone + Send + Sync + 'static,
-{
-    fn predict(&mut self, dt: f64) -> Result<(), core::EstimatorError> {
-        self.filter.predict(dt)
-    }
-
-    fn noise(&self, noise: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
-        let size = self.model.quantities().len();
-        let noise = match arrays::as_many(noise, size, "noise") {
-            Ok(sigmas) => DMatrix::from_diagonal(&sigmas.map(|sigma| sigma * sigma)),
-            Err(_) => arrays::square(noise, size, "noise")?,
-        };
-        Ok(noise.transpose().as_slice().to_vec())
-    }
-
-    fn update(&mut self, py: Python<'_>, update: &Update) -> PyResult<core::Correction> {
+impl<T> Joint<T> {
+    fn observation(&self, update: &Update) -> PyResult<DynamicObservation> {
         let Update { value, noise, receiver, time } = update;
         let size = self.model.quantities().len();
         if value.len() != size || noise.len() != size * size {
@@ -115,8 +99,56 @@ where
         for (component, _) in value.iter().enumerate().filter(|(_, value)| value.is_none()) {
             observation = observation.without(component);
         }
+        Ok(observation)
+    }
+}
+
+impl<T> Steps for Joint<T>
+where
+    T: DynamicTransform + Clone + Send + Sync + 'static,
+{
+    fn predict(&mut self, dt: f64) -> Result<(), core::EstimatorError> {
+        self.filter.predict(dt)
+    }
+
+    fn noise(&self, noise: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
+        let size = self.model.quantities().len();
+        let noise = match arrays::as_many(noise, size, "noise") {
+            Ok(sigmas) => DMatrix::from_diagonal(&sigmas.map(|sigma| sigma * sigma)),
+            Err(_) => arrays::square(noise, size, "noise")?,
+        };
+        Ok(noise.transpose().as_slice().to_vec())
+    }
+
+    fn update(&mut self, py: Python<'_>, update: &Update) -> PyResult<core::Correction> {
+        let observation = self.observation(update)?;
         let Self { filter, model } = self;
         py.detach(|| filter.update(&**model, &observation)).map_err(value_error)
+    }
+
+    fn innovation(&self, py: Python<'_>, update: &Update) -> PyResult<Option<Innovated>> {
+        if update.value.iter().all(Option::is_none) {
+            return Ok(None);
+        }
+        let observation = self.observation(update)?;
+        let Self { filter, model } = self;
+        let found = py.detach(|| filter.innovation(&**model, &observation)).map_err(value_error)?;
+        let size = update.value.len();
+        let mut whole = Innovated {
+            residual: DVector::zeros(size),
+            expected: DVector::from_element(size, f64::NAN),
+            covariance: DMatrix::identity(size, size),
+            nis: found.nis,
+        };
+        let present = || (0..size).filter(|component| update.value[*component].is_some());
+        for (row, at) in present().enumerate() {
+            whole.residual[at] = found.residual[row];
+            whole.expected[at] = found.expected[row];
+            for (column, beside) in present().enumerate() {
+                whole.covariance[(at, beside)] = found.covariance[(row, column)];
+            }
+        }
+        Ok(Some(whole))
     }
 
     fn copied(&self) -> Box<dyn Steps> {

@@ -42,7 +42,7 @@ mod _foxhunt {
     use crate::{
         command::{check_event, commands_json, places_at, run_json},
         consistency::{judge_squares, judge_whiteness},
-        estimator::{Correction, Estimate, Estimator},
+        estimator::{Correction, Estimate, Estimator, Innovation},
         laws::{check_estimator, check_model},
         model::Model,
         motion::Motion,

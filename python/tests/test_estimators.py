@@ -53,9 +53,14 @@ def test_kalman_filters_equal_filterpy_on_a_linear_problem(kind, motion):
     for value in measurements():
         ours.predict(1.0)
         peer.predict()
+        innovation = ours.innovation(value, [2.0, 2.0])
         correction = ours.update(value, [2.0, 2.0])
         peer.update(value)
         nis = peer.y.T @ peer.SI @ peer.y
+        np.testing.assert_allclose(innovation.residual, peer.y.ravel(), atol=1e-6)
+        np.testing.assert_allclose(innovation.covariance, peer.S, atol=1e-6)
+        assert innovation.nis == correction.nis
+        assert innovation.normalised @ innovation.normalised == pytest.approx(innovation.nis)
         assert correction.nis == pytest.approx(nis.item(), rel=1e-6)
         assert correction.log_evidence == pytest.approx(peer.log_likelihood, rel=1e-6)
     estimate = ours.estimate()
@@ -248,6 +253,7 @@ def test_states_of_any_size_equal_the_kalman_filter_of_numpy(kind):
         covariance = covariance + np.diag(drift**2 * 2.0)
         value = h @ truth + 0.5 * rng.normal(size=5)
         missing = [None if step == 3 and row == 1 else z for row, z in enumerate(value)]
+        innovation = ours.innovation(missing, [0.5] * 5)
         correction = ours.update(missing, [0.5] * 5)
         seen = [row for row in range(5) if missing[row] is not None]
         hs, rs = h[seen], r[np.ix_(seen, seen)]
@@ -255,6 +261,9 @@ def test_states_of_any_size_equal_the_kalman_filter_of_numpy(kind):
         gain = np.linalg.solve(s, hs @ covariance).T
         residual = value[seen] - hs @ mean
         assert correction.nis == pytest.approx(residual @ np.linalg.solve(s, residual), rel=1e-6)
+        np.testing.assert_allclose(innovation.residual[seen], residual, atol=1e-7)
+        np.testing.assert_allclose(innovation.covariance[np.ix_(seen, seen)], s, atol=1e-7)
+        assert np.isnan(innovation.normalised).sum() == 5 - len(seen)
         mean = mean + gain @ residual
         covariance = covariance - gain @ s @ gain.T
     estimate = ours.estimate()
@@ -310,3 +319,31 @@ def test_what_a_large_state_cannot_do_is_refused():
     bearing = foxhunt.Ekf(walk, foxhunt.Model.bearing(), np.arange(12.0), np.eye(12))
     bearing.update(0.5, 0.1, receiver=(10.0, 0.0))
     assert bearing.ellipse() is not None
+
+
+@pytest.mark.parametrize("kind", [foxhunt.ParticleFilter, foxhunt.GridFilter])
+def test_innovations_of_clouds_and_grids_are_those_of_their_beliefs(kind):
+    walk, model = foxhunt.Motion.random_walk(0.1), foxhunt.Model.bearing()
+    filter = kind(walk, model, [90, 10], 100 * np.eye(2))
+    before = filter.estimate()
+    innovation = filter.innovation(0.5, 0.02, receiver=(0, 0))
+    np.testing.assert_array_equal(filter.estimate().mean, before.mean)
+    states, weights = filter.samples()
+    expected = np.arctan2(states[:, 1], states[:, 0])
+    spread = weights @ (expected - weights @ expected) ** 2
+    assert innovation.residual[0] == pytest.approx(0.5 - weights @ expected, abs=1e-9)
+    assert innovation.covariance[0, 0] == pytest.approx(spread + 0.02**2, rel=1e-9)
+    assert filter.innovation([None], 0.02) is None
+    again = pickle.loads(pickle.dumps(innovation))
+    assert again.nis == innovation.nis
+    assert repr(again).startswith("Innovation(residual=array([")
+
+
+def test_normalised_innovations_of_a_consistent_filter_are_white():
+    filter = foxhunt.Ekf(ConstantVelocity(0.09), Linear(), np.zeros(4), np.diag([100, 100, 4, 4]))
+    whites = []
+    for value in measurements(steps=60):
+        filter.predict(1.0)
+        whites.append(filter.innovation(value, [2.0, 2.0]).normalised)
+        filter.update(value, [2.0, 2.0])
+    assert foxhunt.whiteness(np.array(whites)).p_value > 0.01

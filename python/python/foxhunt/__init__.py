@@ -16,7 +16,7 @@ True
 """
 
 from . import commands, laws, plots
-from ._foxhunt import Correction, Estimate, Motion, Model, __version__
+from ._foxhunt import Correction, Estimate, Innovation, Motion, Model, __version__
 from .commands import (
     bearing,
     calibrate,
@@ -41,6 +41,7 @@ __all__ = [
     "Estimate",
     "Estimator",
     "GridFilter",
+    "Innovation",
     "Log",
     "Model",
     "Motion",

@@ -78,6 +78,26 @@ class Correction:
     @property
     def effective_sample_size(self) -> float | None: ...
 
+class Innovation:
+    def __init__(
+        self,
+        residual: NDArray[np.float64],
+        expected: NDArray[np.float64],
+        covariance: NDArray[np.float64],
+        nis: float,
+        normalised: NDArray[np.float64],
+    ) -> None: ...
+    @property
+    def residual(self) -> NDArray[np.float64]: ...
+    @property
+    def expected(self) -> NDArray[np.float64]: ...
+    @property
+    def covariance(self) -> NDArray[np.float64]: ...
+    @property
+    def nis(self) -> float: ...
+    @property
+    def normalised(self) -> NDArray[np.float64]: ...
+
 class Estimator:
     def __new__(
         cls,
@@ -107,6 +127,16 @@ class Estimator:
         velocity: ArrayLike | None = None,
         time: float = 0.0,
     ) -> Correction: ...
+    def innovation(
+        self,
+        value: float | Sequence[float | None] | NDArray[np.float64],
+        noise: ArrayLike,
+        *,
+        receiver: ArrayLike | None = None,
+        heading: float | None = None,
+        velocity: ArrayLike | None = None,
+        time: float = 0.0,
+    ) -> Innovation | None: ...
     def smooth(self, later: Estimator, dt: float) -> None: ...
     @property
     def quantities(self) -> Sequence[tuple[str, str]]: ...
