@@ -353,8 +353,9 @@ impl Estimator {
     }
 
     /// The difference between a measurement and its expectation under the belief, which is not
-    /// changed. The arguments are the ones of `update`. `None` for a measurement without components,
-    /// and where the model expects nothing finite.
+    /// changed. The arguments are the ones of `update`. `None` for a measurement without components.
+    /// Where the model expects nothing finite, it is `None` for particles and cells, and a Kalman
+    /// filter raises ValueError.
     #[pyo3(signature = (value, noise, *, receiver=None, heading=None, velocity=None, time=0.0))]
     #[expect(clippy::too_many_arguments, reason = "Python's are named")]
     fn innovation(
@@ -590,7 +591,7 @@ pub(crate) trait Steps: Any + Send + Sync {
 
     fn update(&mut self, py: Python<'_>, update: &Update) -> PyResult<core::Correction>;
 
-    /// `None` for a measurement without components, and where the model expects nothing finite.
+    /// `None` for a measurement without components.
     fn innovation(&self, py: Python<'_>, update: &Update) -> PyResult<Option<Innovated>>;
 
     fn copied(&self) -> Box<dyn Steps>;

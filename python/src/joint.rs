@@ -127,10 +127,10 @@ where
     }
 
     fn innovation(&self, py: Python<'_>, update: &Update) -> PyResult<Option<Innovated>> {
+        let observation = self.observation(update)?;
         if update.value.iter().all(Option::is_none) {
             return Ok(None);
         }
-        let observation = self.observation(update)?;
         let Self { filter, model } = self;
         let found = py.detach(|| filter.innovation(&**model, &observation)).map_err(value_error)?;
         let size = update.value.len();
