@@ -135,14 +135,14 @@ impl From<core::Correction> for Correction {
 pub(crate) struct Innovation {
     /// The measurement less its expectation; NaN for a missing component.
     residual: Py<PyArray1<f64>>,
-    /// The expectation, in the measurement's units.
+    /// The expectation, in the measurement's units; NaN for a missing component.
     expected: Py<PyArray1<f64>>,
     /// The covariance of the residual; a missing component has a variance of 1 and no covariance.
     covariance: Py<PyArray2<f64>>,
     /// The normalised innovation squared.
     nis: f64,
-    /// The residual in standard deviations, uncorrelated, as `whiteness` takes it; NaN for a missing
-    /// component.
+    /// The residual in standard deviations, uncorrelated, as `whiteness` takes it; NaN for a
+    /// missing component.
     normalised: Py<PyArray1<f64>>,
 }
 
@@ -176,7 +176,8 @@ impl Innovation {
     }
 }
 
-/// Numbers of an innovation, of the components that were measured.
+/// Numbers of an innovation. A missing component has a residual of 0, a variance of 1 and no
+/// covariance.
 pub(crate) struct Innovated {
     pub(crate) residual: DVector<f64>,
     pub(crate) expected: DVector<f64>,
@@ -353,9 +354,11 @@ impl Estimator {
     }
 
     /// The difference between a measurement and its expectation under the belief, which is not
-    /// changed. The arguments are the ones of `update`. `None` for a measurement without components.
-    /// Where the model expects nothing finite, it is `None` for particles and cells, and a Kalman
-    /// filter raises ValueError.
+    /// changed.
+    ///
+    /// The arguments are the ones of `update`. The result is `None` for a measurement without
+    /// components. An expectation that is not finite gives `None` for particles and cells, and
+    /// raises ValueError for a Kalman filter.
     #[pyo3(signature = (value, noise, *, receiver=None, heading=None, velocity=None, time=0.0))]
     #[expect(clippy::too_many_arguments, reason = "Python's are named")]
     fn innovation(
@@ -518,7 +521,7 @@ impl Estimator {
 
 impl Innovated {
     fn into_python(self, py: Python<'_>, missing: &[bool]) -> PyResult<Innovation> {
-        let Self { mut residual, expected, covariance, nis } = self;
+        let Self { mut residual, mut expected, covariance, nis } = self;
         let factor = covariance.clone().cholesky().ok_or_else(|| {
             PyValueError::new_err("the innovation's covariance is not positive definite")
         })?;
@@ -526,6 +529,7 @@ impl Innovated {
         factor.l_dirty().solve_lower_triangular_mut(&mut normalised);
         for (component, _) in missing.iter().enumerate().filter(|(_, missing)| **missing) {
             residual[component] = f64::NAN;
+            expected[component] = f64::NAN;
             normalised[component] = f64::NAN;
         }
         let of = |vector: &DVector<f64>| PyArray1::from_slice(py, vector.as_slice()).unbind();

@@ -136,7 +136,7 @@ where
         let size = update.value.len();
         let mut whole = Innovated {
             residual: DVector::zeros(size),
-            expected: DVector::from_element(size, f64::NAN),
+            expected: DVector::zeros(size),
             covariance: DMatrix::identity(size, size),
             nis: found.nis,
         };
