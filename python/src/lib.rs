@@ -22,6 +22,10 @@ macro_rules! of_size {
 }
 
 mod arrays;
+#[cfg(feature = "program")]
+mod command;
+#[cfg(not(feature = "program"))]
+#[path = "no_command.rs"]
 mod command;
 mod consistency;
 mod estimator;
