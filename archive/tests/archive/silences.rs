@@ -1,6 +1,8 @@
 //! Levels at the floor of a receiver, and levels that fade alike along a flight: what it takes to
 //! call them silences, and fewer than they are.
 
+use std::sync::LazyLock;
+
 use approx::assert_abs_diff_eq;
 use foxhunt_core::{Bearing, Level, Pose, Reception};
 use foxhunt_filters::{
@@ -19,11 +21,8 @@ const EXPONENT: f64 = 2.5;
 const FLOOR_DBM: f64 = -83.0;
 const KNOWN: Power = Power::Known { reference_dbm: REFERENCE_DBM, exponent: EXPONENT };
 
-/// A flight of four legs, 100 m apart and 40 m up, with a level every 10 m: shadowing of 6 dB that
-/// falls to 1/e over 40 m, and 2 dB of each level's own. The target is drawn from the area.
-fn flight(seed: u64) -> (Vector2<f64>, Vec<(Pose, f64)>) {
-    let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
-    let target = Vector2::new(300.0 * rng.random::<f64>(), 300.0 * rng.random::<f64>());
+/// Places of a flight of four legs, 100 m apart and 40 m up, one every 10 m.
+static PLACES: LazyLock<Vec<Pose>> = LazyLock::new(|| {
     let mut places = Vec::new();
     for leg in 0..4_u8 {
         for step in 0..=30_u8 {
@@ -31,18 +30,31 @@ fn flight(seed: u64) -> (Vector2<f64>, Vec<(Pose, f64)>) {
             places.push(Pose::at(along, 100.0 * f64::from(leg), 40.0));
         }
     }
-    let n = places.len();
+    places
+});
+
+/// Factor of the levels' covariance there: shadowing of 6 dB that falls to 1/e over 40 m, and 2 dB of
+/// each level's own.
+static FACTOR: LazyLock<DMatrix<f64>> = LazyLock::new(|| {
+    let n = PLACES.len();
     let covariance = DMatrix::from_fn(n, n, |i, j| {
-        let apart_m = (places[i].position - places[j].position).norm();
+        let apart_m = (PLACES[i].position - PLACES[j].position).norm();
         36.0 * (-apart_m / 40.0).exp() + if i == j { 4.0 } else { 0.0 }
     });
-    let white = DVector::from_fn(n, |_, _| rng.sample::<f64, _>(StandardNormal));
-    let shadowing = covariance.cholesky().expect("positive definite").l() * white;
-    let level = |(pose, shadow): (Pose, &f64)| {
+    covariance.cholesky().expect("positive definite").unpack()
+});
+
+/// A flight with a level at each place. The target is drawn from the area.
+fn flight(seed: u64) -> (Vector2<f64>, Vec<(Pose, f64)>) {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+    let target = Vector2::new(300.0 * rng.random::<f64>(), 300.0 * rng.random::<f64>());
+    let white = DVector::from_fn(PLACES.len(), |_, _| rng.sample::<f64, _>(StandardNormal));
+    let shadowing = &*FACTOR * white;
+    let level = |(pose, shadow): (&Pose, &f64)| {
         let range = (target.push(0.0) - pose.position).norm();
-        (pose, REFERENCE_DBM - 10.0 * EXPONENT * range.log10() + shadow)
+        (*pose, REFERENCE_DBM - 10.0 * EXPONENT * range.log10() + shadow)
     };
-    (target, places.into_iter().zip(&shadowing).map(level).collect())
+    (target, PLACES.iter().zip(&shadowing).map(level).collect())
 }
 
 /// Treatment of levels below the floor.

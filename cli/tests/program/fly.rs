@@ -1,49 +1,58 @@
 use std::{
     fs,
     net::UdpSocket,
+    path::Path,
     process::{Child, Command, Stdio},
+    thread,
+    time::Duration,
 };
 
 use serde_json::Value;
 
 use crate::support::{folder, foxhunt};
 
-/// Programs that keep the computer busy until they are dropped.
-struct Load(Vec<Child>);
-
-impl Load {
-    fn new() -> Self {
-        let busy = |_| {
-            let mut shell = Command::new("sh");
-            shell.args(["-c", "while :; do :; done"]).stdin(Stdio::null());
-            shell.spawn().expect("there is a shell")
-        };
-        let cores = std::thread::available_parallelism().map_or(2, usize::from);
-        Self((0..2 * cores).map(busy).collect())
+/// Flies the README's demonstration in a process that is stopped now and then, for as long as a busy
+/// computer may leave it without a processor. Returns its log and its samples.
+fn interrupted(name: &str) -> (Vec<u8>, Vec<u8>) {
+    let out = folder(name);
+    let mut flight = Command::new(env!("CARGO_BIN_EXE_foxhunt"))
+        .args(["--json", "fly", "--emulate", "pritzl-6.1", "--out"])
+        .arg(&out)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the program was built for this test");
+    let process = flight.id().to_string();
+    let signal = |signal: &str| Command::new("kill").args([signal, &process]).status();
+    let running = |flight: &mut Child| flight.try_wait().expect("it can be waited for").is_none();
+    let mut pauses = (100..1_500).step_by(100).map(Duration::from_millis);
+    while running(&mut flight)
+        && let Some(pause) = pauses.next()
+    {
+        thread::sleep(Duration::from_millis(200));
+        signal("-STOP").expect("there is such a program");
+        thread::sleep(pause);
+        signal("-CONT").expect("there is such a program");
     }
+    assert!(flight.wait().expect("it ends").success(), "{name}");
+    recorded(&out)
 }
 
-impl Drop for Load {
-    fn drop(&mut self) {
-        for child in &mut self.0 {
-            child.kill().expect("it runs");
-            child.wait().expect("it has ended");
-        }
-    }
+/// The log and the samples that a flight left.
+fn recorded(out: &Path) -> (Vec<u8>, Vec<u8>) {
+    let read = |name: &str| fs::read(out.join(name)).expect("the flight leaves it");
+    (read("fly-1.jsonl"), read("fly-1-samples.csv"))
 }
 
 /// The README's demonstration finds both beacons, and is the same flight on a busy computer.
 #[test]
 fn the_emulated_flight_is_the_same_under_load() {
-    let fly = |name: &str| {
-        let out = folder(name);
-        let path = out.to_str().expect("the target folder is UTF-8").to_owned();
-        let ran = foxhunt(["--json", "fly", "--emulate", "pritzl-6.1", "--out", &path]);
-        let log = fs::read(out.join("fly-1.jsonl")).expect("a log");
-        let samples = fs::read(out.join("fly-1-samples.csv")).expect("the samples");
-        (ran, log, samples)
-    };
-    let (ran, log, samples) = fly("fly-idle");
+    // Both at once, which take the processors from each other, too.
+    let busy = thread::spawn(|| interrupted("fly-busy"));
+    let out = folder("fly-idle");
+    let path = out.to_str().expect("the target folder is UTF-8");
+    let ran = foxhunt(["--json", "fly", "--emulate", "pritzl-6.1", "--out", path]);
+    let (log, samples) = recorded(&out);
     let report = ran.json();
     assert!(report["failure"].is_null(), "{report}");
     let beacons = report["beacons"].as_array().expect("a list");
@@ -67,9 +76,7 @@ fn the_emulated_flight_is_the_same_under_load() {
         ran.stderr.lines().filter(|of| of.contains("bring it home")).collect();
     let count = |line: &str| warnings.iter().filter(|other| **other == line).count();
     assert!(!warnings.is_empty() && warnings.iter().all(|line| count(line) == 1), "{warnings:?}");
-    let load = Load::new();
-    let (_, busy_log, busy_samples) = fly("fly-busy");
-    drop(load);
+    let (busy_log, busy_samples) = busy.join().expect("it flew");
     assert!(log == busy_log && samples == busy_samples, "load changes nothing");
 }
 
