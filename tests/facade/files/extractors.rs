@@ -1,6 +1,92 @@
 //! Tables of extractors.
 
-use foxhunt::{config::ExtractorConfig, registry::Registry, sensors::AntennaConfig};
+use std::f64::consts::TAU;
+
+use foxhunt::{
+    config::ExtractorConfig,
+    core::{NoReading, Reading, Sample, Sweep},
+    registry::Registry,
+    sensors::{AntennaConfig, YagiConfig},
+};
+use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
+use rand_distr::StandardNormal;
+use toml::{Table, Value};
+
+use super::keys::taken;
+
+/// Turns by the number of boresights, the readings at each and their σ in dB: a good one, one whose
+/// readings do not show their σ, one with few boresights, and one that shows little.
+const TURNS: [(u16, u16, f64); 4] = [(24, 5, 2.0), (24, 1, 1.0), (9, 1, 1.0), (24, 2, 8.0)];
+
+/// An antenna whose gain depends on the elevation, unlike the reference's.
+fn antenna() -> AntennaConfig {
+    AntennaConfig::Yagi(YagiConfig::default())
+}
+
+/// Returns the readings of an extractor, one for each turn.
+fn readings(config: &ExtractorConfig) -> Result<Vec<Result<Reading, NoReading>>, String> {
+    let extractor = config.build().map_err(|error| error.to_string())?;
+    let yagi = antenna().build().expect("in range");
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(7);
+    let mut read = |(positions, each, sigma_db): (u16, u16, f64)| {
+        let samples: Vec<Sample> = (0..positions * each)
+            .map(|i| {
+                let position = i % positions;
+                let boresight = TAU * f64::from(position) / f64::from(positions);
+                let noise = sigma_db * rng.sample::<f64, _>(StandardNormal);
+                // A wave from 1 rad, and a reflection from the other side.
+                let power = |from: f64, dbm: f64| {
+                    10_f64.powf(0.1 * (dbm + yagi.gain_dbi(from - boresight, 0.0)))
+                };
+                let sum = power(1.0, -70.0) + power(3.5, -77.0);
+                let rss_dbm = 10.0 * sum.log10() + noise;
+                Sample { time: 0.0, receiver: Default::default(), boresight, position, rss_dbm }
+            })
+            .collect();
+        extractor.extract(&Sweep { positions, samples: &samples, ..Sweep::default() })
+    };
+    Ok(TURNS.into_iter().map(&mut read).collect())
+}
+
+/// Other values of a setting.
+fn others(value: Option<&Value>) -> Vec<Value> {
+    let from = match value {
+        Some(Value::Integer(number)) => {
+            return [2 * number + 1, number + 2, number / 2].map(Value::Integer).into();
+        }
+        Some(Value::Float(number)) => *number,
+        Some(_) => return vec![Value::String("dipole".to_owned())],
+        None => -30.0,
+    };
+    [2.0 * from + 1.0, 0.5 * from, from + 10.0, 0.02].map(Value::Float).into()
+}
+
+#[test]
+fn every_setting_of_every_extractor_changes_something_or_is_refused() {
+    for named in Registry::builtin().extractors() {
+        let name = &named.name;
+        let config = named.config();
+        let config = config.clone().with_antenna(&antenna()).unwrap_or(config);
+        let written = Table::try_from(&config).expect("plain data");
+        let kind = written.clone().into_iter().filter(|(key, _)| key == "kind").collect();
+        let before = readings(&config).expect("in range");
+        for key in taken::<ExtractorConfig>(&kind) {
+            let changes = |value: Value| {
+                let mut table = written.clone();
+                table.insert(key.clone(), value);
+                let config: ExtractorConfig = table.try_into().expect("a value of that kind");
+                match readings(&config) {
+                    Ok(after) => after != before,
+                    Err(error) => {
+                        error.contains(&format!("{key} is")) && error.contains("left out")
+                    }
+                }
+            };
+            let tried = others(written.get(&key));
+            assert!(tried.into_iter().any(changes), "{name}: {key} changes nothing");
+        }
+    }
+}
 
 #[test]
 fn what_is_written_is_read_back_and_built() {

@@ -20,7 +20,7 @@ use foxhunt::{
 };
 
 /// Keys that a type takes, as its error about another key names them.
-fn taken<T: DeserializeOwned>(base: &Table) -> BTreeSet<String> {
+pub(super) fn taken<T: DeserializeOwned>(base: &Table) -> BTreeSet<String> {
     let mut table = base.clone();
     table.insert("no_such_key".to_owned(), Value::Integer(1));
     let Err(error) = T::deserialize(Value::Table(table)).map(|_: T| ()) else {
