@@ -33,8 +33,8 @@ static PLACES: LazyLock<Vec<Pose>> = LazyLock::new(|| {
     places
 });
 
-/// Factor of the levels' covariance there: shadowing of 6 dB that falls to 1/e over 40 m, and 2 dB of
-/// each level's own.
+/// Factor of the levels' covariance there: shadowing of 6 dB that falls to 1/e over 40 m, and 2 dB
+/// of each level's own.
 static FACTOR: LazyLock<DMatrix<f64>> = LazyLock::new(|| {
     let n = PLACES.len();
     let covariance = DMatrix::from_fn(n, n, |i, j| {

@@ -11,8 +11,8 @@ use serde_json::Value;
 
 use crate::support::{folder, foxhunt};
 
-/// Flies the README's demonstration in a process that is stopped now and then, for as long as a busy
-/// computer may leave it without a processor. Returns its log and its samples.
+/// Flies the README's demonstration in a process that is stopped now and then, for as long as a
+/// busy computer may leave it without a processor. Returns its log and its samples.
 fn interrupted(name: &str) -> (Vec<u8>, Vec<u8>) {
     let out = folder(name);
     let mut flight = Command::new(env!("CARGO_BIN_EXE_foxhunt"))

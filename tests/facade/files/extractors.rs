@@ -14,8 +14,8 @@ use toml::{Table, Value};
 
 use super::keys::taken;
 
-/// Turns by the number of boresights, the readings at each and their σ in dB: a good one, one whose
-/// readings do not show their σ, one with few boresights, and one that shows little.
+/// Turns by the number of boresights, the readings at each and their σ in dB: a good one, one
+/// whose readings do not show their σ, one with few boresights, and one that shows little.
 const TURNS: [(u16, u16, f64); 4] = [(24, 5, 2.0), (24, 1, 1.0), (9, 1, 1.0), (24, 2, 8.0)];
 
 /// An antenna whose gain depends on the elevation, unlike the reference's.
@@ -70,6 +70,8 @@ fn every_setting_of_every_extractor_changes_something_or_is_refused() {
         let written = Table::try_from(&config).expect("plain data");
         let kind = written.clone().into_iter().filter(|(key, _)| key == "kind").collect();
         let before = readings(&config).expect("in range");
+        // A NaN would differ from itself.
+        assert_eq!(Ok(&before), readings(&config).as_ref(), "{name}");
         for key in taken::<ExtractorConfig>(&kind) {
             let changes = |value: Value| {
                 let mut table = written.clone();
