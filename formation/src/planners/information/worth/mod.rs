@@ -40,10 +40,11 @@ pub(super) struct ExpectedPosterior {
     drones: Vec<Drone>,
     /// Knowledge of all drones together about each cell, where cells are compared.
     known: Vec<Known>,
+    given: Given,
 }
 
 /// Expected posterior if the target is in one of a block of cells.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Left {
     /// The posterior variances along its principal axes, the larger one first.
     pub(super) axes: [Column; 2],
@@ -85,7 +86,7 @@ struct Taught {
 
 /// The numbers that are read of each of some cells: value, variance and 1 / variance; bearings
 /// within ±π.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Readings {
     level: [Column; 3],
     bearing: [Column; 3],
@@ -94,7 +95,7 @@ struct Readings {
 }
 
 /// Knowledge of all drones together about each of some cells.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Known {
     /// The covariance that is left within it: East, both and North.
     within: [Column; 3],
@@ -121,8 +122,8 @@ struct Kept {
 /// well.
 type Pairs = [Column; 2];
 
-/// Results of a model for a block of cells.
-#[derive(Debug, Default)]
+/// Room for the results of a model for a block of cells.
+#[derive(Clone, Debug, Default, PartialEq)]
 struct Given {
     fishers: TurnFishers,
     expected: ExpectedReadings,
@@ -516,8 +517,7 @@ impl ExpectedPosterior {
         let drones = &self.drones;
         let left = &mut self.left;
         let known = &mut self.known;
-        let zeros = [0.0; TARGETS];
-        known.resize(left.len(), Known { within: [zeros; 3], log_variance: zeros, shared: zeros });
+        known.resize_with(left.len(), Known::default);
         self.nats = vectorised::run(ByEntropy { belief, power, drones, left, known });
     }
 
@@ -530,13 +530,12 @@ impl ExpectedPosterior {
         places: &[Vector3<f64>],
         compared: bool,
     ) {
-        let left = Left { axes: [[0.0; TARGETS]; 2], farthest2: [0.0; TARGETS] };
-        self.left.resize(belief.blocks.len(), left);
-        self.drones.resize(places.len(), Drone::default());
-        let mut given = Given::default();
+        // Made where they are wanted: mostly the numbers are as before, and one drone has moved.
+        self.left.resize_with(belief.blocks.len(), Left::default);
+        self.drones.resize_with(places.len(), Drone::default);
         for (drone, place) in self.drones.iter_mut().zip(places) {
             if drone.place != Some(*place) {
-                drone.move_to(turn, belief, power, place, compared, &mut given);
+                drone.move_to(turn, belief, power, place, compared, &mut self.given);
             }
         }
     }
@@ -554,14 +553,11 @@ impl Drone {
         Given { fishers, expected }: &mut Given,
     ) {
         let blocks = belief.blocks.len();
-        let zeros = [0.0; TARGETS];
         self.place = Some(*place);
-        self.taught.resize(blocks, Taught::ZERO);
+        self.taught.resize_with(blocks, || Taught::ZERO);
         if compared {
-            let level = [zeros; 3];
-            let bearing = [zeros; 3];
-            self.readings.resize(blocks, Readings { level, bearing, log_variance: zeros });
-            self.pairs.resize(belief.cells.len() * blocks, [zeros; 2]);
+            self.readings.resize_with(blocks, Readings::default);
+            self.pairs.resize_with(belief.cells.len() * blocks, Pairs::default);
         }
         for (block, (cells, power)) in belief.blocks.iter().zip(&power.blocks).enumerate() {
             turn.fisher_of_all(&cells.mean, place, fishers);
