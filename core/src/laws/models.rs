@@ -7,7 +7,7 @@ use nalgebra::{SMatrix, SVector};
 use crate::{
     Axis, BearingMode, BearingModes, Correction, Estimator, MeasurementModel, MotionModel,
     Observation, Pose, Smooth, State,
-    laws::predictive::{self, Predictive},
+    laws::predictive::{self, Fresh, Predictive},
     measurement::around,
     noise::log_add,
     numeric_jacobian,
@@ -46,6 +46,10 @@ impl Default for Checks {
 ///
 /// On a breach.
 pub fn motion_model<const N: usize>(model: &impl MotionModel<N>, state: &State<N>, dt: f64) {
+    any_motion_model(model, state, dt);
+}
+
+fn any_motion_model<const N: usize>(model: &dyn MotionModel<N>, state: &State<N>, dt: f64) {
     let axes = model.axes();
     let minus = |a: &State<N>, b: &State<N>| Axis::difference(&axes, a, b);
     let still = minus(&model.propagate(state, 0.0), state).norm();
@@ -102,7 +106,11 @@ pub fn measurement_model<const N: usize, const M: usize>(
     observation: &Observation<M>,
 ) {
     measurement_model_at_one_observation(model, state, observation);
-    predictive::likelihood_is_a_density(model, state, observation);
+    predictive::likelihood_is_a_density(type_name_of(model), model, state, observation);
+}
+
+fn type_name_of<T>(_: &T) -> &'static str {
+    type_name::<T>()
 }
 
 /// A measurement model's laws at one state and one observation, without the integral over all
@@ -114,6 +122,14 @@ pub fn measurement_model<const N: usize, const M: usize>(
 /// On a breach.
 pub fn measurement_model_at_one_observation<const N: usize, const M: usize>(
     model: &impl MeasurementModel<N, M>,
+    state: &State<N>,
+    observation: &Observation<M>,
+) {
+    any_measurement_model(model, state, observation);
+}
+
+fn any_measurement_model<const N: usize, const M: usize>(
+    model: &dyn MeasurementModel<N, M>,
     state: &State<N>,
     observation: &Observation<M>,
 ) {
@@ -194,7 +210,7 @@ pub fn measurement_model_at_one_observation<const N: usize, const M: usize>(
 
 /// Asserts that the log-likelihoods and residuals of many states equal each state's own.
 fn likelihoods<const N: usize, const M: usize>(
-    model: &impl MeasurementModel<N, M>,
+    model: &dyn MeasurementModel<N, M>,
     state: &State<N>,
     observation: &Observation<M>,
 ) {
@@ -225,7 +241,7 @@ fn likelihoods<const N: usize, const M: usize>(
 
 /// A model that calls an angle linear keeps the other laws; on a walk round the receiver it jumps.
 fn walk_round<const N: usize, const M: usize>(
-    model: &impl MeasurementModel<N, M>,
+    model: &dyn MeasurementModel<N, M>,
     state: &State<N>,
     receiver: &Pose,
 ) {
@@ -282,56 +298,64 @@ pub fn estimator_with<E: Estimator<N, M>, const N: usize, const M: usize>(
     observation: &Observation<M>,
     checks: Checks,
 ) {
-    let name = type_name::<E>();
-    empty_observation_changes_nothing(&fresh, observation);
+    let lend = |act: &mut dyn FnMut(&mut dyn Estimator<N, M>)| act(&mut fresh());
+    any_estimator(&Fresh { name: type_name::<E>(), lend: &lend }, observation, checks);
+}
+
+fn any_estimator<const N: usize, const M: usize>(
+    fresh: &Fresh<'_, N, M>,
+    observation: &Observation<M>,
+    checks: Checks,
+) {
+    let name = fresh.name;
+    empty_observation_changes_nothing(fresh, observation);
     for component in 0..M {
-        missing_component_is_not_read(&fresh, observation, component, checks);
-        whole_turn_changes_nothing(&fresh, observation, component);
+        missing_component_is_not_read(fresh, observation, component, checks);
+        whole_turn_changes_nothing(fresh, observation, component);
     }
-    let mut updated = fresh();
-    if let Err(error) = updated.predict(checks.step) {
-        panic!("{name}: a step of {} s was refused: {error}", checks.step);
-    }
-    let predicted = updated.estimate();
-    if updated.update(observation).is_err() {
-        let left = updated.estimate() == predicted;
-        assert!(left, "{name}: a refused observation changed the belief");
-    } else {
+    fresh.predicted(checks.step, |updated| {
+        let predicted = updated.estimate();
+        if updated.update(observation).is_err() {
+            let left = updated.estimate() == predicted;
+            assert!(left, "{name}: a refused observation changed the belief");
+            return;
+        }
         let p = updated.estimate().covariance;
         let skew: SMatrix<f64, N, N> = p - p.transpose();
         assert!(skew.norm() <= 1e-9 * p.norm(), "{name}: the covariance is not symmetric: {p}");
         let definite = p.cholesky().is_some();
         assert!(definite, "{name}: the covariance is not positive definite: {p}");
-        samples_represent_the_belief(&updated);
-    }
+        samples_represent_the_belief(name, updated);
+    });
+    let before = fresh.lent(|estimator| estimator.estimate());
     for step in [-1.0, f64::NAN, f64::INFINITY] {
-        let mut refused = fresh();
-        assert!(refused.predict(step).is_err(), "{name}: a step of {step} s was accepted");
-        let left = refused.estimate() == fresh().estimate();
-        assert!(left, "{name}: a refused step of {step} s changed the belief");
+        fresh.lent(|refused| {
+            assert!(refused.predict(step).is_err(), "{name}: a step of {step} s was accepted");
+            let left = refused.estimate() == before;
+            assert!(left, "{name}: a refused step of {step} s changed the belief");
+        });
     }
     if let Some(laws) = &checks.predictive {
-        predictive::predictive(&fresh, observation, checks.step, laws);
+        predictive::predictive(fresh, observation, checks.step, laws);
     }
 }
 
 /// An angle and the same angle a turn on are one measurement.
-fn whole_turn_changes_nothing<E: Estimator<N, M>, const N: usize, const M: usize>(
-    fresh: &impl Fn() -> E,
+fn whole_turn_changes_nothing<const N: usize, const M: usize>(
+    fresh: &Fresh<'_, N, M>,
     observation: &Observation<M>,
     component: usize,
 ) {
-    let name = type_name::<E>();
-    let angle = fresh().quantities()[component].axis() == Axis::Angle;
+    let name = fresh.name;
+    let angle = fresh.lent(|e| e.quantities()[component].axis() == Axis::Angle);
     if !angle || !observation.has(component) {
         return;
     }
     let posterior = |turns: f64| {
         let mut value = *observation.value();
         value[component] += turns * TAU;
-        let mut estimator = fresh();
-        let correction = estimator.update(&predictive::moved(observation, value));
-        (correction, estimator.estimate())
+        let turned = predictive::moved(observation, value);
+        fresh.lent(|estimator| (estimator.update(&turned), estimator.estimate()))
     };
     let (correction, plain) = posterior(0.0);
     for turns in [-1.0, 1.0] {
@@ -409,29 +433,28 @@ pub fn smoother<E: Smooth<N, M> + Clone, const N: usize, const M: usize>(
         "{name}: a later belief without news moved the mean by {mean} of its σ and the \
          covariance by {covariance} of it"
     );
-    samples_represent_the_belief(&earlier);
+    samples_represent_the_belief(name, &earlier);
 }
 
-fn empty_observation_changes_nothing<E: Estimator<N, M>, const N: usize, const M: usize>(
-    fresh: &impl Fn() -> E,
+fn empty_observation_changes_nothing<const N: usize, const M: usize>(
+    fresh: &Fresh<'_, N, M>,
     observation: &Observation<M>,
 ) {
-    let name = type_name::<E>();
+    let name = fresh.name;
     let empty = (0..M).fold(*observation, Observation::without);
-    let mut idle = fresh();
-    let correction = idle.update(&empty);
+    let (correction, after) = fresh.lent(|idle| (idle.update(&empty), idle.estimate()));
     assert_eq!(correction, Ok(Correction::Empty), "{name}: an observation without components");
-    let left = idle.estimate() == fresh().estimate();
+    let left = after == fresh.lent(|estimator| estimator.estimate());
     assert!(left, "{name}: an empty observation changed the belief");
 }
 
-fn missing_component_is_not_read<E: Estimator<N, M>, const N: usize, const M: usize>(
-    fresh: &impl Fn() -> E,
+fn missing_component_is_not_read<const N: usize, const M: usize>(
+    fresh: &Fresh<'_, N, M>,
     observation: &Observation<M>,
     component: usize,
     checks: Checks,
 ) {
-    let name = type_name::<E>();
+    let name = fresh.name;
     let posterior = |shift: f64, present: bool, variance: f64| {
         let mut value = *observation.value();
         let mut noise = observation.noise();
@@ -441,9 +464,11 @@ fn missing_component_is_not_read<E: Estimator<N, M>, const N: usize, const M: us
         noise[(component, component)] = variance;
         let whole = Observation::new(observation.time(), *observation.receiver(), value, noise)
             .expect("a shifted value is finite and the noise was decoupled");
-        let mut estimator = fresh();
-        let correction = estimator.update(&if present { whole } else { whole.without(component) });
-        (estimator.estimate(), matches!(correction, Ok(Correction::Rejected { .. })))
+        let observation = if present { whole } else { whole.without(component) };
+        fresh.lent(|estimator| {
+            let correction = estimator.update(&observation);
+            (estimator.estimate(), matches!(correction, Ok(Correction::Rejected { .. })))
+        })
     };
     let (missing, rejected) = posterior(0.0, false, 1.0);
     let unread = (missing, rejected) == posterior(1.0, false, 1.0);
@@ -452,7 +477,7 @@ fn missing_component_is_not_read<E: Estimator<N, M>, const N: usize, const M: us
     let Some(tolerance) = checks.worthless_tolerance else { return };
     // A gate's limit depends on how many components there are, so it may judge these two apart.
     let (worthless, worthless_rejected) = posterior(0.0, true, 1e15);
-    let before = fresh().estimate().covariance;
+    let before = fresh.lent(|estimator| estimator.estimate()).covariance;
     let error = (missing.mean - worthless.mean).norm() / before.trace()
         + (missing.covariance - worthless.covariance).norm() / before.norm();
     assert!(
@@ -461,8 +486,10 @@ fn missing_component_is_not_read<E: Estimator<N, M>, const N: usize, const M: us
     );
 }
 
-fn samples_represent_the_belief<E: Estimator<N, M>, const N: usize, const M: usize>(estimator: &E) {
-    let name = type_name::<E>();
+fn samples_represent_the_belief<const N: usize, const M: usize>(
+    name: &str,
+    estimator: &dyn Estimator<N, M>,
+) {
     let estimate = estimator.estimate();
     let mut total = 0.0;
     let mut mean = estimate.mean * 0.0;

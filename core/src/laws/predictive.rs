@@ -1,6 +1,6 @@
 //! Laws over all observations that may come: integrals over the predictive density.
 
-use core::{any::type_name, f64::consts::TAU, fmt};
+use core::{f64::consts::TAU, fmt};
 
 use nalgebra::SVector;
 
@@ -51,6 +51,39 @@ impl Default for Predictive {
     }
 }
 
+/// Makes the same estimator each time, and lends it: one type for all estimators of as many states and
+/// components, so that their laws are compiled once.
+pub(super) struct Fresh<'a, const N: usize, const M: usize> {
+    /// The estimator's type.
+    pub(super) name: &'static str,
+    /// Calls its argument once.
+    pub(super) lend: &'a dyn Fn(&mut dyn FnMut(&mut dyn Estimator<N, M>)),
+}
+
+impl<const N: usize, const M: usize> Fresh<'_, N, M> {
+    /// What `act` returns of a fresh estimator.
+    pub(super) fn lent<R>(&self, act: impl FnOnce(&mut dyn Estimator<N, M>) -> R) -> R {
+        let mut act = Some(act);
+        let mut result = None;
+        (self.lend)(&mut |estimator| result = act.take().map(|act| act(estimator)));
+        result.expect("an estimator is lent once")
+    }
+
+    /// What `act` returns of a fresh estimator after a step in seconds.
+    pub(super) fn predicted<R>(
+        &self,
+        step: f64,
+        act: impl FnOnce(&mut dyn Estimator<N, M>) -> R,
+    ) -> R {
+        self.lent(|estimator| {
+            if let Err(error) = estimator.predict(step) {
+                panic!("{}: a step of {step} s was refused: {error}", self.name);
+            }
+            act(estimator)
+        })
+    }
+}
+
 /// Least number of nodes round a turn in the integral of a likelihood: a wide Gaussian of the short
 /// way round has a kink at half a turn, where a sum over nodes is good to its square.
 const ROUND: f64 = 64.0;
@@ -73,7 +106,7 @@ impl<const M: usize> Lattice<M> {
         axes: [Axis; M],
         given: Option<usize>,
         round: f64,
-        log_density: &mut impl FnMut(&Observation<M>) -> f64,
+        log_density: &mut dyn FnMut(&Observation<M>) -> f64,
     ) -> Self {
         let present = |i: usize| about.has(i) && Some(i) != given;
         let precision =
@@ -131,7 +164,7 @@ impl<const M: usize> Lattice<M> {
     }
 
     /// Calls `visit` with each observation.
-    fn for_each(&self, mut visit: impl FnMut(&Observation<M>)) {
+    fn for_each(&self, visit: &mut dyn FnMut(&Observation<M>)) {
         let mut at = self.low;
         loop {
             let value = SVector::<f64, M>::from_fn(|i, _| {
@@ -172,20 +205,20 @@ pub(super) fn moved<const M: usize>(
 
 /// The integral of a model's likelihood over all measurements.
 pub(super) fn likelihood_is_a_density<const N: usize, const M: usize>(
-    model: &impl MeasurementModel<N, M>,
+    name: &str,
+    model: &dyn MeasurementModel<N, M>,
     state: &State<N>,
     observation: &Observation<M>,
 ) {
     if observation.is_empty() {
         return;
     }
-    let name = type_name_of(model);
     let about = moved(observation, model.expected(state, observation.receiver()));
     let axes = model.axes();
     let mut log_density = |z: &Observation<M>| model.log_likelihood(state, z);
     let lattice = Lattice::over(name, &about, axes, None, ROUND, &mut log_density);
     let mut integral = 0.0;
-    lattice.for_each(|z| integral += libm::exp(log_density(z)) * lattice.cell());
+    lattice.for_each(&mut |z| integral += libm::exp(log_density(z)) * lattice.cell());
     // A Gaussian of the short way round lacks its own tails beyond half a turn.
     let lack = |i: usize| match axes[i] {
         Axis::Angle if observation.has(i) => {
@@ -199,10 +232,6 @@ pub(super) fn likelihood_is_a_density<const N: usize, const M: usize>(
         (-1e-3 - lack..=1e-3).contains(&(integral - 1.0)),
         "{name}: the likelihood integrates to {integral:.6} over all measurements, not to 1"
     );
-}
-
-fn type_name_of<T: ?Sized>(_: &T) -> &'static str {
-    type_name::<T>()
 }
 
 /// Deviations from the laws of an estimator's predictive density; `None` where a law holds.
@@ -234,8 +263,8 @@ impl fmt::Display for Breaches {
 }
 
 /// The laws of the predictive density about one observation, for its present components.
-pub(super) fn predictive<E: Estimator<N, M>, const N: usize, const M: usize>(
-    fresh: &impl Fn() -> E,
+pub(super) fn predictive<const N: usize, const M: usize>(
+    fresh: &Fresh<'_, N, M>,
     observation: &Observation<M>,
     step: f64,
     laws: &Predictive,
@@ -252,33 +281,24 @@ pub(super) fn predictive<E: Estimator<N, M>, const N: usize, const M: usize>(
     }
 }
 
-fn over<E: Estimator<N, M>, const N: usize, const M: usize>(
-    fresh: &impl Fn() -> E,
+fn over<const N: usize, const M: usize>(
+    fresh: &Fresh<'_, N, M>,
     observation: &Observation<M>,
     step: f64,
     laws: &Predictive,
 ) {
-    let name = type_name::<E>();
-    let before = || {
-        let mut estimator = fresh();
-        if let Err(error) = estimator.predict(step) {
-            panic!("{name}: a step of {step} s was refused: {error}");
-        }
-        estimator
-    };
-    let estimator = before();
-    let prior = estimator.estimate();
-    let axes = estimator.quantities().map(|quantity| quantity.axis());
+    let name = fresh.name;
+    let prior = fresh.predicted(step, |estimator| estimator.estimate());
+    let axes = fresh.lent(|estimator| estimator.quantities().map(|quantity| quantity.axis()));
     let update = |z: &Observation<M>| {
-        let mut estimator = before();
-        match estimator.update(z) {
+        fresh.predicted(step, |estimator| match estimator.update(z) {
             Ok(Correction::Fused { nis, log_evidence, effective_sample_size }) => {
                 Some((log_evidence, nis, effective_sample_size, estimator.estimate()))
             }
             Ok(Correction::Empty) => panic!("{name}: an observation was taken for an empty one"),
             // Of no weight: the integrals then lack it.
             Ok(Correction::Rejected { .. }) | Err(_) => None,
-        }
+        })
     };
     let mut log_density = |z: &Observation<M>| update(z).map_or(f64::NEG_INFINITY, |u| u.0);
     let about = moved(observation, *observation.value());
@@ -291,7 +311,7 @@ fn over<E: Estimator<N, M>, const N: usize, const M: usize>(
     let mut spread = Covariance::<N>::zeros();
     let mut nis = Some(0.0);
     let mut samples = 0.0;
-    lattice.for_each(|z| {
+    lattice.for_each(&mut |z| {
         let Some((log, own, size, Estimate { mean: m, covariance })) = update(z) else { return };
         let weight = libm::exp(log) * lattice.cell();
         let off = m - prior.mean;
