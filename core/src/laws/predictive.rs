@@ -51,17 +51,17 @@ impl Default for Predictive {
     }
 }
 
-/// Makes the same estimator each time, and lends it: one type for all estimators of as many states and
-/// components, so that their laws are compiled once.
+/// Source of the same estimator each time, which it lends: one type for all estimators of as many
+/// states and components, so that their laws are compiled once.
 pub(super) struct Fresh<'a, const N: usize, const M: usize> {
-    /// The estimator's type.
+    /// The name of the estimator's type.
     pub(super) name: &'static str,
-    /// Calls its argument once.
+    /// Code that calls its argument once, with a fresh estimator.
     pub(super) lend: &'a dyn Fn(&mut dyn FnMut(&mut dyn Estimator<N, M>)),
 }
 
 impl<const N: usize, const M: usize> Fresh<'_, N, M> {
-    /// What `act` returns of a fresh estimator.
+    /// Lends a fresh estimator to `act`, and returns what that does.
     pub(super) fn lent<R>(&self, act: impl FnOnce(&mut dyn Estimator<N, M>) -> R) -> R {
         let mut act = Some(act);
         let mut result = None;
@@ -69,7 +69,7 @@ impl<const N: usize, const M: usize> Fresh<'_, N, M> {
         result.expect("an estimator is lent once")
     }
 
-    /// What `act` returns of a fresh estimator after a step in seconds.
+    /// Lends a fresh estimator after a step in seconds to `act`, and returns what that does.
     pub(super) fn predicted<R>(
         &self,
         step: f64,

@@ -40,6 +40,7 @@ pub(super) struct ExpectedPosterior {
     drones: Vec<Drone>,
     /// Knowledge of all drones together about each cell, where cells are compared.
     known: Vec<Known>,
+    /// Kept from one formation to the next, as to clear it takes time.
     given: Given,
 }
 
