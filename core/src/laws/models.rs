@@ -7,7 +7,7 @@ use nalgebra::{SMatrix, SVector};
 use crate::{
     Axis, BearingMode, BearingModes, Correction, Estimator, MeasurementModel, MotionModel,
     Observation, Pose, Smooth, State,
-    laws::predictive::{self, Fresh, Predictive},
+    laws::predictive::{self, Act, Fresh, Predictive},
     measurement::around,
     noise::log_add,
     numeric_jacobian,
@@ -298,7 +298,7 @@ pub fn estimator_with<E: Estimator<N, M>, const N: usize, const M: usize>(
     observation: &Observation<M>,
     checks: Checks,
 ) {
-    let lend = |act: &mut dyn FnMut(&mut dyn Estimator<N, M>)| act(&mut fresh());
+    let lend = |act: &mut Act<'_, N, M>| act(&mut fresh());
     any_estimator(&Fresh { name: type_name::<E>(), lend: &lend }, observation, checks);
 }
 

@@ -51,13 +51,16 @@ impl Default for Predictive {
     }
 }
 
+/// Code that takes an estimator.
+pub(super) type Act<'a, const N: usize, const M: usize> = dyn FnMut(&mut dyn Estimator<N, M>) + 'a;
+
 /// Source of the same estimator each time, which it lends: one type for all estimators of as many
 /// states and components, so that their laws are compiled once.
 pub(super) struct Fresh<'a, const N: usize, const M: usize> {
     /// The name of the estimator's type.
     pub(super) name: &'static str,
     /// Code that calls its argument once, with a fresh estimator.
-    pub(super) lend: &'a dyn Fn(&mut dyn FnMut(&mut dyn Estimator<N, M>)),
+    pub(super) lend: &'a dyn Fn(&mut Act<'_, N, M>),
 }
 
 impl<const N: usize, const M: usize> Fresh<'_, N, M> {
