@@ -201,10 +201,17 @@ impl EstimatorConfig {
             if self.power_sigma_db.is_some() || self.exponent_sigma.is_some() {
                 return Err(EstimatorError::Unsupported {
                     what: "an unknown power or exponent (power_sigma_db, exponent_sigma) with a \
-                           beacon that may move",
+                           beacon that may move (moving)",
                 });
             }
             return self.build_moving(place, shared(model), moving, prior, seed);
+        }
+        let is_cloud = matches!(self.filter, FilterConfig::RaoBlackwellised { .. });
+        if is_cloud && (self.exponent_sigma.is_some() || self.start_on_grid.is_some()) {
+            return Err(EstimatorError::Unsupported {
+                what: "a Rao-Blackwellised cloud with an unknown exponent or begun on a grid \
+                       (exponent_sigma, start_on_grid)",
+            });
         }
         let law = *model.model().model().propagation();
         let power_sigma = self.power_sigma_db.map(|s| positive("power_sigma_db", s)).transpose()?;
@@ -277,9 +284,14 @@ impl EstimatorConfig {
         let FilterConfig::Grid { side, level_noise_spread: None } = self.filter else {
             return unsupported(
                 "offsets of receivers (receivers) with another filter than a grid whose levels \
-                 have the σ that they state",
+                 have the σ that they state (without level_noise_spread)",
             );
         };
+        if self.several.is_some() {
+            return unsupported(
+                "offsets of receivers (receivers) with several transmitters (several)",
+            );
+        }
         let Some(sigma) = self.power_sigma_db else {
             return unsupported("offsets of receivers (receivers) with a known power");
         };
@@ -341,8 +353,20 @@ impl EstimatorConfig {
         prior: &Estimate<2>,
         seed: u64,
     ) -> Result<BoxedEstimator<2, 2>, EstimatorError> {
+        let one_place = match self.filter {
+            FilterConfig::Grid { .. } => Some("a grid with a beacon that may move (moving)"),
+            FilterConfig::DualEkf { .. } => {
+                Some("two Kalman filters with a beacon that may move (moving)")
+            }
+            #[cfg(feature = "batch")]
+            FilterConfig::Batch { .. } => Some("a batch with a beacon that may move (moving)"),
+            _ => None,
+        };
+        if let Some(what) = one_place {
+            return Err(EstimatorError::Unsupported { what });
+        }
         let unused = [0.0, UNUSED_DRIFT].contains(&self.drift);
-        require(unused, "drift", self.drift, "0: a beacon that moves has no random walk")?;
+        require(unused, "drift", self.drift, "0: a beacon that moves (moving) has no random walk")?;
         let speed_sigma = positive("speed_sigma", moving.speed_sigma)?;
         let spectral_density = positive("spectral_density", moving.spectral_density)?;
         let motion: AnyMotion<4> = Arc::new(ConstantVelocity { spectral_density });

@@ -299,7 +299,9 @@ fn no_dual<const N: usize, const M: usize>(
     _: AnyModel<N, M>,
     _: &dyn Prior<N>,
 ) -> Result<BoxedEstimator<N, M>, EstimatorError> {
-    Err(EstimatorError::Unsupported { what: "two Kalman filters of more than a place" })
+    Err(EstimatorError::Unsupported {
+        what: "two Kalman filters of more than a place (power_sigma_db)",
+    })
 }
 
 impl FilterConfig {

@@ -53,12 +53,16 @@ impl TrackConfig {
     ///
     /// [`ParameterError`] names the field.
     pub fn check(&self) -> Result<(), ParameterError> {
-        use foxhunt_core::parameter::positive;
+        use foxhunt_core::parameter::{positive, require};
+        let levels = self.components != Components::BearingOnly;
         for (name, sigma) in [
             ("first_position_rss_sigma_db", self.first_position_rss_sigma_db),
             ("rss_sigma_db", self.rss_sigma_db),
         ] {
-            sigma.map(|sigma| positive(name, sigma)).transpose()?;
+            if let Some(sigma) = sigma {
+                require(levels, name, sigma, "left out: no level is used")?;
+                positive(name, sigma)?;
+            }
         }
         Ok(())
     }

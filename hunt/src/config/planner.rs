@@ -169,7 +169,11 @@ impl PlannerConfig {
             Self::FollowEstimate { follow, shape } => {
                 let planner = FollowEstimate::new(*follow)?;
                 match shape {
-                    Some(shape) => Box::new(planner.with_shape(shape.build()?)),
+                    Some(shape) => {
+                        let usual = FollowConfig::default().circumradius_m;
+                        used("follow.circumradius_m", follow.circumradius_m, usual)?;
+                        Box::new(planner.with_shape(shape.build()?))
+                    }
                     None => Box::new(planner),
                 }
             }
@@ -197,6 +201,9 @@ impl PlannerConfig {
                     places_m.iter().enumerate().map(centre).collect::<Result<_, _>>()?;
                 let round = centres.iter().flat_map(|centre| repeat_n(*centre, each));
                 let places: Vec<_> = repeat_n(round, usize::from(*rounds)).flatten().collect();
+                if shape.is_some() {
+                    used("circumradius_m", *circumradius_m, reference_circumradius())?;
+                }
                 let shape = shape_or_polygon(shape.as_ref(), *circumradius_m)?;
                 Box::new(Waypoints::new(places, shape, rotation_deg.to_radians())?)
             }
@@ -215,6 +222,11 @@ impl PlannerConfig {
             }
             Self::Detection { corners_m, detection, then } => {
                 let corners: Vec<_> = corners_m.iter().map(|p| Vector2::from(*p)).collect();
+                if let Self::Information { information } = &**then
+                    && (information.prior_sigma_m != 0.0 || information.prior_centre_m.is_some())
+                {
+                    return Err(PlannerConfigError::PriorNotUsed);
+                }
                 Box::new(Detection::new(&corners, *detection, then.build()?)?)
             }
             Self::Information { information } => Box::new(Information::new(*information)?),
@@ -248,6 +260,11 @@ fn bounded(field: &'static str, counts: [usize; 3]) -> Result<(), ParameterError
     Err(ParameterError { name: field, value, requirement: "at most 10000 places" })
 }
 
+/// Refuses a circumradius that stands beside a shape, but for the one of files that give none.
+fn used(name: &'static str, given: f64, usual: f64) -> Result<(), PlannerConfigError> {
+    if given == usual { Ok(()) } else { Err(PlannerConfigError::CircumradiusNotUsed { name }) }
+}
+
 fn shape_or_polygon(
     shape: Option<&ShapeConfig>,
     circumradius_m: f64,
@@ -271,6 +288,18 @@ pub enum PlannerConfigError {
     /// Each place has an altitude of its own.
     #[error("planner.up_m is not used: each place of planner.places_m has an Up of its own")]
     AltitudeNotUsed,
+    /// A polygon's size stands beside another shape.
+    #[error("planner.{name} is not used: planner.shape is the shape of the formation")]
+    CircumradiusNotUsed {
+        /// The key.
+        name: &'static str,
+    },
+    /// A planner that begins after the first reception has a belief of before it.
+    #[error(
+        "planner.then.information: prior_sigma_m and prior_centre_m are not used: this planner \
+         begins once a transmitter was received"
+    )]
+    PriorNotUsed,
     /// The waypoints make no path.
     #[error("planner.places_m: {0}")]
     Path(#[from] PlanError),

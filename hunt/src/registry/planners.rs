@@ -208,6 +208,8 @@ fn detection(field: &Field) -> PlannerConfig {
         separation_m: information.separation_m,
         ..DetectionConfig::default()
     };
+    // It begins after the first reception.
+    let information = InformationConfig { prior_sigma_m: 0.0, prior_centre_m: None, ..information };
     let then = Box::new(PlannerConfig::Information { information });
     PlannerConfig::Detection { corners_m, detection, then }
 }

@@ -292,7 +292,7 @@ impl Draw {
             return self.waypoints(shape);
         }
         let follow = FollowConfig {
-            circumradius_m: self.between(2.0, 15.0),
+            circumradius_m: self.circumradius(shape.as_ref()),
             rotation_rad: self.between(0.0, TAU),
             search_altitude_m: self.between(2.0, 10.0),
             ..FollowConfig::default()
@@ -306,13 +306,19 @@ impl Draw {
         };
         PlannerConfig::Waypoints {
             places_m: (0..self.whole(2, 8)).map(|_| place(self)).collect(),
-            circumradius_m: self.between(2.0, 15.0),
+            circumradius_m: self.circumradius(shape.as_ref()),
             shape,
             rotation_deg: self.between(0.0, 360.0),
             up_m: Some(self.between(2.0, 10.0)),
             turns_at_each: 1,
             rounds: 1,
         }
+    }
+
+    /// A polygon's circumradius; beside another shape, the one of files that give none.
+    fn circumradius(&mut self, shape: Option<&ShapeConfig>) -> f64 {
+        let drawn = self.between(2.0, 15.0);
+        if shape.is_none() { drawn } else { FollowConfig::default().circumradius_m }
     }
 
     /// Any kind of shape; what is scaled is one of the others.

@@ -2,8 +2,107 @@
 
 use foxhunt::{
     config::{PlannerConfig, ShapeConfig},
+    core::{BeaconId, Bearing, Decision, Estimate, Level, Pose, Reception, Station, Target},
     formation::FollowConfig,
+    registry::Registry,
+    scenario::Scenario,
 };
+use nalgebra::{Vector2, Vector3};
+
+use super::keys::silent;
+
+/// A flight of some drones to a beacon at (40, 25) m.
+struct Flight {
+    turns: u32,
+    drones: u16,
+    /// Number of turns before it is heard.
+    unheard: u32,
+    /// σ of its place in metres after a turn.
+    sigma_m: fn(f64) -> f64,
+}
+
+/// Flights that settle, that settle at once, that never do, of one drone, and to what is not heard.
+const FLIGHTS: [Flight; 5] = [
+    Flight { turns: 18, drones: 3, unheard: 6, sigma_m: |turn| 40.0 * 0.75_f64.powf(turn) },
+    Flight { turns: 18, drones: 3, unheard: 0, sigma_m: |_| 0.2 },
+    Flight { turns: 18, drones: 1, unheard: 0, sigma_m: |turn| 40.0 * 0.8_f64.powf(turn) },
+    // Half of the most turns that planners take is tried.
+    Flight { turns: 35, drones: 2, unheard: 0, sigma_m: |turn| 25.0 - 0.1 * turn },
+    Flight { turns: 35, drones: 2, unheard: 35, sigma_m: |_| 30.0 },
+];
+
+impl Flight {
+    /// Returns what a planner decides and where it sends the drones, turn by turn.
+    fn flown(&self, config: &PlannerConfig) -> Result<Vec<String>, String> {
+        let mut planner = config.build().map_err(|error| error.to_string())?;
+        let start = |drone: u16| {
+            let pose = Pose::at(-10.0 + 8.0 * f64::from(drone), -15.0, 3.0);
+            Station::holding(pose)
+        };
+        let mut stations: Vec<Station> = (0..self.drones).map(start).collect();
+        let beacon = Vector2::new(40.0, 25.0);
+        let begun = planner.begin(&mut stations);
+        let mut said = vec![format!("{begun:?} {stations:?}")];
+        for turn in 0..self.turns {
+            for station in &mut stations {
+                station.pose.position = station.goal.position;
+                let way: Vector3<f64> = beacon.push(0.0) - station.pose.position;
+                let level = Level { rss_dbm: -30.0 - 25.0 * way.norm().log10(), sigma_db: 4.0 };
+                let bearing = Bearing { angle: way.y.atan2(way.x), sigma: 0.2, confidence: 1.0 };
+                planner.observe(&Reception {
+                    beacon: BeaconId(1),
+                    time: 20.0 * f64::from(turn),
+                    receiver: station.pose,
+                    level: Some(level),
+                    bearing: Some(bearing),
+                    ..Reception::default()
+                });
+            }
+            let sigma = (self.sigma_m)(f64::from(turn));
+            let around = 2.0 * f64::from(turn);
+            let off = Vector2::new(around.cos(), around.sin());
+            let belief = Estimate::isotropic(beacon + off * sigma, sigma);
+            let target = Target { beacon: BeaconId(1), belief: &belief };
+            let targets = if turn < self.unheard && planner.goes_on_without_signal() {
+                &[]
+            } else if turn == 12 {
+                let resumed = planner.resume(&belief, &mut stations);
+                said.push(format!("{resumed:?} {stations:?}"));
+                continue;
+            } else {
+                std::slice::from_ref(&target)
+            };
+            let decision = planner.plan_together(targets, &mut stations);
+            said.push(format!("{decision:?} {stations:?}"));
+            if let Ok(Decision::Finish(_)) = decision {
+                break;
+            }
+        }
+        Ok(said)
+    }
+}
+
+#[test]
+fn every_setting_of_every_planner_changes_something_or_is_refused() {
+    let field = Scenario::find("pritzl-6.1").expect("a built-in scenario").field();
+    let named = Registry::builtin();
+    let configs = named.planners().iter().map(|named| named.config(&field));
+    let shaped = [
+        "kind = 'waypoints'\nplaces_m = [[0.0, 0.0], [20.0, 9.0]]\nup_m = 4.0",
+        "kind = 'waypoints'\nplaces_m = [[0.0, 0.0], [20.0, 9.0, 5.0]]\nup_m = 4.0\n\
+         shape = { kind = 'line', spacing_m = 7.0 }",
+        "kind = 'follow-estimate'\nshape = { kind = 'scaled', scale = 2.0, \
+         shape = { kind = 'offsets', offsets_m = [[0.0, 0.0], [5.0, 0.0]] } }",
+    ];
+    let mut found = Vec::new();
+    for config in configs.chain(shaped.map(parse)) {
+        let keys = silent(&config, &FLIGHTS, |config, flight| flight.flown(config));
+        if !keys.is_empty() {
+            found.push(format!("{keys:?} of {config:?}"));
+        }
+    }
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
 
 fn parse(text: &str) -> PlannerConfig {
     toml::from_str(text).expect("a planner")
