@@ -72,19 +72,24 @@ pub(super) fn find_ceilings(file: &str, records: &mut [Record]) -> Vec<Remark> {
     rows.into_iter().map(remark).collect()
 }
 
-/// Codes that receivers and their programs write for a missing level.
-const CODES_DB: [f64; 3] = [0.0, 99.0, 127.0];
+/// Codes that receivers and their programs write for a missing level, above all true ones.
+const HIGH_CODES_DB: [f64; 3] = [0.0, 99.0, 127.0];
+
+/// Such codes below all true levels: the least numbers of a byte, and what Android writes.
+const LOW_CODES_DB: [f64; 3] = [-127.0, -128.0, -200.0];
 
 /// Distance of such a level from all others, in dB, at least: no path brings a receiver from one to
 /// the other without a level between them.
 const CODE_APART_DB: f64 = 30.0;
 
-/// Finds levels that stand for no reading: the greatest of a receiver, where it is one of the usual
-/// codes and far above all others. Returns the index of each record, and how far it is above.
+/// Finds levels that stand for no reading: the greatest or the least of a receiver, where it is one
+/// of the usual codes and far from all others. A level at a floor that is stated is one. Returns
+/// the index of each record, and how far it is from the next.
 pub(super) fn codes(records: &[Record]) -> Vec<(usize, f64)> {
     let mut of_receiver: BTreeMap<&str, Vec<(f64, usize)>> = BTreeMap::new();
     for (index, record) in records.iter().enumerate() {
-        if let Some(level) = record.rss_dbm {
+        let is_at_floor = |level: f64| record.floor_dbm.is_some_and(|floor| level <= floor);
+        if let Some(level) = record.rss_dbm.filter(|level| !is_at_floor(*level)) {
             of_receiver.entry(&record.drone).or_default().push((level, index));
         }
     }
@@ -93,14 +98,26 @@ pub(super) fn codes(records: &[Record]) -> Vec<(usize, f64)> {
         levels.sort_by(|a, b| b.0.total_cmp(&a.0));
         let groups: Vec<&[(f64, usize)]> =
             levels.chunk_by(|a, b| (a.0 - b.0).abs() < SAME_DB).collect();
-        for pair in groups.windows(2) {
-            let [group @ [(level, _), ..], [(lower, _), ..]] = pair else { break };
-            let is_code = CODES_DB.iter().any(|code| (level - code).abs() < SAME_DB);
-            if !is_code || level - lower < CODE_APART_DB {
-                break;
-            }
-            found.extend(group.iter().map(|(_, index)| (*index, level - lower)));
+        found.extend(far_codes(groups.iter(), HIGH_CODES_DB));
+        found.extend(far_codes(groups.iter().rev(), LOW_CODES_DB));
+    }
+    found
+}
+
+/// The records of the first of these groups of one level that are codes and far from the next.
+fn far_codes<'g>(
+    groups: impl Iterator<Item = &'g &'g [(f64, usize)]> + Clone,
+    codes: [f64; 3],
+) -> Vec<(usize, f64)> {
+    let mut found = Vec::new();
+    for (group, next) in groups.clone().zip(groups.skip(1)) {
+        let ([(level, _), ..], [(other, _), ..]) = (group, next) else { break };
+        let apart_db = (level - other).abs();
+        let is_code = codes.iter().any(|code| (level - code).abs() < SAME_DB);
+        if !is_code || apart_db < CODE_APART_DB {
+            break;
         }
+        found.extend(group.iter().map(|(_, index)| (*index, apart_db)));
     }
     found
 }

@@ -73,7 +73,7 @@ pub enum RecordingError {
     /// A row is shorter or longer than the header.
     #[error(
         "{file}, line {line}: {found} fields instead of {expected}, the last one {column}: \
-         {value:?}"
+         {value:?}{}", decimal_commas(*found, *expected, value)
     )]
     FieldCount {
         /// The file.
@@ -464,6 +464,9 @@ pub enum FieldProblem {
     /// It must be a number.
     #[error("is not a number")]
     NotANumber,
+    /// It must be a number of seconds.
+    #[error("is a date, not a number of seconds; call the column time_utc or time")]
+    Date,
     /// It is NaN, infinite or too large.
     #[error("is not a finite number")]
     NotFinite,
@@ -492,10 +495,10 @@ pub enum FieldProblem {
         max: f64,
     },
     /// It stands for no reading.
-    #[error("stands for no reading: every other level is {below_db:.0} dB lower or more")]
+    #[error("stands for no reading: every other level is {apart_db:.0} dB away or more")]
     NoReading {
-        /// Distance of the next lower level, in dB.
-        below_db: f64,
+        /// Distance of the next level, in dB.
+        apart_db: f64,
     },
     /// It would be a longitude.
     #[error("is not a latitude; latitude and longitude look swapped")]
@@ -601,6 +604,17 @@ pub enum FieldProblem {
 /// A file as an argument of a command.
 pub(super) fn argument(file: &str) -> &str {
     if file == "standard input" { "-" } else { file }
+}
+
+/// The end of a message about a row of too many fields: whole numbers at its end may be what was
+/// behind a comma.
+fn decimal_commas(found: usize, expected: usize, last: &str) -> &'static str {
+    let is_whole = !last.is_empty() && last.bytes().all(|byte| byte.is_ascii_digit());
+    if found > expected && is_whole {
+        "; numbers with a decimal comma need quotes, or semicolons between the columns"
+    } else {
+        ""
+    }
 }
 
 /// The way in which the columns of a table without a header are named.

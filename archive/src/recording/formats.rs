@@ -178,25 +178,29 @@ pub(super) fn recognise(
         let found = near_miss(name, columns.iter().map(String::as_str))?;
         Some(Box::new([found.to_owned(), name.to_owned()]))
     });
-    // A slip in a name of ours is the likelier reason.
-    match plain::half(columns).filter(|_| meant.is_none()) {
+    let slip =
+        plain::slip(columns).map(|[found, meant]| format!("is {found:?} meant to be {meant:?}?"));
+    // Otherwise a slip in a name of ours is the likelier reason.
+    let half = plain::half(columns).filter(|_| slip.is_some() || meant.is_none());
+    match half {
         Some(Half::Path) => return Err(path_alone(table)),
         Some(Half::Measurements) => {
             let named = match options.columns.as_slice() {
                 [] => String::new(),
                 names => format!(" --columns {}", names.join(",")),
             };
+            let beside = format!(
+                "give the receiver's path beside it, as GPX, a table with times and places or a \
+                 log of ArduPilot, PX4 or MAVLink: foxhunt locate {} PATH{named}",
+                argument(file)
+            );
             return Err(RecordingError::Half {
                 file: file.to_owned(),
                 line,
                 header: shown(&columns.join(", ")),
                 held: "times and levels or bearings",
                 missing: "places",
-                advice: format!(
-                    "give the receiver's path beside it, as GPX, a table with times and places or \
-                     a log of ArduPilot, PX4 or MAVLink: foxhunt locate {} PATH{named}",
-                    argument(file)
-                ),
+                advice: slip.unwrap_or(beside),
             });
         }
         None => {}
@@ -232,7 +236,14 @@ pub(super) fn with_level(
     Ok(path)
 }
 
-/// The error that a table is a path alone, with the levels that may be read of it.
+/// The question whether a column is a slip for what half of a table lacks.
+fn slip(columns: &[String]) -> Option<String> {
+    let [found, meant] = plain::slip(columns)?;
+    Some(format!("is {found:?} meant to be {meant:?}?"))
+}
+
+/// The error that a table is a path alone, with the levels that may be read of it, or the slip that
+/// may be the reason.
 fn path_alone(table: &Table<'_>) -> RecordingError {
     let file = table.file().to_owned();
     let levels = plain::levels(table.header());
@@ -240,7 +251,7 @@ fn path_alone(table: &Table<'_>) -> RecordingError {
         let what = "a receiver's path";
         return RecordingError::ChooseLevel { file, what, named: None, levels };
     }
-    let advice = format!(
+    let alone = format!(
         "call the column of levels rssi, or give the file as the path of others: foxhunt locate \
          LEVELS.csv {}",
         argument(&file)
@@ -250,7 +261,7 @@ fn path_alone(table: &Table<'_>) -> RecordingError {
         header: shown(&table.header().join(", ")),
         held: "times and places",
         missing: "levels and no bearings",
-        advice,
+        advice: slip(table.header()).unwrap_or(alone),
         file,
     }
 }

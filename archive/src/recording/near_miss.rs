@@ -12,6 +12,21 @@ pub(crate) fn near_miss<'k>(
     best.map(|(_, name)| name)
 }
 
+/// The known name that a name of a stranger's own is but a typing error away from: a letter or two
+/// too many, too few, wrong or exchanged.
+pub(crate) fn typing_error<'k>(
+    name: &str,
+    known: impl IntoIterator<Item = &'k str>,
+) -> Option<&'k str> {
+    let lower = name.to_lowercase();
+    let far = |known: &str| strsim::osa_distance(&lower, known);
+    let near = |known: &&str| far(known) * LETTERS_PER_ERROR <= known.len();
+    known.into_iter().filter(near).min_by_key(|known| far(known))
+}
+
+/// Letters of a name to each error of typing in it, at least.
+const LETTERS_PER_ERROR: usize = 6;
+
 /// The end of a message about a wrong name: a question, or empty if no known name is like it.
 pub(crate) fn did_you_mean<'k>(wrong: &str, known: impl IntoIterator<Item = &'k str>) -> String {
     let question = |name| format!("; did you mean {name:?}?");
@@ -39,6 +54,16 @@ mod tests {
             ("quality", None),
         ] {
             assert_eq!(near_miss(wrong, known), meant, "{wrong}");
+        }
+        for (wrong, meant) in [
+            ("bearing_sigm_deg", Some("bearing_sigma_deg")),
+            ("Bearing_simga_deg", Some("bearing_sigma_deg")),
+            ("bearing_quality", None),
+            ("range_km", None),
+            ("east", None),
+        ] {
+            let known = ["bearing_sigma_deg", "range_sigma_m", "east_m"];
+            assert_eq!(typing_error(wrong, known), meant, "{wrong}");
         }
         assert_eq!(did_you_mean("lat", ["lat_deg"]), "; did you mean \"lat_deg\"?");
         assert_eq!(did_you_mean("x", known), "");

@@ -4,6 +4,7 @@ use super::{
     Column, FieldProblem, Mapping, North, ReadOptions, RecordingError, Source, TimeFormat, Turns,
     coordinate,
     dates::{clock_seconds, is_date, is_day, is_serial},
+    near_miss::near_miss,
     table::{Table, shown},
 };
 
@@ -511,6 +512,29 @@ pub(super) fn half(header: &[String]) -> Option<Half> {
         _ => None,
     }
 }
+
+/// Returns the column of a [`half`] that may be a slip for what it lacks, and the name that may be
+/// meant.
+pub(super) fn slip(header: &[String]) -> Option<[String; 2]> {
+    let lacks: &[Column] = match half(header)? {
+        Half::Path => &[Column::RssDbm, Column::RssDb, Column::BearingDegCompass],
+        Half::Measurements => &[Column::LatDeg, Column::LonDeg, Column::EastM, Column::NorthM],
+    };
+    let found = Recognised::of(header);
+    let common = NAMES.iter().filter(|(column, _)| lacks.contains(column));
+    let common = common.flat_map(|(_, names)| names.iter().copied());
+    let own = lacks.iter().map(|column| column.name());
+    let meant: Vec<&str> = own.chain(common).filter(|name| name.len() >= LEAST_OF_SLIP).collect();
+    let unknown = header.iter().filter(|name| {
+        name.len() >= LEAST_OF_SLIP && !found.columns.values().any(|known| known == name)
+    });
+    unknown
+        .into_iter()
+        .find_map(|name| Some([name.clone(), near_miss(name, meant.iter().copied())?.to_owned()]))
+}
+
+/// Letters of a name that may be a slip, at least: shorter ones are alike by chance.
+const LEAST_OF_SLIP: usize = 3;
 
 /// Makes a mapping for a table whose columns have common names; `None` if it has no places or
 /// nothing that was measured. `first` returns a cell of the first row.

@@ -23,6 +23,7 @@ use super::{
     decompress::{check_content, decompressed},
     exclusion::{Cause, Exclusions},
     formats,
+    near_miss::{slip_for, typing_error},
     parse::LeftOut,
     plain,
     plan::{Melted, Origin, Plan},
@@ -543,6 +544,16 @@ impl File<'_> {
             );
             remarks.push(Remark::new("column-not-used", text));
         }
+        for column in plan.ignored.iter().filter(|name| !plain::is_attenuation(name)) {
+            let lacking = Column::ALL.into_iter().filter(|known| !plan.has(*known));
+            if let Some(meant) = typing_error(column, lacking.map(Column::name)) {
+                let text = format!(
+                    "{name}: the column {column:?} is not used{}",
+                    slip_for(Some(column), meant)
+                );
+                remarks.push(Remark::new("column-not-used", text));
+            }
+        }
         let has_bearings = plan.has(Column::BearingDegCompass) && !plan.has(Column::Beacon);
         let identity = plan.ignored.iter().filter(|_| has_bearings);
         if let Some(column) = identity.into_iter().find(|name| plain::is_identity(name))
@@ -702,14 +713,14 @@ fn leave_out_codes(
     column: &str,
 ) -> Result<(), RecordingError> {
     let codes: BTreeMap<usize, f64> = codes(records).into_iter().collect();
-    for (index, below_db) in &codes {
+    for (index, apart_db) in &codes {
         let Some(record) = records.get(*index) else { continue };
         let error = RecordingError::Field {
             file: name.to_owned(),
             line: record.line,
             column: column.to_owned(),
             value: record.rss_dbm.unwrap_or_default().to_string(),
-            problem: FieldProblem::NoReading { below_db: *below_db },
+            problem: FieldProblem::NoReading { apart_db: *apart_db },
         };
         if options.strict {
             return Err(error);

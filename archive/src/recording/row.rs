@@ -11,7 +11,7 @@ use super::{
     Band, Column, Details, FieldProblem, North, RecordingError, Rover, Source, UtmZone, Value,
     column::Kind,
     coordinate::{degrees, is_german},
-    dates::clock_seconds,
+    dates::{clock_seconds, is_date},
     plan::{Melted, Metres, Origin, Plan, Rule, Term, Zone},
     table::Row,
 };
@@ -332,6 +332,7 @@ impl Reader<'_> {
                 }
                 degrees => degrees,
             },
+            Column::TimeS if is_date(text) => Err(FieldProblem::Date),
             Column::TimeS => clock_seconds(text).ok_or(FieldProblem::NotANumber),
             _ => Err(FieldProblem::NotANumber),
         }

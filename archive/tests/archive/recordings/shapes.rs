@@ -344,7 +344,7 @@ fn with_cell(cell: &str) -> String {
 /// A code that receivers write where they have no reading is no level.
 #[test]
 fn a_code_for_no_reading_is_left_out() {
-    for code in ["127", "0", "99"] {
+    for code in ["127", "0", "99", "-127", "-128", "-200"] {
         let recording = text("f.csv", &with_cell(code)).expect("a table");
         assert_eq!(recording.records().len(), 32, "{code}");
         let remarks = recording.remarks();
@@ -352,7 +352,7 @@ fn a_code_for_no_reading_is_left_out() {
         assert!(remarks.iter().all(|remark| remark.code != "receiver-at-ceiling"), "{remarks:?}");
     }
     // A level that others lead up to is one.
-    for level in ["-50", "-40", "-25"] {
+    for level in ["-50", "-40", "-25", "-100", "-120"] {
         let recording = text("f.csv", &with_cell(level)).expect("a table");
         assert_eq!(recording.records().len(), 40, "{level}");
     }

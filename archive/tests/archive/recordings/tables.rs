@@ -506,4 +506,33 @@ fn utm_with_a_zone_is_degrees() {
 fn a_slip_in_a_name_is_asked_for_before_what_lacks() {
     let error = problem("time_s,lat_deg,lon_deg,rss_dmb\n0,50,14,-60\n");
     assert!(error.contains("is \"rss_dmb\" meant to be \"rss_dbm\"?"), "{error}");
+    for (header, question) in [
+        ("time,lat,lon,rsi", "is \"rsi\" meant to be \"rssi\"?"),
+        ("time,lattitude,longitud,rssi", "is \"lattitude\" meant to be \"latitude\"?"),
+        ("time,lat,lon,baering", "is \"baering\" meant to be \"bearing\"?"),
+    ] {
+        let error = problem(format!("{header}\n0,50,14,-60\n"));
+        assert!(error.contains(question), "{error}");
+    }
+}
+
+/// What would make an answer another one is not left out in silence.
+#[test]
+fn a_slip_in_a_column_that_may_lack_is_asked_for() {
+    let rows = "0,0,45,15\n90,0,315,15\n";
+    let recording = plain(format!("east_m,north_m,bearing,bearing_sigm_deg\n{rows}"));
+    assert_eq!(codes(&recording), ["columns-by-name", "column-not-used"]);
+    let remark = &recording.remarks()[1];
+    assert!(remark.text.contains("meant to be \"bearing_sigma_deg\"?"), "{remark}");
+    let other = plain(format!("east_m,north_m,bearing,temperature\n{rows}"));
+    assert_eq!(codes(&other), ["columns-by-name"]);
+}
+
+#[test]
+fn a_date_is_no_number_of_seconds_and_a_comma_no_point() {
+    let rows = "2026-06-01T00:00:00,50,14,-60\n2026-06-01T00:00:10,50.001,14,-61\n";
+    let error = problem(format!("time_s,lat_deg,lon_deg,rss_dbm\n{rows}"));
+    assert!(error.contains("call the column time_utc"), "{error}");
+    let error = problem("time,lat,lon,rssi\n0,50,1,14,2,-60,5\n1,50,1,14,3,-61,0\n");
+    assert!(error.contains("numbers with a decimal comma need quotes"), "{error}");
 }
