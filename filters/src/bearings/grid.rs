@@ -17,7 +17,8 @@ use crate::{
 /// of N(0, 1); s², common to all of them, is inverse gamma with ν degrees of freedom about 1. With
 /// s integrated out a place has the likelihood (ν + Σ 2 (1 − cos Δθ_i)/σ_i²)^(−(n+ν)/2): Student's
 /// t, so that few bearings that do not quite meet make a wide region, and many that do a narrow one
-/// (Gelman et al. 2013, section 3.2). The place's prior is [`PlacePrior::NearReceivers`].
+/// (Gelman et al. 2013, section 3.2). The place's prior is
+/// [`PlacePrior::default`].
 ///
 /// **Common errors.** What a compass or a site does to one bearing it does to all that are taken at
 /// the same place: station j adds b_j ~ N(0, τ²) to each. Where some place has two bearings or more
@@ -87,10 +88,6 @@ pub struct StationError {
     pub error: Marginal,
 }
 
-/// Share of the place's prior whose tail has one degree of freedom: bearings are taken from a short
-/// base to targets at many times its length.
-const FAR_SHARE: f64 = 0.1;
-
 /// Receivers as near as this to each other, in metres, are at one place: so far a hover drifts.
 const SAME_PLACE_M: f64 = 5.0;
 
@@ -114,7 +111,7 @@ impl BearingGrid {
         let search = Search {
             low,
             high,
-            place: PlacePrior::NearReceivers { far_share: FAR_SHARE },
+            place: PlacePrior::default(),
             margin_m: self.margin_m,
             cell_m: diagonal_m / 64.0,
             max_cells: self.max_cells,
@@ -131,7 +128,7 @@ impl BearingGrid {
                 return Err(BatchError::Flat { rcond: 0.0 });
             }
             mass.iter_mut().for_each(|mass| *mass /= total);
-            Ok(PosteriorMap::new(grid, mass))
+            Ok(PosteriorMap::of_densities(grid, mass, peak + libm::log(total)))
         };
         let (searched, refined) = search.run(posterior, |map| map)?;
         let border_mass = searched.border_mass();

@@ -138,10 +138,18 @@ pub enum PlacePrior {
     /// degrees of freedom and with one. The search begins with the margin and widens until next to
     /// nothing lies on its border.
     NearReceivers {
-        /// The share q, from 0 to 1. With 0.1, of the targets beyond the box one in eighty lies
+        /// The share q, from 0 to 1. With the default 0.1, of the targets beyond the box one in eighty lies
         /// farther away than 20 s, with 0 one in 8,000.
         far_share: f64,
     },
+}
+
+/// Near the receivers with a share of 0.1 farther away: some receive from a short base, or a short
+/// path, what is at many times its length.
+impl Default for PlacePrior {
+    fn default() -> Self {
+        Self::NearReceivers { far_share: 0.1 }
+    }
 }
 
 impl PlacePrior {
@@ -230,7 +238,7 @@ impl Default for ShadowingGridConfig {
             slope: Slope::gaussian(2.3, 0.5, 1.0, 4.0, 0.25).expect(proper),
             gain: Slope::gaussian(0.5, 1.0, -1.5, 2.5, 0.5).expect(proper),
             height: Slope::Known(0.0),
-            place: PlacePrior::NearReceivers { far_share: 0.0 },
+            place: PlacePrior::default(),
             correlation_lengths_m: vec![15.0, 30.0, 60.0, 120.0, 240.0],
             nuggets: vec![0.03, 0.1, 0.3, 1.0],
             margin_m: 200.0,

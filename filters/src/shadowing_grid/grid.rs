@@ -70,12 +70,34 @@ impl Grid {
 pub struct PosteriorMap {
     grid: Grid,
     mass: Vec<f64>,
+    /// Logarithm of all mass before it was made 1, up to a constant that grids of the same data
+    /// share; `None` where it is not known.
+    log_total: Option<f64>,
 }
 
 impl PosteriorMap {
     /// One mass per cell, with sum 1.
     pub(crate) fn new(grid: Grid, mass: Vec<f64>) -> Self {
-        Self { grid, mass }
+        Self { grid, mass, log_total: None }
+    }
+
+    /// One mass per cell, with sum 1, of densities whose sum over the cells has this logarithm.
+    pub(crate) fn of_densities(grid: Grid, mass: Vec<f64>, log_sum: f64) -> Self {
+        let log_total = Some(log_sum + 2.0 * libm::log(grid.cell_m));
+        Self { grid, mass, log_total }
+    }
+
+    /// Returns the mass of this map, and of a wider one of the same data within and beyond the area
+    /// of this one, as shares of this one's; `None` where they are not known.
+    pub(super) fn within_and_beyond(&self, wider: &Self) -> Option<(f64, f64)> {
+        let half = Vector2::repeat(0.5 * self.grid.cell_m);
+        let low = self.grid.south_west - half;
+        let high = self.grid.centre(self.grid.len().saturating_sub(1)) + half;
+        let holds = |place: &Vector2<f64>| *place >= low && *place <= high;
+        let within: f64 =
+            wider.cells().filter(|(place, _)| holds(place)).map(|(_, mass)| mass).sum();
+        let ratio = libm::exp(wider.log_total? - self.log_total?);
+        Some((ratio * within, ratio * (1.0 - within)))
     }
 
     /// The centre of the cell farthest south and west, East and North in metres.

@@ -211,7 +211,7 @@ impl Likelihood {
                 }
             }
         }
-        let map = PosteriorMap::new(grid, mass);
+        let map = PosteriorMap::of_densities(grid, mass, peak + libm::log(total));
         Ok(Posterior { map, intercept, slope, gain, sigma, shares })
     }
 

@@ -92,7 +92,14 @@ impl Search {
                     break;
                 }
                 margin_m = 2.0 * margin_m.max(0.25 * (self.high - self.low).norm());
-                searched = within(margin_m)?;
+                let wider = within(margin_m)?;
+                // Wider cells may miss a narrow mass: what is beyond counts beside all of it.
+                if let Some((still, beyond)) = map(&searched).within_and_beyond(map(&wider))
+                    && (beyond < LITTLE_ON_BORDER || (still < 0.5 && beyond < 1.0))
+                {
+                    break;
+                }
+                searched = wider;
             }
             // Cells where the mass is, however wide the search was.
             for _ in 0..TRIMMINGS {

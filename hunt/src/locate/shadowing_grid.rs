@@ -1,5 +1,5 @@
 use foxhunt_core::{Pose, Receptions, elementary::ln};
-use foxhunt_filters::{Intercept, PlacePrior, ShadowingGrid, ShadowingGridConfig, Slope};
+use foxhunt_filters::{Intercept, ShadowingGrid, ShadowingGridConfig, Slope};
 use nalgebra::Vector2;
 
 #[cfg(feature = "batch")]
@@ -109,7 +109,6 @@ impl Locator for CorrelatedShadowing {
             slope,
             gain,
             height: if is_free { heights(receptions) } else { Slope::Known(up) },
-            place: PlacePrior::NearReceivers { far_share: 0.0 },
             margin_m: config.margin_m.min(defaults.margin_m),
             receiver_sigma_m,
             sigma_prior,
