@@ -204,6 +204,8 @@ pub enum Role {
     Innovation,
     /// The belief after the step.
     Posterior,
+    /// The noise that the motion adds; look at the model's parameters.
+    ProcessNoise,
 }
 
 impl fmt::Display for Role {
@@ -213,6 +215,7 @@ impl fmt::Display for Role {
             Self::Expected => "expected measurement",
             Self::Innovation => "innovation",
             Self::Posterior => "posterior",
+            Self::ProcessNoise => "process noise of the motion",
         })
     }
 }

@@ -133,6 +133,10 @@ fn any_measurement_model<const N: usize, const M: usize>(
     state: &State<N>,
     observation: &Observation<M>,
 ) {
+    for quantity in model.quantities() {
+        let is_in_degrees = quantity.axis() == Axis::Angle && quantity.name().ends_with("_deg");
+        assert!(!is_in_degrees, "{} wraps at a turn of 2π: give it in radians", quantity.name());
+    }
     let receiver = observation.receiver();
     let expected = model.expected(state, receiver);
     assert!(expected.iter().all(|v| v.is_finite()), "expected is not finite: {expected}");

@@ -257,6 +257,9 @@ where
         let belief = self.gaussian()?;
         let map = OverTime::new(&self.motion, dt);
         let noise: SMatrix<f64, N, N> = self.motion.noise_factor(belief.mean(), dt);
+        if !noise.iter().all(|entry| entry.is_finite()) {
+            return Err(EstimatorError::NotFinite { role: Role::ProcessNoise });
+        }
         let image = match self.motion.is_linear() {
             true => Taylor.image(&belief, &map),
             false => self.transform.image(&belief, &map),
