@@ -50,14 +50,21 @@ pub(crate) fn matrix<const R: usize, const C: usize>(
     Ok(SMatrix::from_row_iterator(array.as_array().iter().copied()))
 }
 
-/// A covariance, or that of standard deviations, as [`vector`].
+/// A covariance, or that of standard deviations, as [`vector`]; one number is the standard deviation
+/// of a single component.
 pub(crate) fn covariance<const D: usize>(
     value: &Bound<'_, PyAny>,
     name: &str,
 ) -> PyResult<SMatrix<f64, D, D>> {
     match vector::<D>(value, name) {
+        Ok(sigma) if sigma.iter().any(|sigma| *sigma < 0.0) => {
+            Err(wrong(name, "standard deviations that are not negative", value))
+        }
         Ok(sigma) => Ok(SMatrix::from_diagonal(&sigma.component_mul(&sigma))),
-        Err(_) => matrix(value, name),
+        Err(_) => matrix(value, name).map_err(|_| {
+            let requirement = format!("{D} standard deviations, or {D} rows of {D} numbers");
+            wrong(name, &requirement, value)
+        }),
     }
 }
 

@@ -331,7 +331,8 @@ impl Estimator {
     /// Conditions the belief on a measurement made now.
     ///
     /// `value` has a number for each component, None where it was not measured; `noise` is the
-    /// covariance of its errors, or their standard deviations; a single component may be a number.
+    /// covariance of its errors, or their standard deviations. A single component may be a number,
+    /// and its noise another: the standard deviation, not the variance.
     /// `receiver` is where it was received (East, North and, unless it is 0, Up, in metres), as a
     /// sequence, an array or a `Pose`, the origin unless given; `heading` in radians and `velocity`
     /// in m/s are its own. `time` in seconds is what a gate's and a log's messages name; its order

@@ -246,7 +246,8 @@ def options(campaign: dict[str, Any], aliases: dict[str, str]) -> str:
 #: What the functions do beside the program, with examples.
 EXTRA = {
     "hunt": """\
-The log and the pictures are left in the folder ``out``, and nowhere without one.
+The log and the pictures are left in the folder ``out``. Without it nothing is left; a folder of
+that name is the program's own default.
 
 >>> found = hunt(seed=1)["beacons"]
 >>> [beacon["error_m"] < 3 for beacon in found]

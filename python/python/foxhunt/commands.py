@@ -231,7 +231,8 @@ def hunt(
     writes a log, a picture and a page that shows the hunt in any browser. The same scenario,
     estimator and seed fly the same hunt.
 
-    The log and the pictures are left in the folder ``out``, and nowhere without one.
+    The log and the pictures are left in the folder ``out``. Without it nothing is left; a folder of
+    that name is the program's own default.
 
     >>> found = hunt(seed=1)["beacons"]
     >>> [beacon["error_m"] < 3 for beacon in found]

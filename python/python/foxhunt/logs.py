@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -100,11 +101,17 @@ class Log:
 
 
 def read_log(path: str | os.PathLike[str]) -> Log:
-    """Reads a log that ``hunt``, ``fly`` or ``node`` wrote.
+    """Reads a log that ``hunt``, ``fly`` or ``node`` wrote, or the only one in a folder.
 
     A last line that is not complete, as a computer that lost its power leaves it, is left out; any
     other line that is no JSON raises ValueError with file and line.
     """
+    if os.path.isdir(path):
+        logs = sorted(Path(path).glob("*.jsonl"))
+        if len(logs) != 1:
+            names = ", ".join(log.name for log in logs) or "none"
+            raise ValueError(f"{path} is a folder; give one of its logs: {names}")
+        path = logs[0]
     with open(path, encoding="utf-8") as file:
         lines = file.read().split("\n")
     complete = lines[:-1]

@@ -42,6 +42,12 @@ def track(log: Log, beacon: int | str = 0, ax: Axes | None = None) -> Axes:
 
 def errors(frame: pd.DataFrame, ax: Axes | None = None) -> Axes:
     """The distribution of a campaign's errors, estimator by estimator."""
+    missing = {"estimator", "error_m"} - set(frame.columns)
+    if missing:
+        raise ValueError(
+            f"the frame has no {' and no '.join(sorted(missing))}; errors() takes the runs of a "
+            "campaign, as foxhunt.campaign() returns them"
+        )
     ax = ax or _axes()
     for name, part in frame.dropna(subset="error_m").groupby("estimator"):
         error = np.sort(part["error_m"].to_numpy())
