@@ -336,7 +336,8 @@ mod tests {
     #[test]
     fn opposite_directions_stand_for_nothing_much() {
         let modes = BearingModes::new(&[mode(0.5, 0.3, 0.1), mode(0.5, 0.3 + PI, 0.1)]);
-        let (_, sigma) = modes.expect("proper").moments().expect("something competes");
+        let (mean, sigma) = modes.expect("proper").moments().expect("something competes");
+        assert_abs_diff_eq!(mean, 0.3 - PI, epsilon = 1e-12);
         assert_abs_diff_eq!(sigma, libm::sqrt(0.01 + 0.5 * PI * PI), epsilon = 1e-9);
     }
 

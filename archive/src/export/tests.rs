@@ -1,5 +1,5 @@
 use approx::assert_abs_diff_eq;
-use std::path::Path;
+use std::{io::Read, path::Path};
 
 use foxhunt_core::{Bearing, BearingModes, Estimate, Level};
 use foxhunt_hunt::locate::{Located, Region, Rival};
@@ -449,6 +449,10 @@ fn a_picture_is_a_png_and_an_overlay_holds_one() {
     assert_eq!(kinds, [b"IHDR", b"IDAT", b"IEND"]);
     // 14 by 7 σ: twice as wide as high.
     assert_eq!(parts[0].1[..8], [0, 0, 3, 232, 0, 0, 1, 244]);
+    let mut rows = Vec::new();
+    flate2::read::ZlibDecoder::new(parts[1].1).read_to_end(&mut rows).expect("compressed rows");
+    assert_eq!(rows.len(), 500 * (1 + 4 * 1000));
+    assert!(rows.chunks(1 + 4 * 1000).all(|row| row[0] == 0), "no row is filtered");
     let kmz = export(&overview(), Format::Kmz).expect("it has an origin");
     let holds = |part: &[u8]| kmz.windows(part.len()).any(|bytes| bytes == part);
     assert!(kmz.starts_with(b"PK\x03\x04") && holds(b"<href>belief.png</href>"));

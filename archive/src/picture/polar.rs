@@ -54,7 +54,7 @@ pub(super) fn draw(
     };
     upright.draw(canvas, |angle| {
         // From the zenith over the back: 90° before it is straight ahead.
-        let over = (90.0 + angle.to_degrees()).rem_euclid(360.0);
+        let over = 90.0 + angle.to_degrees();
         let (turned, elevation) = match over {
             ..=90.0 => (0.0, over),
             ..=270.0 => (std::f64::consts::PI, 180.0 - over),

@@ -326,6 +326,26 @@ mod tests {
         assert!(rms < 1.3 && (0.9..0.99).contains(&held), "{rms} {held}");
     }
 
+    /// The errors of an array that is mounted backwards are on both sides of 180°.
+    #[test]
+    fn the_spread_of_errors_across_the_cut_is_theirs() {
+        let mut text = "drone,time_s,east_m,north_m,heading_deg_compass,bearing_deg_compass,\
+                        truth_east_m,truth_north_m\n"
+            .to_owned();
+        for step in 0..36_i32 {
+            let direction = 10.0 * f64::from(step);
+            let bearing = (direction + 180.0 + if step % 2 == 0 { 5.0 } else { -5.0 }) % 360.0;
+            let [to_east, to_north] =
+                [direction.to_radians().sin(), direction.to_radians().cos()].map(|of| 1000.0 * of);
+            writeln!(text, "mast,{step},0,0,0,{bearing},{to_east:.2},{to_north:.2}")
+                .expect("a text");
+        }
+        let read = Recording::from_reader(text.as_bytes(), "mast.csv", &ReadOptions::default());
+        let fitted = calibrate_array(&[read.expect("rows")], None, &CalibrateConfig::default());
+        let rms = fitted.expect("truths").expect("enough bearings").rms_before;
+        assert!((rms.to_degrees() - 5.0).abs() < 0.01, "{}", rms.to_degrees());
+    }
+
     #[test]
     fn gaps_between_directions_are_uncertain() {
         // Nothing from 90° to 150°, and from 250° to 280°.

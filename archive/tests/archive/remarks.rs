@@ -295,6 +295,14 @@ fn everything_from_one_place_leaves_the_range_open() {
         let located = locate(&received, "particle", &config);
         assert!(text(&located, "one-place").contains("only the direction is known, 5"));
     }
+    // 60° with σ 5° weighs four times as much as 120° with 10°.
+    let two = [(60.0_f64, 5.0_f64), (120.0, 10.0)].map(|(compass, sigma)| {
+        let angle = (90.0 - compass).to_radians();
+        let bearing = Bearing { angle, sigma: sigma.to_radians(), confidence: 1.0 };
+        Reception { bearing: Some(bearing), ..Reception::default() }
+    });
+    let located = locate(&two, "particle", &LocateConfig::default());
+    assert!(text(&located, "one-place").contains("only the direction is known, 71°"));
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(4);
     let config = LocateConfig::default();
     for _ in 0..3 {

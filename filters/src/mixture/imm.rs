@@ -374,7 +374,9 @@ mod tests {
 
     #[test]
     fn chains_that_are_none_are_refused() {
-        assert!(Transition::per_step(&[&[0.9, 0.1], &[0.3, 0.7]]).is_ok());
+        for good in [[[0.9, 0.1], [0.3, 0.7]], [[1.0, 0.0], [0.5, 0.5]]] {
+            assert!(Transition::per_step(&[&good[0], &good[1]]).is_ok(), "{good:?}");
+        }
         for bad in [[&[0.9, 0.2][..], &[0.3, 0.7]], [&[1.1, -0.1], &[0.0, 1.0]], [&[1.0], &[1.0]]] {
             assert!(Transition::per_step(&bad).is_err(), "{bad:?}");
         }

@@ -738,6 +738,25 @@ mod tests {
         }
     }
 
+    /// A receiver 30 m up, and cells of 20 m: σ of a place is 20 m / √12 on each axis.
+    #[test]
+    fn a_cell_expects_its_level_and_widens_the_scale_where_it_is_near() {
+        let law = Law { reference_dbm: -30.0, exponent: 2.5 };
+        let places = Places { east: &[], north: &[], cell_m: 20.0 };
+        let expected = ExpectedLevel::new(law, 0.0, &Pose::at(100.0, 0.0, 30.0), &places);
+        for east in [140.0_f64, 200.0, 1100.0] {
+            let range = (east - 100.0).hypot(30.0);
+            let (residual, widened) = expected.residual(-70.0, east, 0.0);
+            let off_db = -70.0 - (-30.0 - 25.0 * range.log10());
+            assert_abs_diff_eq!(residual, off_db / LEVEL_SCALE_DB, epsilon = 1e-9);
+            // dL/dr is 10 γ / (r ln 10).
+            let of_cell_db = 25.0 / LN_10 / range * (400.0_f64 / 12.0).sqrt();
+            let square = (of_cell_db / LEVEL_SCALE_DB).powi(2);
+            let widens = if square < 0.01 { 1.0 } else { 1.0 + square };
+            assert_abs_diff_eq!(widened, widens, epsilon = 1e-12);
+        }
+    }
+
     /// Three stations, each of which receives down to −95 dBm.
     const STATIONS: [[f64; 2]; 3] = [[0.0, 0.0], [900.0, 100.0], [300.0, 800.0]];
 

@@ -146,3 +146,33 @@ fn size(formats: &BTreeMap<String, String>, kind: &str, depth: usize) -> Option<
     };
     one.checked_mul(count)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(lat: f64, lon: f64) -> [f64; 3] {
+        let value = |field: &str| match field {
+            "lat" => Some(lat),
+            "lon" => Some(lon),
+            "alt" => Some(if lat.abs().max(lon.abs()) > 360.0 { 250_000.0 } else { 250.0 }),
+            _ => None,
+        };
+        let Geodetic { lat_deg, lon_deg, alt_m } = place(value).expect("all fields");
+        [lat_deg, lon_deg, alt_m]
+    }
+
+    /// A place beside the equator or the prime meridian has a scaled number that might be degrees.
+    #[test]
+    fn scaled_places_are_told_from_degrees() {
+        for [lat, lon] in [[48.0, -11.0], [2e-5, -78.5], [-33.0, 1e-5], [-2e-5, 110.0]] {
+            let scaled = at(lat * 1e7, lon * 1e7);
+            assert!(
+                (scaled[0] - lat).abs() < 1e-9 && (scaled[1] - lon).abs() < 1e-9,
+                "{lat} {lon}"
+            );
+            assert!((scaled[2] - 250.0).abs() < 1e-9);
+            assert_eq!(at(lat, lon), [lat, lon, 250.0]);
+        }
+    }
+}

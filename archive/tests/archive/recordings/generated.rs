@@ -565,6 +565,20 @@ fn columns_side_by_side_are_beacons() {
 }
 
 #[test]
+fn a_truth_that_moves_by_less_than_half_a_metre_stays() {
+    for (moved_m, stays) in [(0.4, true), (0.6, false)] {
+        let table = format!(
+            "east_m,north_m,rss_dbm,truth_east_m,truth_north_m\n0,0,-60,30,40\n5,0,-61,30,40\n\
+             9,0,-62,{},40\n",
+            30.0 + moved_m
+        );
+        let recording = Recording::from_reader(table.as_bytes(), "f.csv", &ReadOptions::default());
+        let truth = recorded_truth(&[recording.expect("a table")], None);
+        assert_eq!(truth, stays.then_some(Vector2::new(30.0, 40.0)), "{moved_m}");
+    }
+}
+
+#[test]
 fn directions_of_an_array_are_relative_to_the_heading() {
     let recording = read("krakensdr.csv");
     assert_eq!((recording.rows(), recording.records().len()), (60, 60));

@@ -520,6 +520,7 @@ fn cubic([a, b, c, d]: [f64; 4], t: f64) -> f64 {
 mod tests {
     use super::*;
     use approx::assert_abs_diff_eq;
+    use foxhunt_core::Sample;
 
     #[test]
     fn a_level_that_goes_with_the_direction_is_uncertain_by_it() {
@@ -539,6 +540,24 @@ mod tests {
                 Node { log_density, level, level_variance: 0.25 }
             })
             .collect()
+    }
+
+    #[test]
+    fn an_antenna_that_tilts_the_other_way_looks_elsewhere() {
+        let looks = |tilts: [f64; 2]| {
+            let samples = tilts.map(|pitch| Sample {
+                time: 0.0,
+                receiver: Pose { pitch, ..Pose::default() },
+                boresight: 0.0,
+                position: 0,
+                rss_dbm: -60.5,
+            });
+            let sweep = Sweep { positions: 8, samples: &samples, ..Sweep::default() };
+            Looks::new(&sweep).expect("readings").looks.len()
+        };
+        assert_eq!(looks([0.1, 0.1 - 0.5 * SAME_LOOK]), 1);
+        assert_eq!([looks([0.1, -0.1]), looks([-0.1, 0.1])], [2, 2]);
+        assert_eq!(looks([0.5 * LEVEL, -0.5 * LEVEL]), 1);
     }
 
     /// A von Mises density of κ has σ² = 1/κ + 1/(2κ²) + O(κ⁻³).
