@@ -262,7 +262,8 @@ fn bounded(field: &'static str, counts: [usize; 3]) -> Result<(), ParameterError
 
 /// Refuses a circumradius that stands beside a shape, but for the one of files that give none.
 fn used(name: &'static str, given: f64, usual: f64) -> Result<(), PlannerConfigError> {
-    if given == usual { Ok(()) } else { Err(PlannerConfigError::CircumradiusNotUsed { name }) }
+    let is_usual = [usual].contains(&given);
+    if is_usual { Ok(()) } else { Err(PlannerConfigError::CircumradiusNotUsed { name }) }
 }
 
 fn shape_or_polygon(

@@ -26,7 +26,7 @@ fn believed(config: &EstimatorConfig) -> Result<Vec<String>, String> {
     let model = RssBearing::new(LogDistance::new(-29.06, 2.765).expect("in range"));
     let prior = Estimate::isotropic(Vector2::zeros(), 60.0);
     let mut random = Xoshiro256PlusPlus::seed_from_u64(3);
-    let track = config.track(model.clone(), &prior, 1, false);
+    let track = config.track(model, &prior, 1, false);
     let mut track = track.map_err(|error| error.to_string())?;
     let mut said = Vec::new();
     for turn in 0..TURNS {

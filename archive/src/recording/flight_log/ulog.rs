@@ -149,6 +149,8 @@ fn size(formats: &BTreeMap<String, String>, kind: &str, depth: usize) -> Option<
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector3;
+
     use super::*;
 
     fn at(lat: f64, lon: f64) -> [f64; 3] {
@@ -166,13 +168,10 @@ mod tests {
     #[test]
     fn scaled_places_are_told_from_degrees() {
         for [lat, lon] in [[48.0, -11.0], [2e-5, -78.5], [-33.0, 1e-5], [-2e-5, 110.0]] {
-            let scaled = at(lat * 1e7, lon * 1e7);
-            assert!(
-                (scaled[0] - lat).abs() < 1e-9 && (scaled[1] - lon).abs() < 1e-9,
-                "{lat} {lon}"
-            );
-            assert!((scaled[2] - 250.0).abs() < 1e-9);
-            assert_eq!(at(lat, lon), [lat, lon, 250.0]);
+            for given in [at(lat * 1e7, lon * 1e7), at(lat, lon)] {
+                let off = Vector3::from(given) - Vector3::new(lat, lon, 250.0);
+                assert!(off.amax() < 1e-9, "{lat} {lon}: {given:?}");
+            }
         }
     }
 }
