@@ -83,8 +83,8 @@ const LOW_CODES_DB: [f64; 3] = [-127.0, -128.0, -200.0];
 const CODE_APART_DB: f64 = 30.0;
 
 /// Finds levels that stand for no reading: the greatest or the least of a receiver, where it is one
-/// of the usual codes and far from all others. A level at a floor that is stated is one. Returns
-/// the index of each record, and how far it is from the next.
+/// of the usual codes and far from all others. Levels at a stated floor are readings. Returns the
+/// index of each record, and how far it is from the next.
 pub(super) fn codes(records: &[Record]) -> Vec<(usize, f64)> {
     let mut of_receiver: BTreeMap<&str, Vec<(f64, usize)>> = BTreeMap::new();
     for (index, record) in records.iter().enumerate() {

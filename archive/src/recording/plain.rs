@@ -525,11 +525,10 @@ pub(super) fn slip(header: &[String]) -> Option<[String; 2]> {
     let common = common.flat_map(|(_, names)| names.iter().copied());
     let own = lacks.iter().map(|column| column.name());
     let meant: Vec<&str> = own.chain(common).filter(|name| name.len() >= LEAST_OF_SLIP).collect();
-    let unknown = header.iter().filter(|name| {
+    let mut unknown = header.iter().filter(|name| {
         name.len() >= LEAST_OF_SLIP && !found.columns.values().any(|known| known == name)
     });
     unknown
-        .into_iter()
         .find_map(|name| Some([name.clone(), near_miss(name, meant.iter().copied())?.to_owned()]))
 }
 

@@ -213,6 +213,31 @@ mod tests {
         assert!(beyond.estimate().mean.x < 71.0 && beyond.border_mass() > LITTLE_ON_BORDER);
     }
 
+    /// A narrow mass over an even floor, so low that the border has a share of 0.007. The third grid
+    /// has no cell at the mass.
+    #[test]
+    fn a_mass_that_wider_cells_miss_is_kept() {
+        let place = Vector2::new(5.0, 5.0);
+        let search = Search {
+            low: Vector2::repeat(-50.0),
+            high: Vector2::repeat(50.0),
+            place: PlacePrior::default(),
+            margin_m: 50.0,
+            cell_m: 5.0,
+            max_cells: 400,
+        };
+        let posterior = |grid: Grid| {
+            let density = |i| (-0.5 * (grid.centre(i) - place).norm_squared() / 4.0).exp() + 1e-4;
+            let mut mass: Vec<f64> = (0..grid.len()).map(density).collect();
+            let total: f64 = mass.iter().sum();
+            mass.iter_mut().for_each(|mass| *mass /= total);
+            Ok::<_, ()>(PosteriorMap::of_densities(grid, mass, libm::log(total)))
+        };
+        let found = search.cover(posterior, |map| map).expect("it never fails");
+        assert!((found.highest() - place).norm() < 8.0, "{}", found.highest());
+        assert!((found.estimate().mean - place).norm() < 8.0, "{}", found.estimate().mean);
+    }
+
     /// A long, skewed ridge; differences below the rounding of its logarithm are not resolved.
     #[test]
     fn the_maximum_is_found_from_some_way_off() {

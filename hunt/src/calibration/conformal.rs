@@ -321,6 +321,10 @@ mod tests {
         assert_abs_diff_eq!(regions.circle_m, (truth - estimate.mean).norm(), epsilon = 1e-9);
         let scaled = Located { own_ellipse_95: Some(regions.ellipse), ..Located::at(estimate) };
         assert_abs_diff_eq!(scaled.ellipses_away(&truth).expect("an ellipse"), 1.0, epsilon = 1e-9);
+        // By no finite factor does one without a width meet the truth.
+        let thin = Ellipse { semi_major: 30.0, semi_minor: f64::from_bits(1), orientation: 0.0 };
+        let thin = Located { own_ellipse_95: Some(thin), ..Located::at(estimate) };
+        assert!(Deviation::new(&thin, &truth).is_none());
     }
 
     /// True errors are twice as large as the ellipses say. In 2,000 draws of 39 fixes to calibrate
