@@ -50,8 +50,8 @@ pub(crate) fn matrix<const R: usize, const C: usize>(
     Ok(SMatrix::from_row_iterator(array.as_array().iter().copied()))
 }
 
-/// A covariance, or that of standard deviations, as [`vector`]; one number is the standard deviation
-/// of a single component.
+/// A covariance, or that of standard deviations, as [`vector`]; one number is the standard
+/// deviation of a single component.
 pub(crate) fn covariance<const D: usize>(
     value: &Bound<'_, PyAny>,
     name: &str,

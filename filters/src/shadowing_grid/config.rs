@@ -138,8 +138,8 @@ pub enum PlacePrior {
     /// degrees of freedom and with one. The search begins with the margin and widens until next to
     /// nothing lies on its border.
     NearReceivers {
-        /// The share q, from 0 to 1. With the default 0.1, of the targets beyond the box one in eighty lies
-        /// farther away than 20 s, with 0 one in 8,000.
+        /// The share q, from 0 to 1. With the default 0.1, of the targets beyond the box one in
+        /// eighty lies farther away than 20 s, with 0 one in 8,000.
         far_share: f64,
     },
 }

@@ -213,8 +213,8 @@ mod tests {
         assert!(beyond.estimate().mean.x < 71.0 && beyond.border_mass() > LITTLE_ON_BORDER);
     }
 
-    /// A narrow mass over an even floor, so low that the border has a share of 0.007. The third grid
-    /// has no cell at the mass.
+    /// A narrow mass over an even floor, so low that the border has a share of 0.007. The third
+    /// grid has no cell at the mass.
     #[test]
     fn a_mass_that_wider_cells_miss_is_kept() {
         let place = Vector2::new(5.0, 5.0);

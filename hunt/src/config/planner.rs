@@ -170,8 +170,7 @@ impl PlannerConfig {
                 let planner = FollowEstimate::new(*follow)?;
                 match shape {
                     Some(shape) => {
-                        let usual = FollowConfig::default().circumradius_m;
-                        used("follow.circumradius_m", follow.circumradius_m, usual)?;
+                        not_beside_shape("follow.circumradius_m", follow.circumradius_m)?;
                         Box::new(planner.with_shape(shape.build()?))
                     }
                     None => Box::new(planner),
@@ -202,7 +201,7 @@ impl PlannerConfig {
                 let round = centres.iter().flat_map(|centre| repeat_n(*centre, each));
                 let places: Vec<_> = repeat_n(round, usize::from(*rounds)).flatten().collect();
                 if shape.is_some() {
-                    used("circumradius_m", *circumradius_m, reference_circumradius())?;
+                    not_beside_shape("circumradius_m", *circumradius_m)?;
                 }
                 let shape = shape_or_polygon(shape.as_ref(), *circumradius_m)?;
                 Box::new(Waypoints::new(places, shape, rotation_deg.to_radians())?)
@@ -261,8 +260,8 @@ fn bounded(field: &'static str, counts: [usize; 3]) -> Result<(), ParameterError
 }
 
 /// Refuses a circumradius that stands beside a shape, but for the one of files that give none.
-fn used(name: &'static str, given: f64, usual: f64) -> Result<(), PlannerConfigError> {
-    let is_usual = [usual].contains(&given);
+fn not_beside_shape(name: &'static str, given: f64) -> Result<(), PlannerConfigError> {
+    let is_usual = [reference_circumradius()].contains(&given);
     if is_usual { Ok(()) } else { Err(PlannerConfigError::CircumradiusNotUsed { name }) }
 }
 

@@ -25,7 +25,7 @@ enum Expected {
     Words(Vec<String>),
 }
 
-/// What the error about another key or word at this path expects.
+/// Keys or words that the error about another one at this path expects.
 fn expected<T: DeserializeOwned>(whole: &Table, at: &[String], other: Value) -> Expected {
     let mut changed = whole.clone();
     let (last, tables) = at.split_last().expect("a key");

@@ -516,7 +516,7 @@ fn a_slip_in_a_name_is_asked_for_before_what_lacks() {
     }
 }
 
-/// What would make an answer another one is not left out in silence.
+/// A misspelt σ would make the answer another one in silence.
 #[test]
 fn a_slip_in_a_column_that_may_lack_is_asked_for() {
     let rows = "0,0,45,15\n90,0,315,15\n";
