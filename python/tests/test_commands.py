@@ -52,6 +52,10 @@ def test_a_log_that_was_cut_is_read_up_to_there(flown, tmp_path):
     cut.write_text(whole.decode().replace("corrected", '"', 1))
     with pytest.raises(ValueError, match="cut.jsonl: line"):
         foxhunt.read_log(cut)
+    assert foxhunt.read_log(flown[1].parent).events == foxhunt.read_log(flown[1]).events
+    (tmp_path / "other.jsonl").touch()
+    with pytest.raises(ValueError, match="cut.jsonl, other.jsonl"):
+        foxhunt.read_log(tmp_path)
     cut.write_text(json.dumps({"name": "another"}) + "\n")
     with pytest.raises(ValueError, match="header"):
         foxhunt.read_log(cut)
@@ -143,6 +147,8 @@ def test_figures_are_drawn(flown):
     assert len(plots.track(log, 1).get_lines()) == 4
     frame = foxhunt.campaign("pritzl-6.1", runs=3, estimator=["ekf", "ukf"])
     assert len(plots.errors(frame).get_lines()) == 2
+    with pytest.raises(ValueError, match="no estimator; .* campaign"):
+        plots.errors(log.track(0))
     motion, model = foxhunt.Motion.random_walk(0.1), foxhunt.Model.bearing()
     cloud = foxhunt.ParticleFilter(motion, model, [5, 1], np.eye(2), particles=300)
     assert len(plots.belief(cloud).collections[0].get_offsets()) == 300

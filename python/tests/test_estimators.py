@@ -178,7 +178,14 @@ def test_wrong_use_is_named(wrong, text):
 
 
 @pytest.mark.parametrize(
-    ("value", "noise"), [([np.nan], [0.1]), ([0.1], [0.0]), ([0.1, 0.2], [0.1]), ([0.1], [-1.0, 2])]
+    ("value", "noise"),
+    [
+        ([np.nan], [0.1]),
+        ([0.1], [0.0]),
+        ([0.1], [-0.1]),
+        ([0.1, 0.2], [0.1]),
+        ([0.1], [-1.0, 2]),
+    ],
 )
 def test_a_refused_step_leaves_the_belief(value, noise):
     ekf = foxhunt.Ekf(foxhunt.Motion.random_walk(0.1), foxhunt.Model.bearing(), [9, 1], np.eye(2))

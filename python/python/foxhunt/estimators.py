@@ -182,8 +182,6 @@ class Ekf(Estimator):
     ``iterations`` above 1 each update is linearised again about its posterior (Bell & Cathey 1993).
     """
 
-    __slots__ = ()
-
     def __new__(
         cls,
         motion: AnyMotion,
@@ -204,8 +202,6 @@ class Ukf(Estimator):
 
     Sigma points are redrawn for every update. ``gate`` and ``iterations`` as in :class:`Ekf`.
     """
-
-    __slots__ = ()
 
     def __new__(
         cls,
@@ -242,8 +238,6 @@ class Ckf(Estimator):
     (García-Fernández, Svensson, Morelande & Särkkä 2015).
     """
 
-    __slots__ = ()
-
     def __new__(
         cls,
         motion: AnyMotion,
@@ -263,8 +257,6 @@ class ParticleFilter(Estimator):
     """Particle filter, regularised systematic resampling (Gordon, Salmond & Smith 1993; Liu & West
     2001). The same seed gives the same result, on any number of threads.
     """
-
-    __slots__ = ()
 
     def __new__(
         cls,
@@ -286,8 +278,6 @@ class GridFilter(Estimator):
 
     What the state holds besides East and North is a Gaussian in each cell.
     """
-
-    __slots__ = ()
 
     def __new__(
         cls,
