@@ -177,6 +177,16 @@ def test_wrong_use_is_named(wrong, text):
         wrong(motion)
 
 
+@pytest.mark.parametrize("name", ["x", "P", "F", "Q", "H", "R"])
+def test_attributes_of_filterpy_are_refused(name):
+    arguments = (foxhunt.Motion.random_walk(0.1), foxhunt.Model.bearing(), [9, 1], np.eye(2))
+    with pytest.raises(AttributeError, match=f"Ukf has no {name}: .* is given"):
+        setattr(foxhunt.Ukf(*arguments), name, np.eye(2))
+    mine = type("Mine", (foxhunt.Ukf,), {})(*arguments)
+    setattr(mine, name, 1)
+    assert getattr(mine, name) == 1
+
+
 @pytest.mark.parametrize(
     ("value", "noise"),
     [

@@ -73,6 +73,16 @@ __all__ = [
     "Ukf",
 ]
 
+#: Where foxhunt takes what filterpy's attributes hold.
+_OF_FILTERPY = {
+    "x": "its belief is given when it is made, and changed by `predict` and `update`",
+    "P": "its belief is given when it is made, and changed by `predict` and `update`",
+    "F": "its motion is given when it is made",
+    "Q": "its motion is given when it is made, with its noise",
+    "H": "its model is given when it is made",
+    "R": "the noise of a measurement is given to `update`",
+}
+
 
 def _made(cls: Any, method: str, keywords: dict[str, Any]) -> Any:
     """Makes a motion or a model of a pickle."""
@@ -175,7 +185,19 @@ class Remembering:
         return times, run
 
 
-class Ekf(Estimator):
+class _Settled(Estimator):
+    """An estimator that has no attributes of filterpy's names: to set one would change nothing.
+
+    Classes of others that inherit from it may have them.
+    """
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if name in _OF_FILTERPY and type(self).__module__ == __name__:
+            raise AttributeError(f"{type(self).__name__} has no {name}: {_OF_FILTERPY[name]}")
+        super().__setattr__(name, value)
+
+
+class Ekf(_Settled):
     """Extended Kalman filter: linear about its mean (Bar-Shalom, Li & Kirubarajan 2001, 10.3).
 
     ``gate`` is the probability that a good measurement passes; all pass without one. With
@@ -197,7 +219,7 @@ class Ekf(Estimator):
         )
 
 
-class Ukf(Estimator):
+class Ukf(_Settled):
     """Unscented Kalman filter (Julier & Uhlmann 2004; Wan & van der Merwe 2000).
 
     Sigma points are redrawn for every update. ``gate`` and ``iterations`` as in :class:`Ekf`.
@@ -231,7 +253,7 @@ class Ukf(Estimator):
         )
 
 
-class Ckf(Estimator):
+class Ckf(_Settled):
     """Cubature Kalman filter (Arasaratnam & Haykin 2009).
 
     ``gate`` and ``iterations`` as in :class:`Ekf`; iterated, it is iterated posterior linearisation
@@ -253,7 +275,7 @@ class Ckf(Estimator):
         )
 
 
-class ParticleFilter(Estimator):
+class ParticleFilter(_Settled):
     """Particle filter, regularised systematic resampling (Gordon, Salmond & Smith 1993; Liu & West
     2001). The same seed gives the same result, on any number of threads.
     """
@@ -273,7 +295,7 @@ class ParticleFilter(Estimator):
         )
 
 
-class GridFilter(Estimator):
+class GridFilter(_Settled):
     """Recursive Bayes over cells that follow the belief, ``side`` to each side (Bucy & Senne 1971).
 
     What the state holds besides East and North is a Gaussian in each cell.
