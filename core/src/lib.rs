@@ -33,6 +33,7 @@ extern crate std;
 
 pub mod angle;
 mod bearing;
+pub mod columns;
 #[cfg(feature = "dual")]
 mod dual;
 #[cfg(feature = "alloc")]

@@ -61,7 +61,7 @@ pub trait MeasurementModel<const N: usize, const M: usize> {
 
     /// The geometry of each component.
     fn axes(&self) -> [Axis; M] {
-        self.quantities().map(|quantity| quantity.axis())
+        Quantity::axes(&self.quantities())
     }
 
     /// z ⊖ ẑ, the short way round on each angle.

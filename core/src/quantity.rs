@@ -87,6 +87,12 @@ impl Quantity {
     pub const fn axis(&self) -> Axis {
         self.axis
     }
+
+    /// Returns the geometry of each.
+    #[must_use]
+    pub fn axes<const M: usize>(quantities: &[Self; M]) -> [Axis; M] {
+        core::array::from_fn(|i| quantities[i].axis)
+    }
 }
 
 impl fmt::Display for Quantity {

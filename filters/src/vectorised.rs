@@ -1,5 +1,6 @@
 //! Sums and maps over columns, on wide vectors where the processor has them.
 
+use foxhunt_core::columns;
 pub(crate) use foxhunt_core::vectorised::{Kernel, run};
 
 /// So many sums run side by side: two or more wide vectors, and the same ones everywhere.
@@ -103,9 +104,9 @@ impl<O: Fn([f64; K], f64) -> f64, const K: usize> Kernel for Map<'_, O, K> {
 
     #[inline(always)]
     fn run(self) {
-        let columns = self.columns.map(|column| &column[..self.out.len()]);
+        let columns = columns::rows(&self.columns, 0..self.out.len());
         for (i, out) in self.out.iter_mut().enumerate() {
-            *out = (self.of)(columns.map(|column| column[i]), *out);
+            *out = (self.of)(columns::row(&columns, i), *out);
         }
     }
 }

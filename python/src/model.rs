@@ -7,7 +7,7 @@ use std::{
 use foxhunt::{
     core::{
         Axis, DynamicMeasurement, MeasurementModel, Observation, On, Pose, Quantity, State,
-        log_likelihoods_one_by_one, numeric_jacobian, residuals_one_by_one,
+        columns, log_likelihoods_one_by_one, numeric_jacobian, residuals_one_by_one,
     },
     nalgebra::{SMatrix, SVector, Vector3},
     sensors::{
@@ -341,7 +341,7 @@ impl<const N: usize, const M: usize> MeasurementModel<N, M> for PythonModel<M> {
         }
         let columns: [Vec<f64>; N] =
             std::array::from_fn(|row| states.iter().map(|state| state[row]).collect());
-        match self.expected_rows(columns.each_ref().map(|column| &column[..]), receiver) {
+        match self.expected_rows(columns::slices(&columns), receiver) {
             Some(expected) => out.copy_from_slice(&expected),
             None => out.fill(SVector::repeat(f64::NAN)),
         }

@@ -2,8 +2,8 @@ use std::{any::Any, sync::Arc};
 
 use foxhunt::{
     core::{
-        ConstantVelocity, CoordinatedTurn, MotionModel, RandomWalk, State, numeric_jacobian,
-        parameter::not_negative,
+        ConstantVelocity, CoordinatedTurn, MotionModel, RandomWalk, State, columns,
+        numeric_jacobian, parameter::not_negative,
     },
     filters::JointMotion,
     nalgebra::SMatrix,
@@ -234,7 +234,7 @@ impl<const N: usize> MotionModel<N> for PythonMotion<N> {
         }
         let call = |py: Python<'_>| {
             let object = self.object.bind(py);
-            let states = arrays::states(py, columns.each_ref().map(|column| &**column))?;
+            let states = arrays::states(py, columns::slices(&columns))?;
             let moved = object.call_method1("propagate", (&states, dt))?;
             let factors = object.call_method1("noise_factor", (states, dt))?;
             let moved: Vec<State<N>> = arrays::rows(&moved, count, "what propagate returns")?;

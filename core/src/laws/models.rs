@@ -6,7 +6,7 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::{
     Axis, BearingMode, BearingModes, Correction, Estimator, MeasurementModel, MotionModel,
-    Observation, Pose, Smooth, State,
+    Observation, Pose, Smooth, State, columns,
     laws::predictive::{self, Act, Fresh, Predictive},
     measurement::around,
     noise::log_add,
@@ -57,7 +57,7 @@ fn any_motion_model<const N: usize>(model: &dyn MotionModel<N>, state: &State<N>
     let none = model.noise_factor(state, 0.0).norm();
     assert!(none < 1e-12, "no time made noise: {none}");
     let factor = model.noise_factor(state, dt);
-    assert!(factor.iter().all(|v| v.is_finite()), "the noise factor is not finite: {factor}");
+    assert!(factor.iter().all(|v| v.is_finite()), "the noise factor is not finite: {factor:?}");
 
     let propagated = model.propagate(state, dt);
     let offset = State::repeat(1e-3);
@@ -84,7 +84,7 @@ fn any_motion_model<const N: usize>(model: &dyn MotionModel<N>, state: &State<N>
     };
     let mut moved = column(&states);
     let noise = column(&white);
-    model.move_columns(moved.each_mut().map(|c| &mut c[..]), noise.each_ref().map(|c| &c[..]), dt);
+    model.move_columns(columns::slices_mut(&mut moved), columns::slices(&noise), dt);
     for (i, (state, white)) in states.iter().zip(&white).enumerate() {
         let one = model.propagate(state, dt) + model.noise_factor(state, dt) * white;
         let all = State::from_fn(|row, _| moved[row][i]);
@@ -139,10 +139,10 @@ fn any_measurement_model<const N: usize, const M: usize>(
     }
     let receiver = observation.receiver();
     let expected = model.expected(state, receiver);
-    assert!(expected.iter().all(|v| v.is_finite()), "expected is not finite: {expected}");
+    assert!(expected.iter().all(|v| v.is_finite()), "expected is not finite: {expected:?}");
 
     let none = model.residual(&expected, &expected);
-    assert!(none.norm() < 1e-12, "a measurement differs from itself: {none}");
+    assert!(none.norm() < 1e-12, "a measurement differs from itself: {none:?}");
 
     let mut turned = expected;
     for (component, axis) in model.axes().iter().enumerate() {
@@ -151,7 +151,7 @@ fn any_measurement_model<const N: usize, const M: usize>(
         }
     }
     let turn = model.residual(&turned, &expected);
-    assert!(turn.norm() < 1e-9, "a full turn makes a residual: {turn}");
+    assert!(turn.norm() < 1e-9, "a full turn makes a residual: {turn:?}");
 
     walk_round(model, state, receiver);
 
@@ -181,7 +181,7 @@ fn any_measurement_model<const N: usize, const M: usize>(
     let error = (jacobian - numeric).norm();
     assert!(
         error <= 1e-6 * (1.0 + numeric.norm()),
-        "the jacobian is off by {error}: it is {jacobian}, central differences give {numeric}"
+        "the jacobian is off by {error}: it is {jacobian:?}, central differences give {numeric:?}"
     );
 
     likelihoods(model, state, observation);
@@ -233,13 +233,13 @@ fn likelihoods<const N: usize, const M: usize>(
     let mut rows = [[f64::NAN; 2]; M];
     let z = observation.value();
     let receiver = observation.receiver();
-    model.residuals(columns, z, receiver, rows.each_mut().map(|row| &mut row[..]));
+    model.residuals(columns, z, receiver, columns::slices_mut(&mut rows));
     for (i, x) in [*state, nearby].iter().enumerate() {
         let many = SVector::<f64, M>::from_fn(|row, _| rows[row][i]);
         let one = model.residual(z, &model.expected(x, receiver));
         // An angle just behind may be −π or π.
         let off = model.residual(&many, &one).norm();
-        assert!(off <= 1e-9 * (1.0 + one.norm()), "residuals is {many}, residual {one}");
+        assert!(off <= 1e-9 * (1.0 + one.norm()), "residuals is {many:?}, residual {one:?}");
     }
 }
 
@@ -326,9 +326,9 @@ fn any_estimator<const N: usize, const M: usize>(
         }
         let p = updated.estimate().covariance;
         let skew: SMatrix<f64, N, N> = p - p.transpose();
-        assert!(skew.norm() <= 1e-9 * p.norm(), "{name}: the covariance is not symmetric: {p}");
+        assert!(skew.norm() <= 1e-9 * p.norm(), "{name}: the covariance is not symmetric: {p:?}");
         let definite = p.cholesky().is_some();
-        assert!(definite, "{name}: the covariance is not positive definite: {p}");
+        assert!(definite, "{name}: the covariance is not positive definite: {p:?}");
         samples_represent_the_belief(name, updated);
     });
     let before = fresh.lent(|estimator| estimator.estimate());
@@ -425,13 +425,18 @@ pub fn smoother<E: Smooth<N, M> + Clone, const N: usize, const M: usize>(
     }
     let after = earlier.estimate();
     let root = before.covariance.cholesky().map(|root| root.unpack());
-    let white = root.and_then(|root| root.try_inverse());
-    let Some(white) = white else { panic!("{name}: the covariance is not positive definite") };
+    let Some(root) = root else { panic!("{name}: the covariance is not positive definite") };
     let is_finite = after.mean.iter().chain(&after.covariance).all(|value| value.is_finite());
     assert!(is_finite, "{name}: the smoothed mean or covariance is not finite");
-    let mean = (white * (after.mean - before.mean)).amax();
-    let spread = white * (after.covariance - before.covariance) * white.transpose();
+    let mut mean = after.mean - before.mean;
+    let mut left = after.covariance - before.covariance;
+    let whitened =
+        root.solve_lower_triangular_mut(&mut mean) && root.solve_lower_triangular_mut(&mut left);
+    let mut spread = left.transpose();
+    let whitened = whitened && root.solve_lower_triangular_mut(&mut spread);
+    assert!(whitened, "{name}: the covariance is not positive definite");
     let covariance = spread.amax();
+    let mean = mean.amax();
     assert!(
         mean <= tolerance && covariance <= tolerance,
         "{name}: a later belief without news moved the mean by {mean} of its σ and the \

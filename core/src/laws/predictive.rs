@@ -5,7 +5,8 @@ use core::{f64::consts::TAU, fmt};
 use nalgebra::SVector;
 
 use crate::{
-    Axis, Correction, Covariance, Estimate, Estimator, MeasurementModel, Observation, State,
+    Axis, Correction, Covariance, Estimate, Estimator, MeasurementModel, Observation, Quantity,
+    State,
 };
 
 /// Log-density below the largest one, in nats, at which an integral ends: a Gaussian's seventh
@@ -112,8 +113,8 @@ impl<const M: usize> Lattice<M> {
         log_density: &mut dyn FnMut(&Observation<M>) -> f64,
     ) -> Self {
         let present = |i: usize| about.has(i) && Some(i) != given;
-        let precision =
-            about.noise().try_inverse().expect("an observation's noise is positive definite");
+        let root = about.noise().cholesky().expect("an observation's noise is positive definite");
+        let precision = root.inverse();
         let mut lattice =
             Self { about: *about, step: SVector::repeat(1.0), low: [0; M], high: [0; M] };
         for i in (0..M).filter(|i| present(*i)) {
@@ -292,7 +293,7 @@ fn over<const N: usize, const M: usize>(
 ) {
     let name = fresh.name;
     let prior = fresh.predicted(step, |estimator| estimator.estimate());
-    let axes = fresh.lent(|estimator| estimator.quantities().map(|quantity| quantity.axis()));
+    let axes = fresh.lent(|estimator| Quantity::axes(&estimator.quantities()));
     let update = |z: &Observation<M>| {
         fresh.predicted(step, |estimator| match estimator.update(z) {
             Ok(Correction::Fused { nis, log_evidence, effective_sample_size }) => {

@@ -343,8 +343,8 @@ where
     }
     let (mut ends, mut refused): (Vec<_>, Vec<_>) =
         all.into_iter().partition(|end| end.refused.is_none());
-    ends.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    refused.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    by_cost(&mut ends);
+    by_cost(&mut refused);
     let lowest = ends.first().map_or(f64::INFINITY, |end| end.cost);
     let least = 1e-6 * (1.0 + lowest.abs());
     let decides = |end: &&End<N>| {
@@ -414,4 +414,8 @@ where
     let angular = problem.data.iter().enumerate().filter(|(_, h)| problem.has_angle(h));
     let shares = angular.map(|(index, datum)| (index, share(datum))).filter(|(_, s)| *s > 0.5);
     shares.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(index, _)| index)
+}
+
+fn by_cost<const N: usize>(ends: &mut [End<N>]) {
+    ends.sort_by(|a, b| a.cost.total_cmp(&b.cost));
 }

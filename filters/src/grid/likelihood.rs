@@ -2,7 +2,8 @@ use alloc::{vec, vec::Vec};
 use core::f64::consts::{PI, TAU};
 
 use foxhunt_core::{
-    Axis, Covariance, EstimatorError, MeasurementModel, Observation, Pose, Role, State, noise,
+    Axis, Covariance, EstimatorError, MeasurementModel, Observation, Pose, Role, State, columns,
+    noise,
 };
 use nalgebra::{SVector, Vector3};
 
@@ -133,7 +134,7 @@ impl<'a, H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihood<'
         let cells = places[0].len();
         let behind = columns_behind(cells, state, pool);
         let mut columns: [Vec<f64>; M] = core::array::from_fn(|_| pool.take(cells));
-        let out = columns.each_mut().map(|column| &mut column[..]);
+        let out = columns::slices_mut(&mut columns);
         self.measurement.residuals(states(places, &behind), z, receiver, out);
         behind.into_iter().for_each(|column| pool.give(column));
         columns

@@ -231,24 +231,39 @@ fn combine<const N: usize>(
     parts: impl Iterator<Item = (f64, Estimate<N>)> + Clone,
     axes: &[Axis; N],
 ) -> Result<Estimate<N>, EstimatorError> {
-    let first = parts.clone().next().map_or_else(State::zeros, |(_, part)| part.mean);
-    let origin = State::from_fn(|row, _| match axes[row] {
-        Axis::Linear => first[row],
-        Axis::Angle => {
-            let mut resultant = Resultant::default();
-            parts.clone().for_each(|(w, part)| resultant.add(part.mean[row], w));
-            resultant.direction(1e-9).unwrap_or(first[row])
+    combine_each(&|visit| parts.clone().for_each(visit), axes)
+}
+
+/// Takes a part of a mixture: its weight and its moments.
+type Visit<'a, const N: usize> = dyn FnMut((f64, Estimate<N>)) + 'a;
+
+/// [`combine`], compiled once for all kinds of iterators: `each` shows all parts.
+fn combine_each<const N: usize>(
+    each: &dyn Fn(&mut Visit<'_, N>),
+    axes: &[Axis; N],
+) -> Result<Estimate<N>, EstimatorError> {
+    let mut first = None;
+    let mut resultants = [Resultant::default(); N];
+    each(&mut |(weight, part)| {
+        first.get_or_insert(part.mean);
+        for (row, resultant) in resultants.iter_mut().enumerate() {
+            if axes[row] == Axis::Angle {
+                resultant.add(part.mean[row], weight);
+            }
         }
     });
+    let first = first.unwrap_or_else(State::zeros);
+    let origin = State::from_fn(|row, _| match axes[row] {
+        Axis::Linear => first[row],
+        Axis::Angle => resultants[row].direction(1e-9).unwrap_or(first[row]),
+    });
     let mut mean = origin;
-    for (weight, part) in parts.clone() {
-        mean += Axis::difference(axes, &part.mean, &origin) * weight;
-    }
+    each(&mut |(weight, part)| mean += Axis::difference(axes, &part.mean, &origin) * weight);
     let mut covariance = Covariance::zeros();
-    for (weight, part) in parts {
+    each(&mut |(weight, part)| {
         let deviation = Axis::difference(axes, &part.mean, &mean);
         covariance += (part.covariance + deviation * deviation.transpose()) * weight;
-    }
+    });
     covariance.fill_upper_triangle_with_lower_triangle();
     if !mean.iter().chain(covariance.iter()).all(|v| v.is_finite()) {
         return Err(EstimatorError::NotFinite { role: Role::Posterior });

@@ -35,8 +35,8 @@ struct Later<const N: usize> {
 fn smoothed<const N: usize>(
     earlier: &[(f64, Estimate<N>)],
     later: &[Later<N>],
-    log_chain: impl Fn(usize, usize) -> f64,
-    passage: impl Fn(usize, usize) -> Result<Passage<N>, EstimatorError>,
+    log_chain: &dyn Fn(usize, usize) -> f64,
+    passage: &dyn Fn(usize, usize) -> Result<Passage<N>, EstimatorError>,
     axes: &[Axis; N],
 ) -> Result<Vec<(f64, Estimate<N>)>, EstimatorError> {
     let mut pairs: Vec<Vec<(f64, Estimate<N>)>> = vec![Vec::new(); earlier.len()];
@@ -150,7 +150,7 @@ where
             .collect();
         let log_chain = |i: usize, j: usize| libm::log(over[i * modes + j]);
         let passage = |i: usize, j: usize| self.models[j].estimator.passage(&earlier[i].1, dt);
-        let smoothed = smoothed(&earlier, &after, log_chain, passage, &self.axes)?;
+        let smoothed = smoothed(&earlier, &after, &log_chain, &passage, &self.axes)?;
         self.spare.clone_from(&self.models);
         for (model, (log_weight, estimate)) in self.spare.iter_mut().zip(&smoothed) {
             model.estimator.reinitialise(estimate)?;
@@ -174,7 +174,7 @@ where
         let earlier: Vec<_> = parts.iter().map(|(w, f)| (libm::log(*w), f.estimate())).collect();
         let after = [Later { log_weight: 0.0, estimate: later.estimate() }];
         let passage = |i: usize, _| parts[i].1.passage(&earlier[i].1, dt);
-        let smoothed = smoothed(&earlier, &after, |_, _| 0.0, passage, self.axes())?;
+        let smoothed = smoothed(&earlier, &after, &|_, _| 0.0, &passage, self.axes())?;
         let best = smoothed.iter().map(|part| part.0).fold(f64::NEG_INFINITY, f64::max);
         let mut components = Vec::with_capacity(parts.len());
         for ((_, mut filter), (log_weight, estimate)) in parts.into_iter().zip(smoothed) {

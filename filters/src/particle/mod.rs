@@ -10,7 +10,7 @@ mod white;
 use alloc::vec::Vec;
 
 use foxhunt_core::{
-    EstimatorError, MeasurementModel, Observation, Role, State, elementary,
+    EstimatorError, MeasurementModel, Observation, Role, State, columns, elementary,
     parameter::{ParameterError, in_range},
 };
 
@@ -237,7 +237,7 @@ impl<H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihoods
 {
     #[inline(always)]
     fn set(&self, first: usize, out: &mut [f64]) {
-        let columns = self.columns.each_ref().map(|column| &column[first..first + out.len()]);
+        let columns = columns::rows(self.columns, first..first + out.len());
         self.model.log_likelihoods(columns, self.observation, out);
     }
 }

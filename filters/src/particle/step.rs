@@ -5,6 +5,7 @@ use alloc::vec::Vec;
 use foxhunt_core::{
     Axis, Covariance, Estimate, MeasurementModel, MotionModel, State,
     angle::{self, Resultant},
+    columns,
 };
 
 #[cfg(feature = "parallel")]
@@ -47,7 +48,7 @@ impl<F: MotionModel<N>, const N: usize> Kernel for Step<'_, F, N> {
         for begin in (0..count).step_by(CHUNK) {
             let range = begin..count.min(begin + CHUNK);
             let chunk = (self.first + begin) / CHUNK;
-            let mut to = self.to.each_mut().map(|column| &mut column[range.clone()]);
+            let mut to = columns::rows_mut(&mut self.to, range.clone());
             for (to, from) in to.iter_mut().zip(self.from) {
                 match self.ancestors {
                     None => {
@@ -67,8 +68,8 @@ impl<F: MotionModel<N>, const N: usize> Kernel for Step<'_, F, N> {
             }
             if let Some((motion, dt)) = self.motion {
                 draws.fill_white(2 * chunk + 1, &mut white, range.len());
-                let white = white.each_ref().map(|white| &white[..range.len()]);
-                motion.move_columns(to.each_mut().map(|column| &mut **column), white, dt);
+                let white = columns::rows(&white, 0..range.len());
+                motion.move_columns(columns::slices_mut(&mut to), white, dt);
             }
             for (column, axis) in to.iter_mut().zip(self.axes) {
                 if axis == Axis::Angle {
@@ -77,7 +78,7 @@ impl<F: MotionModel<N>, const N: usize> Kernel for Step<'_, F, N> {
             }
             if let Some(weights) = weights {
                 // The draws have been used.
-                let to = to.each_ref().map(|column| &**column);
+                let to = columns::slices(&to);
                 moments.add_chunk(to, &weights[range], [None; N], &mut white);
             }
         }
@@ -253,7 +254,7 @@ impl<const N: usize> Kernel for Sum<'_, N> {
         let mut space = [[0.0; CHUNK]; N];
         for (chunk, weights) in self.weights.chunks(CHUNK).enumerate() {
             let first = self.first + chunk * CHUNK;
-            let part = self.columns.each_ref().map(|column| &column[first..first + weights.len()]);
+            let part = columns::rows(self.columns, first..first + weights.len());
             all.add_chunk(part, weights, self.origin, &mut space);
         }
         all

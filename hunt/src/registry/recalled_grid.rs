@@ -2,7 +2,7 @@ use std::f64::consts::TAU;
 
 use foxhunt_core::{
     Correction, Estimate, Estimator, EstimatorError, Observation, Quantity, Role, State,
-    absorb_receiver_noise,
+    absorb_receiver_noise, columns,
 };
 use foxhunt_estimators::AnyModel;
 use foxhunt_filters::peaks;
@@ -105,7 +105,7 @@ impl<const M: usize> RecalledGrid<M> {
         self.found.solve(data.len(), &|columns, logs| {
             let mut residuals: [Vec<f64>; M] = std::array::from_fn(|_| vec![0.0; logs.len()]);
             for (observation, whitener, normaliser) in &data {
-                let out = residuals.each_mut().map(Vec::as_mut_slice);
+                let out = columns::slices_mut(&mut residuals);
                 model.residuals(columns, observation.value(), observation.receiver(), out);
                 for (index, log) in logs.iter_mut().enumerate() {
                     let residual = SVector::<f64, M>::from_fn(|part, _| residuals[part][index]);

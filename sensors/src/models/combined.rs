@@ -1,7 +1,7 @@
 //! Models made of others: two at once, and one that takes silence for a measurement.
 
 use foxhunt_core::{
-    Axis, MeasurementModel, Observation, Pose, Quantity, State, gaussian_log_likelihood,
+    Axis, MeasurementModel, Observation, Pose, Quantity, State, columns, gaussian_log_likelihood,
     log_likelihoods_one_by_one, noise::log_normal_cdf,
 };
 use nalgebra::{SMatrix, SVector};
@@ -113,7 +113,7 @@ where
         for (block, out) in out.chunks_mut(BLOCK).enumerate() {
             let rows = block * BLOCK..block * BLOCK + out.len();
             let more = &mut more[..out.len()];
-            self.second.log_likelihoods(columns.map(|c| &c[rows.clone()]), &second, more);
+            self.second.log_likelihoods(columns::rows(&columns, rows), &second, more);
             out.iter_mut().zip(more).for_each(|(out, more)| *out += *more);
         }
     }

@@ -3,7 +3,7 @@
 use alloc::sync::Arc;
 
 use foxhunt_core::{
-    MeasurementModel, Observation, Pose, Quantity, State, angle, gaussian_log_likelihood,
+    MeasurementModel, Observation, Pose, Quantity, State, angle, columns, gaussian_log_likelihood,
     log_likelihoods_one_by_one,
     parameter::{self, ParameterError},
 };
@@ -177,7 +177,7 @@ where
         out: [&mut [f64]; M],
     ) {
         let mut out = out;
-        self.model.residuals(columns, z, receiver, out.each_mut().map(|column| &mut **column));
+        self.model.residuals(columns, z, receiver, columns::slices_mut(&mut out));
         let Some(pattern) = &self.pattern else { return };
         for (i, level) in out[0].iter_mut().enumerate() {
             let state = State::<N>::from_fn(|row, _| columns[row][i]);

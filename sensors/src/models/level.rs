@@ -3,7 +3,7 @@
 use core::f64::consts::TAU;
 
 use foxhunt_core::{
-    MeasurementModel, Observation, Pose, Quantity, State, angle, elementary,
+    MeasurementModel, Observation, Pose, Quantity, State, angle, columns, elementary,
     log_likelihoods_one_by_one,
     parameter::{self, ParameterError},
     vectorised::{Kernel, run},
@@ -361,10 +361,9 @@ impl<L: LevelLaw<P>, const P: usize> Kernel for LogLikelihoods<'_, L, P> {
             let bearing = angle::wrap(one.value()[1]);
             for (block, out) in out.chunks_mut(BLOCK).enumerate() {
                 let rows = block * BLOCK..block * BLOCK + out.len();
-                let places = places.map(|column| &column[rows.clone()]);
-                let parameters = parameters.map(|column| &column[rows.clone()]);
-                let [levels, bearings] =
-                    residuals.each_mut().map(|column| &mut column[..out.len()]);
+                let places = columns::rows(&places, rows.clone());
+                let parameters = columns::rows(&parameters, rows);
+                let [levels, bearings] = columns::rows_mut(&mut residuals, 0..out.len());
                 model.levels(parameters, places, receiver, level, levels).run();
                 BearingResiduals { places, receiver, bearing, out: bearings }.run();
                 for ((out, level), turned) in out.iter_mut().zip(levels).zip(bearings) {

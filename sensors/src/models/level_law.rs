@@ -1,4 +1,4 @@
-use foxhunt_core::parameter::ParameterError;
+use foxhunt_core::{columns, parameter::ParameterError};
 
 use crate::{LogDistance, Propagation};
 
@@ -72,7 +72,7 @@ pub trait LevelLaw<const P: usize> {
     #[inline(always)]
     fn levels_dbm(&self, parameters: [&[f64]; P], squares: &mut [f64]) {
         for (i, x) in squares.iter_mut().enumerate() {
-            *x = self.level_dbm(&parameters.map(|column| column[i]), libm::sqrt(*x));
+            *x = self.level_dbm(&columns::row(&parameters, i), libm::sqrt(*x));
         }
     }
 }

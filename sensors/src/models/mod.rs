@@ -22,7 +22,7 @@ pub use over_terrain::OverTerrain;
 
 use core::f64::consts::{PI, TAU};
 
-use foxhunt_core::{MeasurementModel, Pose, State, elementary, vectorised::Kernel};
+use foxhunt_core::{MeasurementModel, Pose, State, columns, elementary, vectorised::Kernel};
 use nalgebra::{SVector, Vector3};
 
 use crate::Propagation;
@@ -194,13 +194,13 @@ impl<L: LevelLaw<P>, const P: usize> Kernel for LevelResiduals<'_, L, P> {
         let up = self.target_up - place.z;
         for (block, out) in self.out.chunks_mut(BLOCK).enumerate() {
             let rows = block * BLOCK..block * BLOCK + out.len();
-            let [east, north] = self.places.map(|column| &column[rows.clone()]);
+            let [east, north] = columns::rows(&self.places, rows.clone());
             for ((out, east), north) in out.iter_mut().zip(east).zip(north) {
                 let x = east - place.x;
                 let y = north - place.y;
                 *out = x * x + y * y + up * up;
             }
-            self.law.levels_dbm(self.parameters.map(|column| &column[rows.clone()]), out);
+            self.law.levels_dbm(columns::rows(&self.parameters, rows), out);
             out.iter_mut().for_each(|out| *out = self.level - *out);
         }
     }

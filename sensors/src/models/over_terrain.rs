@@ -1,6 +1,6 @@
 use foxhunt_core::{
-    MeasurementModel, Observation, Pose, Quantity, State, Terrain, gaussian_log_likelihood,
-    log_likelihoods_one_by_one, numeric_jacobian,
+    MeasurementModel, Observation, Pose, Quantity, State, Terrain, columns,
+    gaussian_log_likelihood, log_likelihoods_one_by_one, numeric_jacobian,
     parameter::{self, ParameterError},
 };
 use nalgebra::{SMatrix, SVector, Vector1, Vector3};
@@ -192,7 +192,7 @@ where
         out: [&mut [f64]; M],
     ) {
         let mut out = out;
-        self.model.residuals(columns, z, receiver, out.each_mut().map(|column| &mut **column));
+        self.model.residuals(columns, z, receiver, columns::slices_mut(&mut out));
         let Some(loss) = &self.loss else { return };
         for (i, level) in out[0].iter_mut().enumerate() {
             let place = State::<2>::new(columns[0][i], columns[1][i]);

@@ -5,7 +5,7 @@ use core::mem;
 
 use foxhunt_core::{
     Correction, Covariance, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel,
-    Observation, Quantity, State, absorb_receiver_noise,
+    Observation, Quantity, State, absorb_receiver_noise, columns,
 };
 use nalgebra::{Matrix2, SVector, Vector2};
 
@@ -118,10 +118,9 @@ where
         let receiver = observation.receiver();
         let centre = model.expected(mean, receiver);
         let (states, weights) = self.likely_states();
-        let states = states.each_ref().map(|column| &column[..]);
+        let states = columns::slices(&states);
         let mut deviations: [Vec<f64>; M] = core::array::from_fn(|_| vec![0.0; weights.len()]);
-        let columns = deviations.each_mut().map(|column| &mut column[..]);
-        model.residuals(states, &centre, receiver, columns);
+        model.residuals(states, &centre, receiver, columns::slices_mut(&mut deviations));
         let total = run(Sum(&weights));
         let mut shift = SVector::<f64, M>::zeros();
         let mut square = Covariance::<M>::zeros();

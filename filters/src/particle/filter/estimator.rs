@@ -4,7 +4,7 @@ use core::mem;
 
 use foxhunt_core::{
     Correction, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel, Observation,
-    Quantity, Role, State,
+    Quantity, Role, State, columns,
 };
 use rand::Rng;
 
@@ -170,7 +170,7 @@ where
         let _ = (self.workers.step)(Step {
             key: self.rng.next_u64(),
             from: &from.columns,
-            to: next.columns.each_mut().map(|column| &mut column[..]),
+            to: columns::slices_mut(&mut next.columns),
             first: 0,
             ancestors: Some(ancestors),
             kernel: kernel.as_ref(),

@@ -7,6 +7,7 @@ use alloc::{vec, vec::Vec};
 
 use foxhunt_core::{
     Axis, Covariance, Estimate, EstimatorError, MeasurementModel, MotionModel, Role, State,
+    columns,
     parameter::{in_range, require},
 };
 use rand::{Rng, RngExt};
@@ -332,7 +333,7 @@ where
         let moments = (self.workers.step)(Step {
             key: self.rng.next_u64(),
             from: &self.cloud.columns,
-            to: self.spare.columns.each_mut().map(|column| &mut column[..]),
+            to: columns::slices_mut(&mut self.spare.columns),
             first: 0,
             ancestors: due.then_some(&self.ancestors[..]),
             kernel: kernel.as_ref(),
