@@ -11,7 +11,7 @@ use foxhunt_estimators::{
     MovingConfig, ReceiversConfig, SeveralConfig, TrackConfig, TrackStep,
 };
 use foxhunt_sensors::{LogDistance, RssBearing};
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::{Matrix2, Vector2, Vector3};
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::StandardNormal;
 
@@ -377,4 +377,24 @@ fn a_team_learns_what_each_receiver_gets_wrong() {
     let [sound @ .., scattered] = scatters;
     assert!(sound.iter().all(|scatter| (0.8..1.2).contains(scatter)), "{scatters:?}");
     assert!((1.9..3.0).contains(&scattered), "{scatters:?}");
+}
+
+/// A bearing from 100 m by a receiver that knows its place to 10 m: the place adds 10 m across it,
+/// whatever the bearing's own σ of 2 m there. With the prior's 20 m this leaves some 9 m. A place
+/// that is known would leave 2 m.
+#[test]
+fn a_receiver_of_a_team_that_is_unsure_of_its_place_counts_for_less() {
+    let receivers = ReceiversConfig { level_sigma_db: 4.0, bearing_sigma_deg: 0.1 };
+    let config = EstimatorConfig { receivers: Some(receivers), ..team() };
+    let prior = Estimate::isotropic(Vector2::new(100.0, 0.0), 20.0);
+    let mut track = config.track(model(), &prior, 1, false).expect("in order");
+    let reception = Reception {
+        receiver_sigma_m: Some(Vector3::repeat(10.0)),
+        bearing: Some(Bearing { angle: 0.0, sigma: 0.02, confidence: 1.0 }),
+        ..Reception::default()
+    };
+    let step = track.heard_by(0).update(&reception, false);
+    assert!(matches!(step, Ok(TrackStep::Updated { .. })), "{step:?}");
+    let across = track.position().covariance[(1, 1)].sqrt();
+    assert!((8.0..11.0).contains(&across), "{across}");
 }
