@@ -193,17 +193,23 @@ where
                 low = low.inf(place);
                 high = high.sup(place);
             }
-            // One cell more on each side, so that what reaches the border widens it.
+            // One cell more on each side; half of the window where something reaches its border.
+            let inner = window.half - spacing;
+            let margin = Vector2::from_fn(|axis, _| {
+                let reach = (high - window.middle).sup(&(window.middle - low))[axis];
+                if reach > inner[axis] { window.half[axis] / 2.0 } else { spacing[axis] }
+            });
             let next = Window {
                 middle: (low + high) / 2.0,
-                half: ((high - low) / 2.0 + spacing).inf(&area.half),
+                half: ((high - low) / 2.0 + margin).inf(&area.half),
             };
             let moved = (next.middle - window.middle).component_div(&window.half).amax();
-            let changed = next.half.component_div(&window.half).map(|r| (r - 1.0).abs()).amax();
-            window = next;
-            if moved < 0.1 && changed < 0.15 {
+            // What is a little too wide stays: narrower, it would be at its border again.
+            let ratio = next.half.component_div(&window.half);
+            if moved < 0.1 && ratio.iter().all(|ratio| (0.7..1.15).contains(ratio)) {
                 break;
             }
+            window = next;
         }
         (window, highest)
     }
@@ -249,8 +255,9 @@ where
             *value = libm::exp(*value - most);
             sum += *value;
         }
-        cells.iter_mut().for_each(|(_, weight)| *weight /= sum);
-        cells.retain(|(_, weight)| *weight > 1e-9);
+        cells.retain(|(_, weight)| *weight > 1e-9 * sum);
+        let kept: f64 = cells.iter().map(|(_, weight)| weight).sum();
+        cells.iter_mut().for_each(|(_, weight)| *weight /= kept);
         let mean = cells.iter().fold(Vector2::zeros(), |mean, (place, w)| mean + place * *w);
         let mut covariance =
             cells.iter().fold(Matrix2::zeros(), |sum: Matrix2<f64>, (place, w)| {
