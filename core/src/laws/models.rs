@@ -428,15 +428,9 @@ pub fn smoother<E: Smooth<N, M> + Clone, const N: usize, const M: usize>(
     let Some(root) = root else { panic!("{name}: the covariance is not positive definite") };
     let is_finite = after.mean.iter().chain(&after.covariance).all(|value| value.is_finite());
     assert!(is_finite, "{name}: the smoothed mean or covariance is not finite");
-    let mut mean = after.mean - before.mean;
-    let mut left = after.covariance - before.covariance;
-    let whitened =
-        root.solve_lower_triangular_mut(&mut mean) && root.solve_lower_triangular_mut(&mut left);
-    let mut spread = left.transpose();
-    let whitened = whitened && root.solve_lower_triangular_mut(&mut spread);
-    assert!(whitened, "{name}: the covariance is not positive definite");
-    let covariance = spread.amax();
-    let mean = mean.amax();
+    let mean = root.solve_lower_triangular_unchecked(&(after.mean - before.mean)).amax();
+    let half = root.solve_lower_triangular_unchecked(&(after.covariance - before.covariance));
+    let covariance = root.solve_lower_triangular_unchecked(&half.transpose()).amax();
     assert!(
         mean <= tolerance && covariance <= tolerance,
         "{name}: a later belief without news moved the mean by {mean} of its σ and the \

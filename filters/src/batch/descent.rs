@@ -416,6 +416,7 @@ where
     shares.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(index, _)| index)
 }
 
+/// Sorts by cost; apart from the search, so that it is compiled once for all problems.
 fn by_cost<const N: usize>(ends: &mut [End<N>]) {
     ends.sort_by(|a, b| a.cost.total_cmp(&b.cost));
 }

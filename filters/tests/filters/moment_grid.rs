@@ -92,8 +92,8 @@ fn a_field_that_does_not_depend_on_the_place_leaves_the_prior() {
 
 /// Three receivers, 12 m up, that measure at three places each: 40 beacons drawn from the prior.
 /// The sum of NEES has 80 degrees of freedom, its mean 1.28 to 2.91 (99 %).
-/// After each reception 34 ellipses or more of 40 hold the beacon (99.6 %): the next move is planned
-/// by each of them.
+/// After each reception 34 ellipses or more of 40 hold the beacon (99.6 %): the next move is
+/// planned by each of them.
 #[test]
 fn a_dipole_of_unknown_moment_is_found_with_an_honest_ellipse() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(31);
