@@ -21,7 +21,7 @@ pub enum CommandError {
 
 /// Error that ends the program.
 #[derive(Debug, thiserror::Error)]
-pub(crate) enum CliError {
+pub enum CliError {
     /// Wrong use or input: exit code 2.
     #[error(transparent)]
     Input(Box<dyn Error>),
@@ -34,21 +34,21 @@ pub(crate) enum CliError {
 }
 
 impl CliError {
-    pub(crate) fn input(error: impl Into<Box<dyn Error>>) -> Self {
+    pub fn input(error: impl Into<Box<dyn Error>>) -> Self {
         Self::Input(error.into())
     }
 
-    pub(crate) fn failure(error: impl Into<Box<dyn Error>>) -> Self {
+    pub fn failure(error: impl Into<Box<dyn Error>>) -> Self {
         Self::Failure(error.into())
     }
 
     /// A file that cannot be written.
-    pub(crate) fn writing(path: &Path, source: io::Error) -> Self {
+    pub fn writing(path: &Path, source: io::Error) -> Self {
         Self::failure(WriteError { path: path.display().to_string(), source })
     }
 
     /// A result that cannot be printed.
-    pub(crate) fn printing(error: io::Error) -> Self {
+    pub fn printing(error: io::Error) -> Self {
         match error.kind() {
             // A reader such as `head` that stops early is no failure.
             io::ErrorKind::BrokenPipe => Self::Closed,
@@ -57,7 +57,7 @@ impl CliError {
     }
 
     /// Prints the error with all its sources, and returns the exit code.
-    pub(crate) fn report(&self) -> ExitCode {
+    pub fn report(&self) -> ExitCode {
         let (code, error) = match self {
             Self::Closed => return ExitCode::SUCCESS,
             Self::Input(error) => (2, error),
@@ -111,9 +111,9 @@ struct WriteError {
 /// An error in a file.
 #[derive(Debug, thiserror::Error)]
 #[error("{file}")]
-pub(crate) struct InFile {
-    pub(crate) file: String,
-    pub(crate) source: Box<dyn Error>,
+pub struct InFile {
+    pub file: String,
+    pub source: Box<dyn Error>,
 }
 
 #[cfg(test)]

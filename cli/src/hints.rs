@@ -38,13 +38,13 @@ const RETIRED: [(&str, &str); 4] = [
 ];
 
 /// The feature that a build needs for an estimator or a planner of this name.
-pub(crate) fn feature_of(name: &str) -> Option<&'static str> {
+pub fn feature_of(name: &str) -> Option<&'static str> {
     NAMES.iter().find(|(_, names)| names.contains(&name)).map(|(feature, _)| *feature)
 }
 
 /// Returns the present command for a name that `campaign` took besides scenarios in earlier
 /// versions.
-pub(crate) fn retired_campaign(name: &str) -> Option<String> {
+pub fn retired_campaign(name: &str) -> Option<String> {
     match name {
         "antennas" | "planners" => Some(format!("foxhunt compare {name}")),
         "fleets" => Some("foxhunt fleets".to_owned()),
@@ -59,7 +59,7 @@ pub(crate) fn retired_campaign(name: &str) -> Option<String> {
 }
 
 /// Adds a hint to an error of the command line, if there is one.
-pub(crate) fn with_hint(mut error: Error, registry: &Registry) -> Error {
+pub fn with_hint(mut error: Error, registry: &Registry) -> Error {
     if let Some(hint) = hint(&error, registry) {
         let hints = ContextValue::StyledStrs(vec![StyledStr::from(hint)]);
         error.insert(ContextKind::Suggested, hints);
@@ -96,7 +96,7 @@ fn hint(error: &Error, registry: &Registry) -> Option<String> {
 }
 
 /// Returns the command that installs the program with a feature.
-pub(crate) fn build(feature: &str) -> String {
+pub fn build(feature: &str) -> String {
     format!("`cargo install foxhunt-cli --features {feature}`")
 }
 

@@ -23,6 +23,8 @@
 //! }
 //! ```
 
+#![expect(unreachable_pub, reason = "what a program shares among its modules is no library")]
+
 mod args;
 mod commands;
 mod error;

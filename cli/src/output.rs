@@ -16,18 +16,18 @@ use crate::{error::CliError, screen};
 
 /// Inputs of every command besides its own arguments.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Context<'a> {
+pub struct Context<'a> {
     /// Output for results and notes.
-    pub(crate) output: Output<'a>,
+    pub output: Output<'a>,
     /// The estimators, extractors, planners and sources, by name.
-    pub(crate) registry: &'a Registry,
+    pub registry: &'a Registry,
     /// All commands, their arguments with the names of a registry.
-    pub(crate) command_line: fn(&Registry) -> clap::Command,
+    pub command_line: fn(&Registry) -> clap::Command,
 }
 
 /// Form of results for other programs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum JsonForm {
+pub enum JsonForm {
     /// The result as one value.
     Value,
     /// A value per line: the events of long work, then the result.
@@ -39,7 +39,7 @@ pub(crate) enum JsonForm {
 /// With `--json` standard output holds one JSON value and nothing else, with `--json=lines` one in
 /// each line; without it, tables and notes. Progress is on standard error either way.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Output<'a> {
+pub struct Output<'a> {
     json: Option<JsonForm>,
     /// Buffer that takes the result in place of standard output.
     kept: Option<&'a RefCell<String>>,
@@ -53,32 +53,32 @@ struct Line<'a, T> {
 }
 
 impl<'a> Output<'a> {
-    pub(crate) fn new(json: Option<JsonForm>) -> Self {
+    pub fn new(json: Option<JsonForm>) -> Self {
         Self { json, kept: None }
     }
 
     /// Returns true if the result is one value of JSON.
-    pub(crate) fn is_json(self) -> bool {
+    pub fn is_json(self) -> bool {
         self.json.is_some()
     }
 
     /// Returns true if this program is part of another one, which takes the result.
-    pub(crate) fn is_kept(self) -> bool {
+    pub fn is_kept(self) -> bool {
         self.kept.is_some()
     }
 
     /// Keeps the result as JSON, where nothing is printed on standard output.
-    pub(crate) fn kept_in(json: &'a RefCell<String>) -> Self {
+    pub fn kept_in(json: &'a RefCell<String>) -> Self {
         Self { json: Some(JsonForm::Value), kept: Some(json) }
     }
 
     /// Returns true if [`event`] prints the events of long work on standard output.
-    pub(crate) fn streams(self) -> bool {
+    pub fn streams(self) -> bool {
         self.json == Some(JsonForm::Lines)
     }
 
     /// Prints the result as JSON, or as the text that `text` makes of it.
-    pub(crate) fn result<T: Serialize>(
+    pub fn result<T: Serialize>(
         self,
         value: &T,
         text: impl FnOnce(&T) -> String,
@@ -102,7 +102,7 @@ impl<'a> Output<'a> {
     }
 
     /// Prints a text as it is, or as JSON.
-    pub(crate) fn verbatim(self, text: &str) -> Result<(), CliError> {
+    pub fn verbatim(self, text: &str) -> Result<(), CliError> {
         match self.json {
             Some(_) => self.result(&text, |text| (*text).to_owned()),
             None => to_stdout(text.trim_end()),
@@ -110,7 +110,7 @@ impl<'a> Output<'a> {
     }
 
     /// Prints a line beside the result, unless the result is kept.
-    pub(crate) fn note(self, line: &str) -> Result<(), CliError> {
+    pub fn note(self, line: &str) -> Result<(), CliError> {
         if self.kept.is_some() {
             return Ok(());
         }
@@ -132,14 +132,14 @@ thread_local! {
 
 /// Runs a work; returns its result and the lines that this thread would have printed on standard
 /// error.
-pub(crate) fn overheard<T>(work: impl FnOnce() -> T) -> (T, Vec<String>) {
+pub fn overheard<T>(work: impl FnOnce() -> T) -> (T, Vec<String>) {
     let before = OVERHEARD.replace(Some(Vec::new()));
     let done = work();
     (done, OVERHEARD.replace(before).unwrap_or_default())
 }
 
 /// Prints a line on standard error the first time that it comes in a command.
-pub(crate) fn warn_once(line: &str) {
+pub fn warn_once(line: &str) {
     if OVERHEARD.with_borrow(Option::is_some) {
         warn(line);
         return;
@@ -155,7 +155,7 @@ pub(crate) fn warn_once(line: &str) {
 }
 
 /// Prints the counts of repeated warnings at the end of a command, and clears them.
-pub(crate) fn count_warnings() {
+pub fn count_warnings() {
     for (line, count) in WARNED.take() {
         if count > 1 {
             warn(&format!("{count} times: {}", line.trim_start()));
@@ -164,12 +164,12 @@ pub(crate) fn count_warnings() {
 }
 
 /// Prints an event of long work as a line of JSON.
-pub(crate) fn event<T: Serialize>(kind: &str, value: &T) -> io::Result<()> {
+pub fn event<T: Serialize>(kind: &str, value: &T) -> io::Result<()> {
     printed(&document::to_json(&Line { kind, value })?)
 }
 
 /// Prints a line on standard error.
-pub(crate) fn warn(line: &str) {
+pub fn warn(line: &str) {
     let is_kept = OVERHEARD.with_borrow_mut(|kept| match kept {
         Some(kept) => {
             kept.push(line.to_owned());
@@ -201,7 +201,7 @@ fn printed(text: &str) -> io::Result<()> {
 
 /// Refuses a file that cannot be written, for want of its folder or of the right. An existing file
 /// keeps its contents, and a missing one is not created.
-pub(crate) fn check_writable(path: &Path) -> Result<(), CliError> {
+pub fn check_writable(path: &Path) -> Result<(), CliError> {
     check(path).map_err(|error| CliError::writing(path, error))
 }
 

@@ -14,7 +14,7 @@ use crate::output::{Output, event, warn};
 /// The progress of a long work: a bar with the time that is left, where standard error is a
 /// terminal; with `--json=lines` a line for each hundredth.
 #[derive(Debug)]
-pub(crate) struct Progress {
+pub struct Progress {
     what: &'static str,
     total: u64,
     done: AtomicU64,
@@ -32,19 +32,19 @@ struct Done {
 
 impl Progress {
     /// Begins a work of `total` parts; `what` names the parts. Without `shows` there is no bar.
-    pub(crate) fn new(output: Output<'_>, what: &'static str, total: u64, shows: bool) -> Self {
+    pub fn new(output: Output<'_>, what: &'static str, total: u64, shows: bool) -> Self {
         let bar = (shows && stderr().is_terminal()).then(|| Bar::new(total, what));
         Self { what, total, done: AtomicU64::new(0), bar, streams: output.streams() }
     }
 
     /// Counts one part as done; from any thread.
-    pub(crate) fn step(&self) {
+    pub fn step(&self) {
         let before = self.done.fetch_add(1, Ordering::Relaxed);
         self.show(before, before + 1);
     }
 
     /// Sets the number of parts that are done.
-    pub(crate) fn reach(&self, done: u64) {
+    pub fn reach(&self, done: u64) {
         self.show(self.done.swap(done, Ordering::Relaxed), done);
     }
 
@@ -59,14 +59,14 @@ impl Progress {
     }
 
     /// Replaces the note beside the bar.
-    pub(crate) fn note(&self, note: String) {
+    pub fn note(&self, note: String) {
         if let Some(bar) = &self.bar {
             bar.note(note);
         }
     }
 
     /// Prints a line on standard error, above the bar.
-    pub(crate) fn warn(&self, line: &str) {
+    pub fn warn(&self, line: &str) {
         match &self.bar {
             Some(bar) => bar.above(|| warn(line)),
             None => warn(line),
@@ -74,7 +74,7 @@ impl Progress {
     }
 
     /// Removes the bar.
-    pub(crate) fn finish(&self) {
+    pub fn finish(&self) {
         if let Some(bar) = &self.bar {
             bar.remove();
         }

@@ -11,7 +11,7 @@ const UNKNOWN: u16 = 100;
 const LEAST: u16 = 40;
 
 /// Maximum width of a result in columns: `COLUMNS` if that is set, else the terminal's width.
-pub(crate) fn width() -> usize {
+pub fn width() -> usize {
     let given = env::var("COLUMNS").ok();
     usize::from(given.as_deref().and_then(columns).or_else(terminal).unwrap_or(UNKNOWN).max(LEAST))
 }
@@ -35,7 +35,7 @@ fn columns(text: &str) -> Option<u16> {
 
 /// Wraps each line that is longer than `width` between words, its further lines indented as it is.
 /// Rows of Markdown tables stay in one line.
-pub(crate) fn wrapped(text: &str, width: usize) -> String {
+pub fn wrapped(text: &str, width: usize) -> String {
     let line = |line: &str| {
         if line.starts_with('|') || textwrap::core::display_width(line) <= width {
             return line.to_owned();
@@ -49,7 +49,7 @@ pub(crate) fn wrapped(text: &str, width: usize) -> String {
 
 /// A paragraph of at most `width` columns that begins with `first` and goes on after `rest`; no
 /// word is torn.
-pub(crate) fn indented(text: &str, width: usize, first: &str, rest: &str) -> String {
+pub fn indented(text: &str, width: usize, first: &str, rest: &str) -> String {
     let options = Options::new(width)
         .initial_indent(first)
         .subsequent_indent(rest)

@@ -25,7 +25,7 @@ const BESIDES: usize = PADDING + 1;
 /// A table that fits the width of the screen: its headers wrap between words, and what has no room
 /// beside the names of the rows is a second table, or each row is a block of lines.
 #[derive(Debug)]
-pub(crate) struct Table {
+pub struct Table {
     columns: Vec<String>,
     rows: Vec<Vec<String>>,
     /// Number of columns, from the first on, that name a row.
@@ -43,12 +43,12 @@ enum Kind {
 }
 
 /// A table of these columns; the first holds names, the others values.
-pub(crate) fn table(columns: &[&str]) -> Table {
+pub fn table(columns: &[&str]) -> Table {
     Table::new(columns, Kind::Values)
 }
 
 /// A table of texts; the first column holds names.
-pub(crate) fn list(columns: &[&str]) -> Table {
+pub fn list(columns: &[&str]) -> Table {
     Table::new(columns, Kind::Texts)
 }
 
@@ -59,12 +59,12 @@ impl Table {
     }
 
     /// Sets the number of columns that name a row; they come again where a table is divided.
-    pub(crate) fn named_by(mut self, names: usize) -> Self {
+    pub fn named_by(mut self, names: usize) -> Self {
         self.names = names;
         self
     }
 
-    pub(crate) fn add_row<C: Into<String>>(&mut self, row: impl IntoIterator<Item = C>) {
+    pub fn add_row<C: Into<String>>(&mut self, row: impl IntoIterator<Item = C>) {
         self.rows.push(row.into_iter().map(Into::into).collect());
     }
 
@@ -239,7 +239,7 @@ impl fmt::Display for Table {
 
 /// A table in Markdown, its columns as wide as what they hold; the first `names` of them hold
 /// names, the others values to the right.
-pub(crate) fn markdown(columns: &[&str], names: usize, rows: &[Vec<String>]) -> String {
+pub fn markdown(columns: &[&str], names: usize, rows: &[Vec<String>]) -> String {
     let cells = |index: usize| rows.iter().filter_map(move |row| row.get(index));
     let width = |(index, column): (usize, &&str)| {
         cells(index).map(|cell| cell.chars().count()).max().unwrap_or(0).max(column.chars().count())
@@ -262,7 +262,7 @@ pub(crate) fn markdown(columns: &[&str], names: usize, rows: &[Vec<String>]) -> 
 }
 
 /// A number with this many decimals; a dash if it is `None` or not finite.
-pub(crate) fn number(value: impl Into<Option<f64>>, decimals: usize) -> String {
+pub fn number(value: impl Into<Option<f64>>, decimals: usize) -> String {
     match value.into().filter(|v| v.is_finite()) {
         Some(value) => format!("{value:.decimals$}"),
         None => NOTHING.to_owned(),
@@ -270,7 +270,7 @@ pub(crate) fn number(value: impl Into<Option<f64>>, decimals: usize) -> String {
 }
 
 /// A text; a dash for `None`.
-pub(crate) fn text(value: Option<impl ToString>) -> String {
+pub fn text(value: Option<impl ToString>) -> String {
     value.map_or_else(|| NOTHING.to_owned(), |value| value.to_string())
 }
 

@@ -9,8 +9,8 @@ const ECCENTRICITY_2: f64 = 6.694_379_990_141e-3;
 /// The place where the zero of local metres is, in degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Origin {
-    pub(crate) lat_deg: f64,
-    pub(crate) lon_deg: f64,
+    pub lat_deg: f64,
+    pub lon_deg: f64,
 }
 
 impl Origin {

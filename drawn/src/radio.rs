@@ -20,10 +20,10 @@ const WAVELENGTH_M: f64 = 0.69;
 /// A place of a receiver at a time.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Step {
-    pub(crate) time_s: f64,
-    pub(crate) at: At,
+    pub time_s: f64,
+    pub at: At,
     /// Number of the receiver.
-    pub(crate) receiver: u32,
+    pub receiver: u32,
 }
 
 /// A way from a transmitter to receivers: two slopes that meet at a distance, walls, a field of
@@ -31,23 +31,23 @@ pub(crate) struct Step {
 #[derive(Clone, Debug)]
 pub(crate) struct Radio {
     /// Level at one metre in dBm.
-    pub(crate) power_dbm: f64,
+    pub power_dbm: f64,
     /// Exponent up to [`bend_m`](Self::bend_m).
-    pub(crate) near: f64,
+    pub near: f64,
     /// Exponent beyond it.
-    pub(crate) far: f64,
+    pub far: f64,
     /// Distance at which the slopes meet, in metres.
-    pub(crate) bend_m: f64,
+    pub bend_m: f64,
     /// σ of each reading's own error in dB.
-    pub(crate) noise_db: f64,
+    pub noise_db: f64,
     /// Growth of that σ per decade of distance beyond 10 m, in dB.
-    pub(crate) growth_db: f64,
-    pub(crate) field: Option<Field>,
-    pub(crate) walls: Vec<Wall>,
+    pub growth_db: f64,
+    pub field: Option<Field>,
+    pub walls: Vec<Wall>,
     /// Amplitude of the ground's reflection over that of the direct wave.
-    pub(crate) reflection: Option<f64>,
+    pub reflection: Option<f64>,
     /// Both antennas are upright dipoles.
-    pub(crate) dipoles: bool,
+    pub dipoles: bool,
 }
 
 /// Shadowing over the plane: a sum of waves in random directions (Rice 1944), whose correlation
@@ -61,9 +61,9 @@ pub(crate) struct Field {
 /// A wall between two places, from the floor to the ceiling of all storeys.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Wall {
-    pub(crate) from: [f64; 2],
-    pub(crate) to: [f64; 2],
-    pub(crate) loss_db: f64,
+    pub from: [f64; 2],
+    pub to: [f64; 2],
+    pub loss_db: f64,
 }
 
 impl Field {
@@ -166,15 +166,15 @@ impl Radio {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Receiver {
     /// Level of its own noise.
-    pub(crate) floor: Floor,
+    pub floor: Floor,
     /// Largest level that it shows.
-    pub(crate) ceiling_dbm: f64,
+    pub ceiling_dbm: f64,
     /// Levels are multiples of this, in dB.
-    pub(crate) step_db: f64,
+    pub step_db: f64,
     /// σ of the recorded places per axis, in metres.
-    pub(crate) gnss_m: f64,
+    pub gnss_m: f64,
     /// σ of the gain of one receiver beside the others, in dB.
-    pub(crate) offset_db: f64,
+    pub offset_db: f64,
 }
 
 /// Fate of levels below the receiver's noise.

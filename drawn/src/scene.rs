@@ -17,16 +17,16 @@ pub(crate) type At = [f64; 3];
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Row {
     /// Number of the transmitter, where the recording names them.
-    pub(crate) beacon: Option<u32>,
+    pub beacon: Option<u32>,
     /// Number of the receiver, where there are several.
-    pub(crate) receiver: Option<u32>,
-    pub(crate) time_s: f64,
+    pub receiver: Option<u32>,
+    pub time_s: f64,
     /// Recorded place of the receiver.
-    pub(crate) at: At,
+    pub at: At,
     /// True place of the transmitter.
-    pub(crate) truth: Option<[f64; 2]>,
+    pub truth: Option<[f64; 2]>,
     /// Further columns by name.
-    pub(crate) values: Vec<(&'static str, f64)>,
+    pub values: Vec<(&'static str, f64)>,
 }
 
 impl Row {
@@ -75,22 +75,22 @@ pub(crate) enum Spelling {
 /// All of a drawn recording before it becomes text.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Scene {
-    pub(crate) rows: Vec<Row>,
+    pub rows: Vec<Row>,
     /// Places are written in degrees from here, and in metres without.
-    pub(crate) origin: Option<Origin>,
-    pub(crate) spelling: Spelling,
+    pub origin: Option<Origin>,
+    pub spelling: Spelling,
     /// Lines above the header.
-    pub(crate) preamble: Vec<String>,
+    pub preamble: Vec<String>,
     /// Columns that the file calls by another name.
-    pub(crate) renamed: Vec<(&'static str, &'static str)>,
+    pub renamed: Vec<(&'static str, &'static str)>,
     /// Files beside it.
-    pub(crate) beside: Vec<DrawnFile>,
-    pub(crate) flags: Vec<String>,
-    pub(crate) bound: Option<Bound>,
+    pub beside: Vec<DrawnFile>,
+    pub flags: Vec<String>,
+    pub bound: Option<Bound>,
     /// Nothing was transmitted: any place is wrong.
-    pub(crate) is_empty: bool,
+    pub is_empty: bool,
     /// Names of columns of truth are left out of the file.
-    pub(crate) hides_truth: bool,
+    pub hides_truth: bool,
 }
 
 impl Scene {

@@ -14,10 +14,10 @@ const MOST_REMARKS: usize = 20;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Parcel<'a> {
     /// Name of the thing: a message replaces an earlier one of the same name.
-    pub(crate) name: &'a str,
-    pub(crate) bytes: &'a [u8],
+    pub name: &'a str,
+    pub bytes: &'a [u8],
     /// UNIX time from which on the message is not sent any more, in seconds.
-    pub(crate) stale_unix_s: f64,
+    pub stale_unix_s: f64,
 }
 
 /// Messages of one address that wait for its thread.

@@ -12,10 +12,7 @@ use pyo3::{
 };
 
 /// A vector that Python gives as anything that NumPy makes an array of; `name` is for the error.
-pub(crate) fn vector<const D: usize>(
-    value: &Bound<'_, PyAny>,
-    name: &str,
-) -> PyResult<SVector<f64, D>> {
+pub fn vector<const D: usize>(value: &Bound<'_, PyAny>, name: &str) -> PyResult<SVector<f64, D>> {
     if D == 1
         && let Some(one) = number(value)
     {
@@ -31,14 +28,14 @@ pub(crate) fn vector<const D: usize>(
 }
 
 /// A number by itself, which is no array of one.
-pub(crate) fn number(value: &Bound<'_, PyAny>) -> Option<f64> {
+pub fn number(value: &Bound<'_, PyAny>) -> Option<f64> {
     let single = value.is_instance_of::<PyFloat>() || value.is_instance_of::<PyInt>();
     // NumPy makes a number of an array of one, but warns.
     if single || value.len().is_err() { value.extract().ok() } else { None }
 }
 
 /// A matrix, as [`vector`].
-pub(crate) fn matrix<const R: usize, const C: usize>(
+pub fn matrix<const R: usize, const C: usize>(
     value: &Bound<'_, PyAny>,
     name: &str,
 ) -> PyResult<SMatrix<f64, R, C>> {
@@ -52,7 +49,7 @@ pub(crate) fn matrix<const R: usize, const C: usize>(
 
 /// A covariance, or that of standard deviations, as [`vector`]; one number is the standard
 /// deviation of a single component.
-pub(crate) fn covariance<const D: usize>(
+pub fn covariance<const D: usize>(
     value: &Bound<'_, PyAny>,
     name: &str,
 ) -> PyResult<SMatrix<f64, D, D>> {
@@ -69,11 +66,7 @@ pub(crate) fn covariance<const D: usize>(
 }
 
 /// `count` numbers, as [`vector`].
-pub(crate) fn as_many(
-    value: &Bound<'_, PyAny>,
-    count: usize,
-    name: &str,
-) -> PyResult<DVector<f64>> {
+pub fn as_many(value: &Bound<'_, PyAny>, count: usize, name: &str) -> PyResult<DVector<f64>> {
     let all = match number(value) {
         Some(one) => vec![one],
         None => numbers(value, name)?,
@@ -85,7 +78,7 @@ pub(crate) fn as_many(
 }
 
 /// A matrix of `rows` by `columns`, as [`matrix`].
-pub(crate) fn of_shape(
+pub fn of_shape(
     value: &Bound<'_, PyAny>,
     rows: usize,
     columns: usize,
@@ -101,12 +94,12 @@ pub(crate) fn of_shape(
 }
 
 /// A square matrix, as [`of_shape`].
-pub(crate) fn square(value: &Bound<'_, PyAny>, size: usize, name: &str) -> PyResult<DMatrix<f64>> {
+pub fn square(value: &Bound<'_, PyAny>, size: usize, name: &str) -> PyResult<DMatrix<f64>> {
     of_shape(value, size, size, name)
 }
 
 /// Numbers of any count, as [`vector`].
-pub(crate) fn numbers(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<f64>> {
+pub fn numbers(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<f64>> {
     if value.is_exact_instance_of::<PyTuple>() || value.is_exact_instance_of::<PyList>() {
         return value.extract().map_err(|_| wrong(name, "numbers", value));
     }
@@ -116,7 +109,7 @@ pub(crate) fn numbers(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<f64>
 }
 
 /// States in columns as an array with one state a row, of which each column is contiguous.
-pub(crate) fn states<'py, const N: usize>(
+pub fn states<'py, const N: usize>(
     py: Python<'py>,
     columns: [&[f64]; N],
 ) -> PyResult<Bound<'py, PyAny>> {
@@ -127,7 +120,7 @@ pub(crate) fn states<'py, const N: usize>(
 
 /// The rows that a vectorised function of Python returns for `count` states: `count` × D numbers,
 /// or as many in one column where D is 1.
-pub(crate) fn rows<const D: usize>(
+pub fn rows<const D: usize>(
     value: &Bound<'_, PyAny>,
     count: usize,
     name: &str,
@@ -150,7 +143,7 @@ pub(crate) fn rows<const D: usize>(
 
 /// The matrices that a vectorised function of Python returns for `count` states: one for all, or
 /// one for each.
-pub(crate) fn matrices<const D: usize>(
+pub fn matrices<const D: usize>(
     value: &Bound<'_, PyAny>,
     count: usize,
     name: &str,
@@ -170,7 +163,7 @@ pub(crate) fn matrices<const D: usize>(
 }
 
 /// True if an object of Python takes many states at once.
-pub(crate) fn is_vectorized(object: &Bound<'_, PyAny>) -> PyResult<bool> {
+pub fn is_vectorized(object: &Bound<'_, PyAny>) -> PyResult<bool> {
     if !object.hasattr("vectorized")? {
         return Ok(false);
     }
@@ -178,7 +171,7 @@ pub(crate) fn is_vectorized(object: &Bound<'_, PyAny>) -> PyResult<bool> {
 }
 
 /// Returns the number of a vector's components.
-pub(crate) fn length(value: &Bound<'_, PyAny>, name: &str) -> PyResult<usize> {
+pub fn length(value: &Bound<'_, PyAny>, name: &str) -> PyResult<usize> {
     value.len().map_err(|_| wrong(name, "a sequence of numbers", value))
 }
 

@@ -16,7 +16,7 @@ use pyo3::{
 /// is given.
 #[pyfunction]
 #[pyo3(signature = (arguments, heard=None))]
-pub(crate) fn run_json(
+pub fn run_json(
     py: Python<'_>,
     arguments: Vec<OsString>,
     heard: Option<&Bound<'_, PyList>>,
@@ -32,13 +32,13 @@ pub(crate) fn run_json(
 
 /// The commands with their arguments, as JSON.
 #[pyfunction]
-pub(crate) fn commands_json() -> PyResult<String> {
+pub fn commands_json() -> PyResult<String> {
     foxhunt_cli::commands_json(&Registry::builtin()).map_err(python_error)
 }
 
 /// Raises ValueError, with all kinds, unless events of this kind stand in logs.
 #[pyfunction]
-pub(crate) fn check_event(kind: &str) -> PyResult<()> {
+pub fn check_event(kind: &str) -> PyResult<()> {
     // The parser has the list.
     match serde_json::from_value::<Event>(serde_json::json!({ "event": kind })) {
         Err(error) if error.to_string().starts_with("unknown variant") => {
@@ -52,7 +52,7 @@ pub(crate) fn check_event(kind: &str) -> PyResult<()> {
 /// The true places of a beacon of a log at some times, East and North in metres, one a row; `None`
 /// where the log has no truth. The beacon is JSON, as in the log's header.
 #[pyfunction]
-pub(crate) fn places_at<'py>(
+pub fn places_at<'py>(
     py: Python<'py>,
     beacon: &str,
     times: Vec<f64>,

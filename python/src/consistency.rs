@@ -14,7 +14,7 @@ type Judged = (f64, f64, (f64, f64), String);
 
 /// Judges normalised squares, each with its degrees of freedom.
 #[pyfunction]
-pub(crate) fn judge_squares(
+pub fn judge_squares(
     squares: Vec<f64>,
     degrees_of_freedom: Vec<usize>,
     probability: f64,
@@ -40,7 +40,7 @@ type White = (f64, usize, f64, Vec<(usize, f64, f64)>);
 
 /// Judges runs of normalised innovations, one a row; NaN stands for a missing component.
 #[pyfunction]
-pub(crate) fn judge_whiteness(
+pub fn judge_whiteness(
     runs: Vec<PyArrayLike2<'_, f64, AllowTypeChange>>,
     lags: usize,
 ) -> PyResult<White> {

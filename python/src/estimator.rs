@@ -28,7 +28,7 @@ use crate::{
 /// The belief of an estimator: the mean and the covariance of its state.
 #[pyclass(frozen, get_all, module = "foxhunt")]
 #[derive(Debug)]
-pub(crate) struct Estimate {
+pub struct Estimate {
     /// The mean.
     mean: Py<PyArray1<f64>>,
     /// The covariance about the mean.
@@ -36,7 +36,7 @@ pub(crate) struct Estimate {
 }
 
 impl Estimate {
-    pub(crate) fn of(mean: Py<PyArray1<f64>>, covariance: Py<PyArray2<f64>>) -> Self {
+    pub fn of(mean: Py<PyArray1<f64>>, covariance: Py<PyArray2<f64>>) -> Self {
         Self { mean, covariance }
     }
 }
@@ -67,7 +67,7 @@ impl Estimate {
 /// Result of an update.
 #[pyclass(frozen, get_all, module = "foxhunt")]
 #[derive(Debug)]
-pub(crate) struct Correction {
+pub struct Correction {
     /// True if the gate kept the observation out.
     rejected: bool,
     /// The normalised innovation squared, where the estimator has an innovation.
@@ -132,7 +132,7 @@ impl From<core::Correction> for Correction {
 /// Difference between a measurement and its expectation under the belief.
 #[pyclass(frozen, get_all, module = "foxhunt")]
 #[derive(Debug)]
-pub(crate) struct Innovation {
+pub struct Innovation {
     /// The measurement less its expectation; NaN for a missing component.
     residual: Py<PyArray1<f64>>,
     /// The expectation, in the measurement's units; NaN for a missing component.
@@ -178,22 +178,22 @@ impl Innovation {
 
 /// Numbers of an innovation. A missing component has a residual of 0, a variance of 1 and no
 /// covariance.
-pub(crate) struct Innovated {
-    pub(crate) residual: DVector<f64>,
-    pub(crate) expected: DVector<f64>,
-    pub(crate) covariance: DMatrix<f64>,
-    pub(crate) nis: f64,
+pub struct Innovated {
+    pub residual: DVector<f64>,
+    pub expected: DVector<f64>,
+    pub covariance: DMatrix<f64>,
+    pub nis: f64,
 }
 
 /// Mean and covariance of a prior.
-pub(crate) type Prior<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
+pub type Prior<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
 
 /// States, one a row, and their weights.
-pub(crate) type Samples<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
+pub type Samples<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
 
 /// A recursive Bayesian estimator; see the classes that derive from it.
 #[pyclass(subclass, module = "foxhunt")]
-pub(crate) struct Estimator {
+pub struct Estimator {
     steps: Box<dyn Steps>,
     failure: Failure,
     /// Arguments that it was made of.
@@ -221,12 +221,12 @@ enum Past {
 
 /// The numbers of an update.
 #[derive(Clone)]
-pub(crate) struct Update {
-    pub(crate) value: Vec<Option<f64>>,
+pub struct Update {
+    pub value: Vec<Option<f64>>,
     /// The rows of its covariance.
-    pub(crate) noise: Vec<f64>,
-    pub(crate) receiver: Pose,
-    pub(crate) time: f64,
+    pub noise: Vec<f64>,
+    pub receiver: Pose,
+    pub time: f64,
 }
 
 /// An update as it stands in a pickle: values, noise, time, and the numbers of the pose.
@@ -250,25 +250,25 @@ impl Update {
 }
 
 /// The settings of every kind of estimator.
-pub(crate) struct Settings<'a> {
-    pub(crate) kind: &'a str,
-    pub(crate) gate: Option<f64>,
-    pub(crate) iterations: u32,
-    pub(crate) alpha: f64,
-    pub(crate) beta: f64,
-    pub(crate) kappa: f64,
-    pub(crate) particles: usize,
-    pub(crate) side: usize,
-    pub(crate) seed: u64,
+pub struct Settings<'a> {
+    pub kind: &'a str,
+    pub gate: Option<f64>,
+    pub iterations: u32,
+    pub alpha: f64,
+    pub beta: f64,
+    pub kappa: f64,
+    pub particles: usize,
+    pub side: usize,
+    pub seed: u64,
 }
 
 /// Arguments of every kind of estimator.
-pub(crate) struct Parts<'a, 'py> {
-    pub(crate) motion: &'a Bound<'py, PyAny>,
-    pub(crate) model: &'a Bound<'py, PyAny>,
-    pub(crate) mean: &'a Bound<'py, PyAny>,
-    pub(crate) covariance: &'a Bound<'py, PyAny>,
-    pub(crate) failure: &'a Failure,
+pub struct Parts<'a, 'py> {
+    pub motion: &'a Bound<'py, PyAny>,
+    pub model: &'a Bound<'py, PyAny>,
+    pub mean: &'a Bound<'py, PyAny>,
+    pub covariance: &'a Bound<'py, PyAny>,
+    pub failure: &'a Failure,
 }
 
 #[pymethods]
@@ -588,7 +588,7 @@ impl Estimator {
 }
 
 /// An estimator of any size.
-pub(crate) trait Steps: Any + Send + Sync {
+pub trait Steps: Any + Send + Sync {
     fn predict(&mut self, dt: f64) -> Result<(), core::EstimatorError>;
 
     /// The rows of a covariance that is given, or of that of standard deviations.

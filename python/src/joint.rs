@@ -29,7 +29,7 @@ struct Joint<T> {
 }
 
 /// The Kalman filter of a kind for a state of `n` and measurements of `m` components.
-pub(crate) fn joint(
+pub fn joint(
     n: usize,
     m: usize,
     settings: &Settings<'_>,
@@ -224,11 +224,11 @@ where
 }
 
 /// A motion that is written in Python, of any size.
-pub(crate) struct PythonMotion {
+pub struct PythonMotion {
     /// True if the object has its own derivative; otherwise it is taken by differences.
-    pub(crate) has_jacobian: bool,
-    pub(crate) object: Py<PyAny>,
-    pub(crate) failure: Failure,
+    pub has_jacobian: bool,
+    pub object: Py<PyAny>,
+    pub failure: Failure,
 }
 
 impl PythonMotion {
@@ -297,7 +297,7 @@ impl DynamicMeasurement for ByDifferences<'_, PythonModel> {
 }
 
 /// A random walk of any number of components, in units per √second.
-pub(crate) struct Walk(pub(crate) Vec<f64>);
+pub struct Walk(pub Vec<f64>);
 
 impl DynamicMotion for Walk {
     fn propagate(&self, state: &DVector<f64>, _dt: f64) -> DVector<f64> {
@@ -318,14 +318,14 @@ impl DynamicMotion for Walk {
 }
 
 /// A measurement model that is written in Python, over states of any size.
-pub(crate) struct PythonModel {
-    pub(crate) object: Py<PyAny>,
-    pub(crate) quantities: Vec<Quantity>,
+pub struct PythonModel {
+    pub object: Py<PyAny>,
+    pub quantities: Vec<Quantity>,
     /// Components of the state that it is over; all of them where absent.
-    pub(crate) components: Option<Vec<usize>>,
-    pub(crate) has_jacobian: bool,
-    pub(crate) receivers: Receivers,
-    pub(crate) failure: Failure,
+    pub components: Option<Vec<usize>>,
+    pub has_jacobian: bool,
+    pub receivers: Receivers,
+    pub failure: Failure,
 }
 
 impl DynamicMeasurement for PythonModel {

@@ -44,7 +44,7 @@ impl Given<'_, '_> {
 /// Checks an estimator: `make` returns a new one each time. Raises AssertionError for a breach.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "Python's are named")]
-pub(crate) fn check_estimator(
+pub fn check_estimator(
     make: &Bound<'_, PyAny>,
     pairs: &Bound<'_, PyAny>,
     value: &Bound<'_, PyAny>,
@@ -71,7 +71,7 @@ pub(crate) fn check_estimator(
 
 /// Checks a measurement model at a state. Raises AssertionError for a breach.
 #[pyfunction]
-pub(crate) fn check_model(
+pub fn check_model(
     object: &Bound<'_, PyAny>,
     state: &Bound<'_, PyAny>,
     value: &Bound<'_, PyAny>,

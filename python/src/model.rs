@@ -26,13 +26,12 @@ use crate::{
 };
 
 /// Measurement model of a receiver, for states of N and measurements of M components.
-pub(crate) type AnyModel<const N: usize, const M: usize> =
-    Arc<dyn MeasurementModel<N, M> + Send + Sync>;
+pub type AnyModel<const N: usize, const M: usize> = Arc<dyn MeasurementModel<N, M> + Send + Sync>;
 
 /// A measurement model of the library.
 #[pyclass(frozen, module = "foxhunt")]
 #[derive(Debug)]
-pub(crate) struct Model {
+pub struct Model {
     kind: Kind,
     recipe: Recipe,
 }
@@ -144,13 +143,13 @@ fn law_recipe(method: &'static str, reference_dbm: f64, exponent: f64, target_up
 
 /// Returns the number of components that a model measures: the library's, or any object with
 /// `quantities`.
-pub(crate) fn components(object: &Bound<'_, PyAny>) -> PyResult<usize> {
+pub fn components(object: &Bound<'_, PyAny>) -> PyResult<usize> {
     object.getattr("quantities")?.len()
 }
 
 /// The model of a Python object: the library's, or any with `quantities` and
 /// `expected(state, receiver)`.
-pub(crate) fn model<const N: usize, const M: usize>(
+pub fn model<const N: usize, const M: usize>(
     object: &Bound<'_, PyAny>,
     failure: &Failure,
 ) -> PyResult<AnyModel<N, M>> {
@@ -189,12 +188,12 @@ pub(crate) fn model<const N: usize, const M: usize>(
 }
 
 /// A measurement model over states of any size.
-pub(crate) type AnyDynamicModel = Arc<dyn DynamicMeasurement + Send + Sync>;
+pub type AnyDynamicModel = Arc<dyn DynamicMeasurement + Send + Sync>;
 
 /// The model of a Python object for a state of any size: the library's are over its first two
 /// components, and its last ones where they have parameters; any other object as [`model`] takes
 /// it, over the `components` that it names.
-pub(crate) fn dynamic(
+pub fn dynamic(
     object: &Bound<'_, PyAny>,
     size: usize,
     failure: &Failure,
@@ -253,11 +252,11 @@ struct PythonModel<const M: usize> {
 
 /// Pose of the last call as Python has it: sigma points and particles share one.
 #[derive(Default)]
-pub(crate) struct Receivers(Mutex<Option<(Pose, Py<PyAny>)>>);
+pub struct Receivers(Mutex<Option<(Pose, Py<PyAny>)>>);
 
 impl Receivers {
     /// The receiver as Python has it.
-    pub(crate) fn of<'py>(&self, py: Python<'py>, pose: &Pose) -> PyResult<Bound<'py, PyAny>> {
+    pub fn of<'py>(&self, py: Python<'py>, pose: &Pose) -> PyResult<Bound<'py, PyAny>> {
         let last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((last, made)) = &*last
             && last == pose
@@ -387,7 +386,7 @@ impl<const N: usize, const M: usize> MeasurementModel<N, M> for PythonModel<M> {
 }
 
 /// The quantities of a Python model: pairs of a name and "linear" or "angle".
-pub(crate) fn quantities<const M: usize>(object: &Bound<'_, PyAny>) -> PyResult<[Quantity; M]> {
+pub fn quantities<const M: usize>(object: &Bound<'_, PyAny>) -> PyResult<[Quantity; M]> {
     let each = each_quantity(object)?;
     each.try_into().map_err(|_| PyValueError::new_err(format!("there must be {M} quantities")))
 }

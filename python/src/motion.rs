@@ -19,12 +19,12 @@ use crate::{
 };
 
 /// Motion model of the target, for states of N components.
-pub(crate) type AnyMotion<const N: usize> = Arc<dyn MotionModel<N> + Send + Sync>;
+pub type AnyMotion<const N: usize> = Arc<dyn MotionModel<N> + Send + Sync>;
 
 /// A motion of the library.
 #[pyclass(frozen, module = "foxhunt")]
 #[derive(Debug)]
-pub(crate) struct Motion {
+pub struct Motion {
     kind: Kind,
     recipe: Recipe,
 }
@@ -88,7 +88,7 @@ impl Motion {
 
 /// The motion of a Python object: the library's, or any with `propagate(state, dt)` and
 /// `noise_factor(state, dt)`.
-pub(crate) fn motion<const N: usize>(
+pub fn motion<const N: usize>(
     object: &Bound<'_, PyAny>,
     failure: &Failure,
 ) -> PyResult<AnyMotion<N>> {
@@ -128,11 +128,7 @@ pub(crate) fn motion<const N: usize>(
 
 /// The motion of a Python object for a state of any size: a random walk of the library, or any
 /// object as [`motion`] takes it.
-pub(crate) fn dynamic(
-    object: &Bound<'_, PyAny>,
-    size: usize,
-    failure: &Failure,
-) -> PyResult<JointMotion> {
+pub fn dynamic(object: &Bound<'_, PyAny>, size: usize, failure: &Failure) -> PyResult<JointMotion> {
     let Ok(motion) = object.cast::<Motion>() else {
         for method in ["propagate", "noise_factor"] {
             object.getattr(method)?;

@@ -5,28 +5,25 @@ use pyo3::{exceptions::PyImportError, prelude::*, types::PyList};
 /// Raises ImportError: this installation holds estimators alone.
 #[pyfunction]
 #[pyo3(signature = (_arguments, _heard=None))]
-pub(crate) fn run_json(
-    _arguments: Vec<OsString>,
-    _heard: Option<&Bound<'_, PyList>>,
-) -> PyResult<String> {
+pub fn run_json(_arguments: Vec<OsString>, _heard: Option<&Bound<'_, PyList>>) -> PyResult<String> {
     Err(no_program())
 }
 
 /// Raises ImportError: this installation holds estimators alone.
 #[pyfunction]
-pub(crate) fn commands_json() -> PyResult<String> {
+pub fn commands_json() -> PyResult<String> {
     Err(no_program())
 }
 
 /// Raises ImportError: this installation holds estimators alone.
 #[pyfunction]
-pub(crate) fn check_event(_kind: &str) -> PyResult<()> {
+pub fn check_event(_kind: &str) -> PyResult<()> {
     Err(no_program())
 }
 
 /// Raises ImportError: this installation holds estimators alone.
 #[pyfunction]
-pub(crate) fn places_at(_beacon: &str, _times: Vec<f64>) -> PyResult<()> {
+pub fn places_at(_beacon: &str, _times: Vec<f64>) -> PyResult<()> {
     Err(no_program())
 }
 

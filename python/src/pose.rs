@@ -12,7 +12,7 @@ use crate::arrays;
 
 /// The pose of a receiver: two or three coordinates, or a `foxhunt.Pose`; a heading and a velocity
 /// that are given beside it replace its own.
-pub(crate) fn pose(
+pub fn pose(
     receiver: Option<&Bound<'_, PyAny>>,
     heading: Option<f64>,
     velocity: Option<&Bound<'_, PyAny>>,
@@ -57,7 +57,7 @@ fn place(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vector3<f64>> {
 }
 
 /// The pose as Python's models get it: a `foxhunt.Pose`.
-pub(crate) fn to_python<'py>(py: Python<'py>, pose: &Pose) -> PyResult<Bound<'py, PyAny>> {
+pub fn to_python<'py>(py: Python<'py>, pose: &Pose) -> PyResult<Bound<'py, PyAny>> {
     let Pose { position, heading, pitch, roll, velocity } = pose;
     let array = |vector: &Vector3<f64>| PyArray1::from_slice(py, vector.as_slice());
     let velocity = velocity.as_ref().map(array);

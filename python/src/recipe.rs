@@ -9,35 +9,35 @@ use pyo3::{
 
 /// An argument of a constructor.
 #[derive(Clone, Debug)]
-pub(crate) enum Argument {
+pub enum Argument {
     Number(f64),
     Numbers(Vec<f64>),
 }
 
 /// The call that made an object: a static method and its keywords.
 #[derive(Clone, Debug)]
-pub(crate) struct Recipe {
+pub struct Recipe {
     method: &'static str,
     arguments: Vec<(&'static str, Argument)>,
 }
 
 impl Recipe {
-    pub(crate) fn new(method: &'static str) -> Self {
+    pub fn new(method: &'static str) -> Self {
         Self { method, arguments: Vec::new() }
     }
 
-    pub(crate) fn with(mut self, name: &'static str, value: f64) -> Self {
+    pub fn with(mut self, name: &'static str, value: f64) -> Self {
         self.arguments.push((name, Argument::Number(value)));
         self
     }
 
-    pub(crate) fn with_several(mut self, name: &'static str, values: &[f64]) -> Self {
+    pub fn with_several(mut self, name: &'static str, values: &[f64]) -> Self {
         self.arguments.push((name, Argument::Numbers(values.to_vec())));
         self
     }
 
     /// Result of `__reduce__`: a function of the package, and the call as its arguments.
-    pub(crate) fn reduced<'py>(&self, of: &Bound<'py, PyType>) -> PyResult<Bound<'py, PyTuple>> {
+    pub fn reduced<'py>(&self, of: &Bound<'py, PyType>) -> PyResult<Bound<'py, PyTuple>> {
         let py = of.py();
         let keywords = PyDict::new(py);
         for (name, argument) in &self.arguments {

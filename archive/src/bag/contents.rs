@@ -12,27 +12,27 @@ use super::{BagError, message::Kind};
 /// A message out of a bag.
 pub(super) struct Message {
     /// Index of the bag's topic.
-    pub(super) topic: usize,
+    pub topic: usize,
     /// Time of recording in nanoseconds, in most bags since 1970.
-    pub(super) time_ns: i64,
+    pub time_ns: i64,
     /// The message in CDR.
-    pub(super) data: Vec<u8>,
+    pub data: Vec<u8>,
 }
 
 /// A topic of a bag.
 #[derive(Debug)]
 pub(super) struct Topic {
-    pub(super) name: String,
+    pub name: String,
     /// The name of its type.
     of: String,
     /// Kind of its messages, if they are read.
-    pub(super) kind: Option<Kind>,
+    pub kind: Option<Kind>,
 }
 
 /// The messages of a bag whose kind is read, in the order of time.
 pub(super) struct Bag {
-    pub(super) topics: Vec<Topic>,
-    pub(super) messages: Vec<Message>,
+    pub topics: Vec<Topic>,
+    pub messages: Vec<Message>,
 }
 
 impl Bag {

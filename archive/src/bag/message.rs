@@ -160,12 +160,12 @@ pub(super) enum Place {
 /// Contents of foxhunt's own message.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Received {
-    pub(super) beacon: u16,
-    pub(super) place: [f64; 3],
-    pub(super) heading: f64,
-    pub(super) rss_dbm: Option<f64>,
+    pub beacon: u16,
+    pub place: [f64; 3],
+    pub heading: f64,
+    pub rss_dbm: Option<f64>,
     /// The bearing and its σ in radians.
-    pub(super) bearing: Option<[f64; 2]>,
+    pub bearing: Option<[f64; 2]>,
 }
 
 /// Returns the place of a message; [`None`] for a message without a GNSS fix.

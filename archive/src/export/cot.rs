@@ -32,16 +32,16 @@ const MOST_CORNERS: usize = 24;
 
 /// Attributes of an event.
 pub(super) struct Head<'a> {
-    pub(super) uid: &'a str,
+    pub uid: &'a str,
     /// Type of the event: an unknown thing on the ground, a drone, a line, a shape.
-    pub(super) kind: &'a str,
+    pub kind: &'a str,
     /// Origin of the place: `m-g` from GNSS, `m-f` fused, `m-r` from radio, `m-s` simulated.
-    pub(super) how: &'a str,
-    pub(super) place: LonLat,
+    pub how: &'a str,
+    pub place: LonLat,
     /// Radius about the place that holds the thing with 95 %, in metres.
-    pub(super) radius_m: Option<f64>,
+    pub radius_m: Option<f64>,
     /// UNIX times of the event, of the beginning of its validity and of the end, in seconds.
-    pub(super) times: [f64; 3],
+    pub times: [f64; 3],
 }
 
 pub(super) fn write(overview: &Overview, frame: &LocalFrame) -> Result<Vec<u8>, ExportError> {

@@ -13,15 +13,15 @@ use crate::overview::{Believed, Overview, Received, SearchOverview};
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Feature {
     /// Kind of the feature.
-    pub(super) kind: Kind,
+    pub kind: Kind,
     /// Name of the beacon or the receiver that it belongs to.
-    pub(super) name: String,
+    pub name: String,
     /// Time in seconds of the overview.
-    pub(super) time: Option<f64>,
+    pub time: Option<f64>,
     /// Shape of the feature: one point, the points of a line, or the rings of an area, each closed.
-    pub(super) shape: Shape,
+    pub shape: Shape,
     /// Other quantities, by names with units.
-    pub(super) numbers: Vec<(&'static str, f64)>,
+    pub numbers: Vec<(&'static str, f64)>,
 }
 
 /// Kind of a feature.

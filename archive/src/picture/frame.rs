@@ -6,10 +6,10 @@ pub(super) type Pixel = (i32, i32);
 /// A rectangle on the canvas.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Rect {
-    pub(super) left: i32,
-    pub(super) top: i32,
-    pub(super) right: i32,
-    pub(super) bottom: i32,
+    pub left: i32,
+    pub top: i32,
+    pub right: i32,
+    pub bottom: i32,
 }
 
 /// A rectangle in the field, in metres East and North; empty at first.

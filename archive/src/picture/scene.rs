@@ -13,15 +13,15 @@ use super::frame::Extent;
 #[derive(Debug, Default)]
 pub(super) struct Scene {
     /// Places where each drone listened, in order.
-    pub(super) drones: BTreeMap<usize, Vec<Vector2<f64>>>,
+    pub drones: BTreeMap<usize, Vec<Vector2<f64>>>,
     /// The bearings.
-    pub(super) rays: Vec<Ray>,
+    pub rays: Vec<Ray>,
     /// The searches, one for each beacon that was begun with.
-    pub(super) searches: Vec<Search>,
+    pub searches: Vec<Search>,
     /// Every beacon whose place is known: where it was at its last reception.
-    pub(super) beacons: Vec<(String, Vector2<f64>)>,
+    pub beacons: Vec<(String, Vector2<f64>)>,
     /// The ways of moving beacons since the beginning.
-    pub(super) courses: Vec<Vec<Vector2<f64>>>,
+    pub courses: Vec<Vec<Vector2<f64>>>,
     /// Beacon of the last reception.
     received: BeaconId,
 }
@@ -29,12 +29,12 @@ pub(super) struct Scene {
 /// One bearing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Ray {
-    pub(super) drone: usize,
-    pub(super) from: Vector2<f64>,
+    pub drone: usize,
+    pub from: Vector2<f64>,
     /// Radians counter-clockwise from East.
     angle: f64,
     /// True if the estimator fused it.
-    pub(super) fused: bool,
+    pub fused: bool,
 }
 
 impl Ray {
@@ -49,16 +49,16 @@ impl Ray {
 #[derive(Debug, Default)]
 pub(super) struct Search {
     beacon: BeaconId,
-    pub(super) name: String,
+    pub name: String,
     /// The prior's mean, then one estimate for each reception.
-    pub(super) track: Vec<Vector2<f64>>,
+    pub track: Vec<Vector2<f64>>,
     /// Places of equal weight, drawn from the last belief, where two moments do not do.
-    pub(super) cloud: Vec<Vector2<f64>>,
+    pub cloud: Vec<Vector2<f64>>,
     /// The last belief.
-    pub(super) estimate: Option<Estimate<2>>,
-    pub(super) truth: Option<Vector2<f64>>,
+    pub estimate: Option<Estimate<2>>,
+    pub truth: Option<Vector2<f64>>,
     /// The result, where the search ended.
-    pub(super) fix: Option<Fix>,
+    pub fix: Option<Fix>,
 }
 
 /// Farther than this from the origin, in metres, is no place in a local frame.

@@ -15,13 +15,13 @@ use super::{
 /// A table that lies beside a recording, by the names of its rows.
 pub(super) struct Joined {
     /// Name of the table's file in messages.
-    pub(super) file: String,
+    pub file: String,
     /// The columns of ours that name a row; empty where one row holds for all.
-    pub(super) by: Vec<Column>,
+    pub by: Vec<Column>,
     optional: bool,
     rows: BTreeMap<Vec<String>, Row>,
     /// Indices and source of each column of ours.
-    pub(super) columns: BTreeMap<Column, (Vec<usize>, Source)>,
+    pub columns: BTreeMap<Column, (Vec<usize>, Source)>,
 }
 
 impl Joined {

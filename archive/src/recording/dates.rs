@@ -98,8 +98,8 @@ pub(super) enum Order {
 /// Times of a file: the stated or found format, and the offset of times without one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Times {
-    pub(super) format: Option<TimeFormat>,
-    pub(super) zone: TimeZone,
+    pub format: Option<TimeFormat>,
+    pub zone: TimeZone,
 }
 
 impl Times {

@@ -18,7 +18,7 @@ const LIMIT_KM: f64 = 200.0;
 const NO_FIX_DEG: f64 = 2e-6;
 
 /// A row that is not kept, by the index of the rule that it is counted under.
-pub(super) struct LeftOut(pub(super) usize);
+pub(super) struct LeftOut(pub usize);
 
 /// Measured quantities besides level and bearing: column, column of σ.
 const QUANTITIES: [(Quantity, Column, Column); 3] = [

@@ -7,29 +7,29 @@ use super::{
 
 /// A mapping fitted to one file's header.
 pub(super) struct Plan {
-    pub(super) origins: BTreeMap<Column, Origin>,
+    pub origins: BTreeMap<Column, Origin>,
     /// The columns of `origins`, a bit each: most are looked for in every row, and missing.
     present: u64,
-    pub(super) rules: Vec<Rule>,
+    pub rules: Vec<Rule>,
     /// The tables beside the file.
-    pub(super) joined: Vec<Joined>,
+    pub joined: Vec<Joined>,
     /// The columns that become rows of their own; empty where the mapping melts nothing.
-    pub(super) melted: Vec<Melted>,
+    pub melted: Vec<Melted>,
     /// True if levels are written without their sign.
-    pub(super) negate_levels: bool,
+    pub negate_levels: bool,
     /// The way in which times are written.
-    pub(super) times: Times,
+    pub times: Times,
     /// The file's columns that nothing reads.
-    pub(super) ignored: Vec<String>,
+    pub ignored: Vec<String>,
     /// The names of the file's columns.
-    pub(super) names: Vec<String>,
+    pub names: Vec<String>,
 }
 
 /// A column that is of one beacon or drone.
 pub(super) struct Melted {
-    pub(super) index: usize,
-    pub(super) name: String,
-    pub(super) column: String,
+    pub index: usize,
+    pub name: String,
+    pub column: String,
 }
 
 /// Source of a column's values.
@@ -55,8 +55,8 @@ pub(super) enum Origin {
 /// A column in metres, its scale and offset.
 #[derive(Clone)]
 pub(super) struct Metres {
-    pub(super) index: usize,
-    pub(super) source: Source,
+    pub index: usize,
+    pub source: Source,
 }
 
 /// The zone of UTM of a row.
@@ -70,15 +70,15 @@ pub(super) enum Zone {
 
 /// A column that is added, with its sign.
 pub(super) struct Term {
-    pub(super) index: usize,
-    pub(super) sign: f64,
+    pub index: usize,
+    pub sign: f64,
 }
 
 /// A rule of the mapping, with the place of its column.
 pub(super) struct Rule {
-    pub(super) index: usize,
-    pub(super) keep: Keep,
-    pub(super) label: String,
+    pub index: usize,
+    pub keep: Keep,
+    pub label: String,
 }
 
 /// Columns that exclude each other: both hold the same.

@@ -48,11 +48,11 @@ type Series<'r> = (&'r str, Option<&'r str>);
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Jump {
     /// The record, from 0.
-    pub(super) record: usize,
+    pub record: usize,
     /// The distance from the nearest fix of the path in the file, in metres.
-    pub(super) distance_m: f64,
+    pub distance_m: f64,
     /// The time between the two, in seconds.
-    pub(super) within_s: f64,
+    pub within_s: f64,
 }
 
 /// Returns the records that are not on the longest path of their receiver on which each fix can be

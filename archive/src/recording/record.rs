@@ -27,8 +27,8 @@ pub struct Record {
 /// counter-clockwise from East.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Place {
-    pub(super) position: Vector3<f64>,
-    pub(super) heading: f64,
+    pub position: Vector3<f64>,
+    pub heading: f64,
 }
 
 impl Record {

@@ -18,22 +18,22 @@ use super::{
 
 /// One row, read by a plan.
 pub(super) struct Reader<'r> {
-    pub(super) plan: &'r Plan,
-    pub(super) row: &'r Row,
+    pub plan: &'r Plan,
+    pub row: &'r Row,
     /// Melted column that it is read for, where the plan has such.
-    pub(super) melted: Option<&'r Melted>,
+    pub melted: Option<&'r Melted>,
     /// The name of a drone that has none of its own.
-    pub(super) stem: &'r str,
+    pub stem: &'r str,
     /// North from which angles are counted.
-    pub(super) north: North,
+    pub north: North,
     /// A day in seconds since 1970, for rows without a time in UTC.
-    pub(super) date_s: Option<f64>,
+    pub date_s: Option<f64>,
     /// Path of the receiver, and the seconds that make the row's time UTC.
-    pub(super) rover: Option<(&'r Rover, f64)>,
+    pub rover: Option<(&'r Rover, f64)>,
     /// The first place of the file that was too far from the frame's origin.
-    pub(super) astray: &'r Cell<Option<Geodetic>>,
+    pub astray: &'r Cell<Option<Geodetic>>,
     /// Names of the file's receivers and beacons, and details, that rows share.
-    pub(super) shared: &'r Shared,
+    pub shared: &'r Shared,
 }
 
 /// Names of a receiver and of a beacon.

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 /// A command that can be run.
 #[derive(Debug, Serialize)]
-pub(crate) struct CommandDescription {
+pub struct CommandDescription {
     /// Words of the command, such as `["compare", "sigmas"]`.
     words: Vec<String>,
     about: String,
@@ -44,7 +44,7 @@ enum Kind {
 }
 
 /// Returns all commands but groups that only hold other commands, in the order of `--help`.
-pub(crate) fn described(mut command: Command) -> Vec<CommandDescription> {
+pub fn described(mut command: Command) -> Vec<CommandDescription> {
     command.build();
     let mut all = Vec::new();
     visit(&command, &mut Vec::new(), &mut all);

@@ -3,7 +3,7 @@ use clap::Command;
 use crate::screen;
 
 /// Groups of the commands, in the order of `--help`.
-pub(super) const GROUPS: [(&str, &[&str]); 5] = [
+pub const GROUPS: [(&str, &[&str]); 5] = [
     ("Simulate", &["hunt", "campaign", "fleets", "soak"]),
     (
         "Recordings",
@@ -15,7 +15,7 @@ pub(super) const GROUPS: [(&str, &[&str]); 5] = [
 ];
 
 /// Has `--help` show the subcommands in their groups; lists elsewhere keep that order.
-pub(super) fn grouped(command: Command) -> Command {
+pub fn grouped(command: Command) -> Command {
     let section = section(&command, screen::width());
     let header = command.get_styles().get_header().to_owned();
     let names = GROUPS.iter().flat_map(|(_, names)| *names).enumerate();

@@ -13,7 +13,7 @@ use foxhunt::registry::Registry;
 
 use crate::{commands::Command, hints, output::JsonForm};
 
-pub(crate) use description::described;
+pub use description::described;
 
 /// Finds radio transmitters with drones.
 ///
@@ -29,22 +29,22 @@ pub(crate) use description::described;
     after_help = "Exit code: 0 success, 2 wrong use or input, 1 a failure.\n\n\
                   Example: fly the default hunt and look at out/hunt.svg\n  foxhunt hunt"
 )]
-pub(crate) struct Cli {
+pub struct Cli {
     /// Print the result as one JSON value on standard output, all else on standard error;
     /// `--json=lines` prints a value per line: the events of long work, then the result
     #[arg(long, global = true, value_name = "FORM", num_args = 0..=1, require_equals = true,
           default_missing_value = "value")]
-    pub(crate) json: Option<JsonForm>,
+    pub json: Option<JsonForm>,
     /// Command to run.
     #[command(subcommand)]
-    pub(crate) command: Command,
+    pub command: Command,
 }
 
 /// Name of the program.
 const PROGRAM: &str = "foxhunt";
 
 /// All commands, their arguments with the names of a registry.
-pub(crate) fn command(registry: &Registry) -> clap::Command {
+pub fn command(registry: &Registry) -> clap::Command {
     names::command(groups::grouped(Cli::command()), registry)
 }
 
@@ -53,7 +53,7 @@ pub(crate) fn command(registry: &Registry) -> clap::Command {
 /// # Errors
 ///
 /// The requested help, or the mistake with a hint.
-pub(crate) fn parse(
+pub fn parse(
     registry: &Registry,
     arguments: impl IntoIterator<Item = OsString>,
 ) -> Result<Cli, clap::Error> {

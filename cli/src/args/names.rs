@@ -14,7 +14,7 @@ const OF_A_STORE: &str = "results";
 
 /// Restricts every `--estimator`, `--extractor` and `--planner` of a command and its subcommands to
 /// the names of a registry.
-pub(super) fn command(command: Command, registry: &Registry) -> Command {
+pub fn command(command: Command, registry: &Registry) -> Command {
     if command.get_name() == OF_A_STORE {
         return command;
     }

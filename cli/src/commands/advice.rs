@@ -14,7 +14,7 @@ use crate::output::warn;
 const REPORT_S: f64 = 3.0;
 
 /// Adviser of pilots and of people who carry receivers.
-pub(super) struct Adviser {
+pub struct Adviser {
     /// True if every drone is flown by a pilot who is advised.
     pilots: bool,
     /// Receivers that are carried, by the drone's number.
@@ -33,7 +33,7 @@ struct Carried {
 }
 
 impl Adviser {
-    pub(super) fn new(config: &FlightConfig, pilots: bool) -> Self {
+    pub fn new(config: &FlightConfig, pilots: bool) -> Self {
         let carried = config.drones.iter().map(|drone| match drone.vehicle {
             VehicleDevice::Carried { .. } => {
                 let pitch = Pitch::new(PitchConfig::default()).ok()?;
@@ -58,7 +58,7 @@ impl Adviser {
     }
 
     /// Takes the levels of a sweep.
-    pub(super) fn received(&mut self, drone: usize, sweep: &Sweep<'_>) {
+    pub fn received(&mut self, drone: usize, sweep: &Sweep<'_>) {
         let Some(Some(carried)) = self.carried.get_mut(drone) else { return };
         for sample in sweep.samples {
             carried.pitch.received(sample.time, sample.rss_dbm);
@@ -69,7 +69,7 @@ impl Adviser {
 
     /// Prints the levels of carried receivers from time to time, and whether their ways lead
     /// nearer. Returns the times and levels since the last call.
-    pub(super) fn report(&mut self, time: f64, hunt: &Hunt) -> Vec<(f64, f64)> {
+    pub fn report(&mut self, time: f64, hunt: &Hunt) -> Vec<(f64, f64)> {
         let stations = hunt.stations();
         for (drone, carried) in self.carried.iter_mut().enumerate() {
             let Some(carried) = carried.as_mut().filter(|carried| carried.is_new) else { continue };
@@ -94,7 +94,7 @@ impl Adviser {
     }
 
     /// Prints the advice that an event is.
-    pub(super) fn advise(&self, event: &Event, config: &FlightConfig, hunt: &Hunt) {
+    pub fn advise(&self, event: &Event, config: &FlightConfig, hunt: &Hunt) {
         let some_walk = self.carried.iter().any(Option::is_some);
         if !self.pilots && !some_walk {
             return;

@@ -34,7 +34,7 @@ use crate::{
                         foxhunt antenna yagi --write yagi.msi\n  \
                         foxhunt antenna reference-patch --json\n  \
                         foxhunt antenna --learn turn.csv --bearing-deg 137 --write mine.csv")]
-pub(crate) struct Args {
+pub struct Args {
     /// An antenna file, or one of isotropic, dipole, cardioid, patch, yagi, reference-patch
     #[arg(value_name = "FILE|NAME", required_unless_present = "learn", conflicts_with = "learn")]
     antenna: Option<String>,
@@ -94,7 +94,7 @@ struct Fit {
     sigma_db: f64,
 }
 
-pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
+pub fn run(args: &Args, output: Output) -> Result<(), CliError> {
     args.write.iter().chain(&args.out).try_for_each(|path| check_writable(path))?;
     let (name, antenna, vendor, learned) = match &args.antenna {
         Some(name) => {

@@ -36,7 +36,7 @@ use crate::{
                         foxhunt bearing rotation.csv --format uavrt-rotation --beacon 4\n  \
                         foxhunt bearing rotation.csv --all --antenna yagi\n  \
                         foxhunt bearing sweep.csv --calibration calibration.toml")]
-pub(crate) struct Args {
+pub struct Args {
     /// A recording: CSV with named columns
     file: PathBuf,
     /// Read each turn with every extractor; those with an antenna use that of --antenna, or else
@@ -157,7 +157,7 @@ impl From<&BearingMode> for Mode {
     }
 }
 
-pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     args.views.check(false)?;
     let own = args.calibration.read()?;

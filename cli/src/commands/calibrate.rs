@@ -53,7 +53,7 @@ use crate::{
                         foxhunt calibrate flight.csv --truth 50.0755,14.4378 --max-exponent 3\n  \
                         foxhunt calibrate monday.csv tuesday.csv --out calibration.toml\n  \
                         foxhunt calibrate out/hunt.jsonl")]
-pub(crate) struct Args {
+pub struct Args {
     /// Recordings: CSV with named columns, or logs of hunts
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
@@ -78,7 +78,7 @@ pub(crate) struct Args {
     reading: Reading,
 }
 
-pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     if !args.target_up_m.is_finite() {
         return Err(CliError::input(format!(

@@ -17,7 +17,7 @@ use crate::{
 
 /// A calibration from recordings with a known transmitter.
 #[derive(Debug, clap::Args)]
-pub(super) struct Calibration {
+pub struct Calibration {
     /// The file that `foxhunt calibrate --out` wrote: path loss, errors of bearings, a station's
     /// antennas
     #[arg(long = "calibration", value_name = "FILE")]
@@ -26,7 +26,7 @@ pub(super) struct Calibration {
 
 /// Surroundings of the receivers.
 #[derive(Debug, clap::Args)]
-pub(super) struct Surroundings {
+pub struct Surroundings {
     /// The receiver's surroundings: open, forest, street, indoors or unknown; part of the σ of
     /// bearings from uncalibrated turns [default: unknown, which is wide]
     #[arg(long, value_name = "SITE", hide_possible_values = true)]
@@ -35,12 +35,12 @@ pub(super) struct Surroundings {
 
 impl Surroundings {
     /// The site; unknown unless given.
-    pub(super) fn site(&self) -> Site {
+    pub fn site(&self) -> Site {
         self.site.unwrap_or_default()
     }
 
     /// Prints the σ of turns at an unknown site, unless a site is given.
-    pub(super) fn narrate(&self) {
+    pub fn narrate(&self) {
         if self.site.is_none() {
             let deg = Site::default().sigma().to_degrees();
             warn_once(&format!(
@@ -50,7 +50,7 @@ impl Surroundings {
     }
 
     /// Returns an extractor whose σ includes the site's.
-    pub(super) fn around(&self, extractor: BoxedExtractor) -> BoxedExtractor {
+    pub fn around(&self, extractor: BoxedExtractor) -> BoxedExtractor {
         Box::new(AtSite::new(extractor, self.site()))
     }
 
@@ -65,7 +65,7 @@ impl Surroundings {
 
 impl Calibration {
     /// Reads the file, or returns an empty one if no file is given.
-    pub(super) fn read(&self) -> Result<CalibrationFile, CliError> {
+    pub fn read(&self) -> Result<CalibrationFile, CliError> {
         match &self.calibration {
             Some(path) => CalibrationFile::read(path).map_err(CliError::input),
             None => Ok(CalibrationFile::default()),
@@ -74,7 +74,7 @@ impl Calibration {
 
     /// Returns the file that was [`read`](Self::read). Without a file, returns the calibration that
     /// comes with the program for a station of this recording.
-    pub(super) fn or_shipped<'a>(
+    pub fn or_shipped<'a>(
         &self,
         read: &'a CalibrationFile,
         recording: &Recording,
@@ -98,24 +98,21 @@ impl Calibration {
 }
 
 /// Prints the number of bearings that the calibration of their array corrected, if there are any.
-pub(super) fn narrate_corrected(bearings: usize) {
+pub fn narrate_corrected(bearings: usize) {
     if bearings > 0 {
         warn_once(&format!("  bearings corrected by the calibration of their array: {bearings}"));
     }
 }
 
 /// A recording, or one drone's part of it, and the station whose turns it holds.
-pub(super) struct Part<'r, 'f> {
-    pub(super) recording: Cow<'r, Recording>,
-    pub(super) station: Option<Cow<'f, StationSection>>,
+pub struct Part<'r, 'f> {
+    pub recording: Cow<'r, Recording>,
+    pub station: Option<Cow<'f, StationSection>>,
 }
 
 /// The parts of a recording that are read in different ways: where stations are calibrated, each
 /// drone's own. A station of fixed antennas that has no section of its own is one of the model.
-pub(super) fn parts<'r, 'f>(
-    recording: &'r Recording,
-    file: &'f CalibrationFile,
-) -> Vec<Part<'r, 'f>> {
+pub fn parts<'r, 'f>(recording: &'r Recording, file: &'f CalibrationFile) -> Vec<Part<'r, 'f>> {
     if file.stations.is_empty() && file.station_model.is_none() {
         return vec![Part { recording: Cow::Borrowed(recording), station: None }];
     }
@@ -133,14 +130,14 @@ pub(super) fn parts<'r, 'f>(
 }
 
 /// Place of a recording's receiver, as calibrations have it.
-pub(super) fn station_place(recording: &Recording) -> Option<StationPlace> {
+pub fn station_place(recording: &Recording) -> Option<StationPlace> {
     let place = recording.first_place()?;
     Some(StationPlace { lat_deg: place.lat_deg, lon_deg: place.lon_deg })
 }
 
 /// Returns the extractor of this name, calibrated; a station's turns have the station's own. The σ
 /// of an uncalibrated extractor includes the site's.
-pub(super) fn calibrated(
+pub fn calibrated(
     file: &CalibrationFile,
     station: Option<&StationSection>,
     name: &str,

@@ -14,9 +14,9 @@ use crate::table::{number, table, text as cell};
 
 /// The fits in JSON.
 #[derive(Debug, Serialize)]
-pub(super) struct Report {
+pub struct Report {
     #[serde(rename = "calibration")]
-    pub(super) file: CalibrationFile,
+    pub file: CalibrationFile,
     #[serde(rename = "file")]
     first_file: String,
     files: Vec<String>,
@@ -27,18 +27,18 @@ pub(super) struct Report {
     path_loss: Option<PathLoss>,
     bearings: Option<Bearings>,
     /// Arrays that do not turn, in the order of the file.
-    pub(super) arrays: Vec<Array>,
+    pub arrays: Vec<Array>,
     /// Stations in the order of the file.
-    pub(super) stations: Vec<Station>,
+    pub stations: Vec<Station>,
     /// Fits that were not possible.
-    pub(super) skipped: Vec<Skipped>,
+    pub skipped: Vec<Skipped>,
 }
 
 /// Something that could not be fitted.
 #[derive(Debug, Serialize)]
-pub(super) struct Skipped {
-    pub(super) what: &'static str,
-    pub(super) why: String,
+pub struct Skipped {
+    pub what: &'static str,
+    pub why: String,
 }
 
 /// A fitted path loss.
@@ -113,7 +113,7 @@ struct Sigma {
 
 /// Deviation of an array that does not turn.
 #[derive(Debug, Serialize)]
-pub(super) struct Array {
+pub struct Array {
     bearings: usize,
     /// Number of bearings left out of the fit, as of reflections.
     outliers: usize,
@@ -171,7 +171,7 @@ impl From<&ArrayCalibration> for Array {
 
 /// A station's antennas, and how well they do on days that were left out.
 #[derive(Debug, Serialize)]
-pub(super) struct Station {
+pub struct Station {
     bursts: usize,
     groups: usize,
     /// Numbers that the bursts did not determine, for which the station takes the common model.
@@ -192,7 +192,7 @@ struct LeftOut {
 }
 
 impl Report {
-    pub(super) fn new(recordings: &[Recording], beacon: Option<String>) -> Self {
+    pub fn new(recordings: &[Recording], beacon: Option<String>) -> Self {
         let files: Vec<String> = recordings.iter().map(|r| r.file().to_owned()).collect();
         let file = CalibrationFile {
             recordings: files.clone(),
@@ -213,15 +213,15 @@ impl Report {
         }
     }
 
-    pub(super) fn beacon(&self) -> Option<&str> {
+    pub fn beacon(&self) -> Option<&str> {
         self.beacon.as_deref()
     }
 
-    pub(super) fn skip(&mut self, what: &'static str, why: String) {
+    pub fn skip(&mut self, what: &'static str, why: String) {
         self.skipped.push(Skipped { what, why });
     }
 
-    pub(super) fn path_loss(&mut self, calibration: &Calibration) {
+    pub fn path_loss(&mut self, calibration: &Calibration) {
         let fit = &calibration.fit;
         let c = &fit.covariance;
         self.path_loss = Some(PathLoss {
@@ -247,7 +247,7 @@ impl Report {
         });
     }
 
-    pub(super) fn bearings(&mut self, fit: &BearingsFit) {
+    pub fn bearings(&mut self, fit: &BearingsFit) {
         for (what, error) in [
             ("offset of bearings", fit.constant.as_ref().err()),
             ("offset over the heading", fit.heading.as_ref().err()),
@@ -337,7 +337,7 @@ fn doubt(of: &StationDoubt, antennas: &[StationAntenna]) -> String {
     }
 }
 
-pub(super) fn text(report: &Report) -> String {
+pub fn text(report: &Report) -> String {
     let mut lines = Vec::new();
     lines.extend(report.path_loss.as_ref().map(|fit| path_loss(fit, report.calibrated)));
     lines.extend(report.bearings.as_ref().map(bearings));

@@ -40,7 +40,7 @@ use crate::{
                         foxhunt campaign far-start --runs 100 --planner information\n  \
                         foxhunt campaign --runs 100000 --store runs.sqlite\n\n\
                         Other comparisons: foxhunt compare --help")]
-pub(crate) struct Args {
+pub struct Args {
     /// A built-in scenario (`foxhunt list scenarios`) or a TOML file
     #[arg(default_value = DEFAULT_SCENARIO)]
     scenario: String,
@@ -62,7 +62,7 @@ pub(crate) struct Args {
     storing: super::storing::Storing,
 }
 
-pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     let mut scenario = choice::scenario(&args.scenario)?;
     args.settings.apply_to(&mut scenario, registry)?;
@@ -124,7 +124,7 @@ const LEGEND: &str = "Errors in metres. A consistent estimator's ANEES lies in t
      Path: the median of what all drones flew together.";
 
 /// One table for each beacon.
-pub(super) fn tables(report: &CampaignReport) -> String {
+pub fn tables(report: &CampaignReport) -> String {
     let mut lines =
         vec![format!("{}, {} runs, seeds from {}", report.scenario, report.runs, report.seed)];
     let names = report.estimators.first().map_or(&[][..], |e| &e.beacons);

@@ -16,7 +16,7 @@ use crate::{
 };
 
 /// The estimator of a name; `place` is where the name stands.
-pub(super) fn estimator<'a>(
+pub fn estimator<'a>(
     registry: &'a Registry,
     name: &str,
     place: &str,
@@ -30,7 +30,7 @@ pub(super) fn estimator<'a>(
 }
 
 /// The estimators of names, each once.
-pub(super) fn estimators<'a>(
+pub fn estimators<'a>(
     registry: &'a Registry,
     names: &[String],
 ) -> Result<Vec<&'a EstimatorEntry>, CliError> {
@@ -44,7 +44,7 @@ pub(super) fn estimators<'a>(
 }
 
 /// The estimator of the command line, or else the scenario's own.
-pub(super) fn estimator_of<'a>(
+pub fn estimator_of<'a>(
     registry: &'a Registry,
     given: Option<&str>,
     scenario: &Scenario,
@@ -57,7 +57,7 @@ pub(super) fn estimator_of<'a>(
 }
 
 /// The estimators of the command line, or else the scenario's own.
-pub(super) fn estimators_of<'a>(
+pub fn estimators_of<'a>(
     registry: &'a Registry,
     given: &[String],
     scenario: &Scenario,
@@ -70,7 +70,7 @@ pub(super) fn estimators_of<'a>(
 }
 
 /// The scenario of a built-in name or of a file.
-pub(super) fn scenario(name_or_path: &str) -> Result<Scenario, CliError> {
+pub fn scenario(name_or_path: &str) -> Result<Scenario, CliError> {
     Scenario::find(name_or_path).map_err(|error: ScenarioError| {
         match retired_campaign(name_or_path) {
             Some(command) => {
@@ -82,7 +82,7 @@ pub(super) fn scenario(name_or_path: &str) -> Result<Scenario, CliError> {
 }
 
 /// The trial of a built-in name or of a file.
-pub(super) fn trial(name_or_path: &str) -> Result<Trial, CliError> {
+pub fn trial(name_or_path: &str) -> Result<Trial, CliError> {
     let trial = Trial::find(name_or_path).map_err(CliError::input)?;
     trial.ok_or_else(|| {
         if Scenario::find(name_or_path).is_ok() {
@@ -99,7 +99,7 @@ pub(super) fn trial(name_or_path: &str) -> Result<Trial, CliError> {
 }
 
 /// Returns the error of a trial that went wrong.
-pub(super) fn trial_error(error: TrialError) -> CliError {
+pub fn trial_error(error: TrialError) -> CliError {
     match error {
         TrialError::Threads(_) => CliError::failure(error),
         _ => CliError::input(error),
@@ -107,7 +107,7 @@ pub(super) fn trial_error(error: TrialError) -> CliError {
 }
 
 /// Returns the error of a simulation that went wrong; wrong input if the scenario cannot be built.
-pub(super) fn simulation_error(error: SimulationError, file: &str) -> CliError {
+pub fn simulation_error(error: SimulationError, file: &str) -> CliError {
     match error {
         SimulationError::Drive(_) | SimulationError::TooLong { .. } | SimulationError::Log(_) => {
             CliError::failure(error)
@@ -117,7 +117,7 @@ pub(super) fn simulation_error(error: SimulationError, file: &str) -> CliError {
 }
 
 /// Returns the error of a campaign that went wrong.
-pub(super) fn campaign_error(error: CampaignError, file: &str) -> CliError {
+pub fn campaign_error(error: CampaignError, file: &str) -> CliError {
     match error {
         CampaignError::Simulation(error) => simulation_error(error, file),
         error => CliError::failure(error),
@@ -126,7 +126,7 @@ pub(super) fn campaign_error(error: CampaignError, file: &str) -> CliError {
 
 /// Extractor of bearings from turns, and the antenna that it knows.
 #[derive(Debug, clap::Args)]
-pub(super) struct Extraction {
+pub struct Extraction {
     /// The extractor of bearings from turns (`foxhunt list extractors` describes them)
     #[arg(long, value_name = "NAME")]
     extractor: Option<String>,
@@ -141,7 +141,7 @@ const DEFAULT_EXTRACTOR: &str = "pritzl2018";
 
 impl Extraction {
     /// The extractor of the command line, or else `own`, with the antenna of the command line.
-    pub(super) fn config(
+    pub fn config(
         &self,
         registry: &Registry,
         own: &ExtractorConfig,
@@ -160,13 +160,13 @@ impl Extraction {
     }
 
     /// Builds the extractor of the command line, or else the reference's.
-    pub(super) fn build(&self, registry: &Registry) -> Result<BoxedExtractor, CliError> {
+    pub fn build(&self, registry: &Registry) -> Result<BoxedExtractor, CliError> {
         let config = self.config(registry, &ExtractorConfig::default())?;
         registry.build_extractor(&config).map_err(CliError::input)
     }
 
     /// Builds every extractor; with the command line's antenna if the extractor takes one.
-    pub(super) fn all<'a>(
+    pub fn all<'a>(
         &self,
         registry: &'a Registry,
     ) -> Result<Vec<(&'a str, BoxedExtractor)>, CliError> {
@@ -181,12 +181,12 @@ impl Extraction {
     }
 
     /// Returns true if the command line has an extractor or an antenna.
-    pub(super) fn is_given(&self) -> bool {
+    pub fn is_given(&self) -> bool {
         self.extractor.is_some() || self.antenna.is_some()
     }
 
     /// The name of the extractor that [`build`](Self::build) makes.
-    pub(super) fn name(&self) -> &str {
+    pub fn name(&self) -> &str {
         self.extractor.as_deref().unwrap_or(DEFAULT_EXTRACTOR)
     }
 }

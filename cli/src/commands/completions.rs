@@ -12,13 +12,13 @@ use crate::{error::CliError, output::Context};
                   foxhunt completions bash > ~/.local/share/bash-completion/completions/foxhunt\n  \
                   foxhunt completions zsh > ~/.zfunc/_foxhunt\n  \
                   foxhunt completions fish > ~/.config/fish/completions/foxhunt.fish")]
-pub(crate) struct Args {
+pub struct Args {
     /// The shell
     #[arg(value_enum)]
     shell: Shell,
 }
 
-pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let mut command = with_every_estimator((context.command_line)(context.registry));
     let name = command.get_name().to_owned();
     let mut script = Vec::new();

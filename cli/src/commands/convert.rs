@@ -38,7 +38,7 @@ use crate::{
                         foxhunt convert pulses.csv joined.csv --poses poses.csv --clock-offset \
                         2026-11-24T10:00:00Z --clock-within-s 5"
 )]
-pub(crate) struct Args {
+pub struct Args {
     /// Recordings or one bag, and at last the file that is written
     #[arg(required = true, num_args = 2.., value_names = ["IN", "OUT"])]
     files: Vec<PathBuf>,
@@ -129,7 +129,7 @@ struct Joined {
     of_no_tag: usize,
 }
 
-pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Some((out, files)) = args.files.split_last() else {
         return Err(CliError::input("there is nothing to convert"));
     };

@@ -21,7 +21,7 @@ use crate::output::warn;
 
 /// Arguments of Cursor on Target.
 #[derive(Debug, clap::Args)]
-pub(super) struct CotArgs {
+pub struct CotArgs {
     /// Send receivers, fixes, 95 % ellipses and bearings to a TAK server or team, as Cursor on
     /// Target: tcp://HOST:8087, tls://HOST:8089 or udp://239.2.3.1:6969; may be given several times
     #[arg(long, value_name = "ADDRESS")]
@@ -51,12 +51,12 @@ const PASSWORD_VARIABLE: &str = "FOXHUNT_COT_PASSWORD";
 
 impl CotArgs {
     /// Returns true if events are sent anywhere.
-    pub(super) fn is_given(&self) -> bool {
+    pub fn is_given(&self) -> bool {
         !self.cot.is_empty()
     }
 
     /// Opens the addresses of the flags and the broker of `--mqtt` for an answer.
-    pub(super) fn teams(&self, mqtt: &MqttArgs) -> Result<Teams, CliError> {
+    pub fn teams(&self, mqtt: &MqttArgs) -> Result<Teams, CliError> {
         #[cfg(not(feature = "cot"))]
         self.check()?;
         #[cfg(not(feature = "hardware"))]
@@ -71,7 +71,7 @@ impl CotArgs {
 
     /// Refuses the flags in a build that sends no events.
     #[cfg(not(feature = "cot"))]
-    pub(super) fn check(&self) -> Result<(), CliError> {
+    pub fn check(&self) -> Result<(), CliError> {
         match self.is_given() {
             true => Err(not_built("--cot")),
             false => Ok(()),
@@ -80,10 +80,7 @@ impl CotArgs {
 
     /// Opens the addresses of the flags, or else of a file.
     #[cfg(feature = "cot")]
-    pub(super) fn open(
-        &self,
-        of_file: Option<(&CotConfig, &str)>,
-    ) -> Result<Option<CotSender>, CliError> {
+    pub fn open(&self, of_file: Option<(&CotConfig, &str)>) -> Result<Option<CotSender>, CliError> {
         let (config, file) = match (self.config()?, of_file) {
             (Some(config), _) => (config, None),
             (None, Some((config, file))) => (config.clone(), Some(file)),
@@ -128,7 +125,7 @@ impl CotArgs {
 }
 
 /// TAK servers, teams and a broker that an answer is sent to.
-pub(super) struct Teams {
+pub struct Teams {
     #[cfg(feature = "cot")]
     sender: Option<CotSender>,
     #[cfg(feature = "hardware")]
@@ -141,7 +138,7 @@ const PATIENCE: std::time::Duration = std::time::Duration::from_secs(10);
 
 impl Teams {
     /// Returns true if the answer is sent anywhere.
-    pub(super) fn any(&self) -> bool {
+    pub fn any(&self) -> bool {
         self.flag().is_some()
     }
 
@@ -158,7 +155,7 @@ impl Teams {
     }
 
     /// Refuses places that are nowhere on Earth.
-    pub(super) fn check_known(&self, origin: bool) -> Result<(), CliError> {
+    pub fn check_known(&self, origin: bool) -> Result<(), CliError> {
         match self.flag().filter(|_| !origin) {
             Some(flag) => Err(CliError::input(format!(
                 "{flag}: the places are in local metres; --origin LAT,LON places them on Earth"
@@ -169,7 +166,7 @@ impl Teams {
 
     /// Sends the places of recordings, and waits until they have arrived.
     #[cfg(feature = "hardware")]
-    pub(super) fn send(self, overview: &Overview) -> Result<(), CliError> {
+    pub fn send(self, overview: &Overview) -> Result<(), CliError> {
         let title = &overview.title;
         let mqtt = self.mqtt.map(|config| MqttOutlet::of_recordings(&config, title)).transpose()?;
         #[cfg(feature = "cot")]
@@ -184,42 +181,37 @@ impl Teams {
     }
 
     #[cfg(not(feature = "hardware"))]
-    pub(super) fn send(self, _: &foxhunt::overview::Overview) -> Result<(), CliError> {
+    pub fn send(self, _: &foxhunt::overview::Overview) -> Result<(), CliError> {
         Ok(())
     }
 }
 
 /// The error of a build that sends nothing.
 #[cfg(not(feature = "cot"))]
-pub(super) fn not_built(what: &str) -> CliError {
+pub fn not_built(what: &str) -> CliError {
     CliError::input(format!("{what} needs a build with the feature cot: {}", hints::build("cot")))
 }
 
 /// Events of a hunt on their way to TAK servers and teams.
 #[cfg(feature = "cot")]
-pub(super) struct CotOutlet {
+pub struct CotOutlet {
     sender: CotSender,
     feed: CotFeed,
 }
 
 #[cfg(feature = "cot")]
 impl CotOutlet {
-    pub(super) fn new(sender: CotSender, platforms: Vec<CotPlatform>, is_simulated: bool) -> Self {
+    pub fn new(sender: CotSender, platforms: Vec<CotPlatform>, is_simulated: bool) -> Self {
         Self { sender, feed: CotFeed::new(platforms, is_simulated) }
     }
 
     /// Takes the place of a receiver at a time of the hunt.
-    pub(super) fn place(
-        &mut self,
-        receiver: usize,
-        time: f64,
-        place: foxhunt::nalgebra::Vector3<f64>,
-    ) {
+    pub fn place(&mut self, receiver: usize, time: f64, place: foxhunt::nalgebra::Vector3<f64>) {
         self.feed.place(receiver, time, place);
     }
 
     /// Sends what has changed, and reports the connections.
-    pub(super) fn publish(&mut self, overview: &Overview, is_over: bool) {
+    pub fn publish(&mut self, overview: &Overview, is_over: bool) {
         match self.feed.events(overview, now_unix_s(), is_over) {
             Ok(events) => {
                 let messages = events.into_iter().map(message);
@@ -231,7 +223,7 @@ impl CotOutlet {
     }
 
     /// Waits until everything is sent, for a while at most.
-    pub(super) fn finish(self, within: std::time::Duration) -> Result<(), String> {
+    pub fn finish(self, within: std::time::Duration) -> Result<(), String> {
         let Self { sender, .. } = self;
         sender.finish(within).map_err(|failed| failed.join("\n"))
     }

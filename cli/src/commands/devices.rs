@@ -21,7 +21,7 @@ use crate::{
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt devices\n  foxhunt devices meadow.toml\n  \
                         foxhunt devices --at serial:/dev/ttyUSB0:57600 --at udpin:127.0.0.1:14550")]
-pub(crate) struct Args {
+pub struct Args {
     /// The flight: a TOML file (docs/flying.md)
     config: Option<PathBuf>,
     /// Check this endpoint instead of the serial ports; may be repeated
@@ -39,7 +39,7 @@ struct Examined {
     findings: Vec<Finding>,
 }
 
-pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
+pub fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let clock = SystemClock::start();
     let mut pause = || thread::sleep(Duration::from_millis(1));
     let mut examined = Vec::new();

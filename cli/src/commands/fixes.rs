@@ -10,18 +10,18 @@ use crate::table::{Table, number, table, text};
 
 /// A row of the table.
 #[derive(Debug)]
-pub(super) struct Row<'a> {
-    pub(super) beacon: &'a str,
-    pub(super) estimate: PlaceEstimate,
-    pub(super) ellipse_95: Option<Ellipse>,
-    pub(super) error_m: Option<f64>,
-    pub(super) nees: Option<f64>,
-    pub(super) steps: u32,
-    pub(super) outcome: String,
+pub struct Row<'a> {
+    pub beacon: &'a str,
+    pub estimate: PlaceEstimate,
+    pub ellipse_95: Option<Ellipse>,
+    pub error_m: Option<f64>,
+    pub nees: Option<f64>,
+    pub steps: u32,
+    pub outcome: String,
 }
 
 /// A table of fixes. Lengths are metres, directions degrees counter-clockwise from East.
-pub(super) fn fixes<'a>(rows: impl IntoIterator<Item = Row<'a>>) -> Table {
+pub fn fixes<'a>(rows: impl IntoIterator<Item = Row<'a>>) -> Table {
     let mut fixes = table(&[
         "beacon",
         "east m",
@@ -50,7 +50,7 @@ pub(super) fn fixes<'a>(rows: impl IntoIterator<Item = Row<'a>>) -> Table {
 }
 
 /// A table of the transmitters on a beacon's frequency: existence, place and ellipse of each.
-pub(super) fn transmitters(beacon: &str, found: &[HuntedTransmitter]) -> Table {
+pub fn transmitters(beacon: &str, found: &[HuntedTransmitter]) -> Table {
     let mut rows = table(&["transmitter", "east m", "north m", "95 % ellipse m", "existence"]);
     for (transmitter, rank) in found.iter().zip(1_u32..) {
         rows.add_row([
@@ -70,12 +70,12 @@ fn axes(ellipse: Option<Ellipse>) -> String {
 }
 
 /// Returns a list of the doubts about a place, each on a line of its own; empty without any.
-pub(super) fn doubts<'a>(remarks: impl IntoIterator<Item = &'a Remark>, whose: &str) -> String {
+pub fn doubts<'a>(remarks: impl IntoIterator<Item = &'a Remark>, whose: &str) -> String {
     let lines: String = remarks.into_iter().map(|remark| format!("\n- {remark}")).collect();
     if lines.is_empty() { lines } else { format!("\n\nThe place{whose} is in doubt:{lines}") }
 }
 
 /// Meaning of the columns of [`fixes`].
-pub(super) const LEGEND: &str = "East and north from the origin of the field; the ellipse's \
+pub const LEGEND: &str = "East and north from the origin of the field; the ellipse's \
      semi-axes, and the direction of the longer one counter-clockwise from East; NEES is 2 on \
      average when the estimator is consistent.";

@@ -21,7 +21,7 @@ use crate::{
 #[command(after_help = "Examples:\n  foxhunt fleets --runs 10000\n  \
                         foxhunt fleets --runs 1000 --planner orbit\n  \
                         foxhunt hunt fleet-7 --seed 7")]
-pub(crate) struct Args {
+pub struct Args {
     #[command(flatten)]
     runs: Runs,
     #[command(flatten)]
@@ -34,7 +34,7 @@ pub(crate) struct Args {
 /// Maximum number of violations and of failed hunts in the tables; JSON has all.
 const MOST_ROWS: usize = 20;
 
-pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     let planner = args.planning.entry(registry)?;
     let estimator = args.estimator.as_deref();

@@ -19,7 +19,7 @@ use crate::{
     table::{list, text},
 };
 
-pub(super) fn print(config: &FlightConfig, hunt: Hunt, output: Output) -> Result<(), CliError> {
+pub fn print(config: &FlightConfig, hunt: Hunt, output: Output) -> Result<(), CliError> {
     let plan = config.plan(hunt).map_err(|error: FlyError| CliError::input(error))?;
     output.result(&plan, describe)
 }
@@ -95,7 +95,7 @@ fn describe(plan: &FlightPlan) -> String {
 
 /// The checklist as a table, and the number of its checks that do not hold. A finding that several
 /// drones share stands there once.
-pub(super) fn checklist(checks: &[Check]) -> String {
+pub fn checklist(checks: &[Check]) -> String {
     let mut lines: Vec<(&Check, Vec<&str>)> = Vec::new();
     for check in checks {
         let is_same = |(line, _): &&mut (&Check, Vec<&str>)| {
@@ -160,7 +160,7 @@ struct DroneMission {
 }
 
 /// Writes the mission of each drone. With several drones each file's name has its drone's name.
-pub(super) fn write_missions(
+pub fn write_missions(
     config: &FlightConfig,
     registry: &Registry,
     file: &Path,

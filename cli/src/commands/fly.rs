@@ -72,7 +72,7 @@ use crate::{
                         foxhunt fly walker.toml --tone - | aplay\n  \
                         foxhunt fly meadow.toml --mission-to meadow.plan --hold-s 40\n\n\
                         Look at every device first: foxhunt devices meadow.toml")]
-pub(crate) struct Args {
+pub struct Args {
     /// The flight: a TOML file (docs/flying.md)
     #[arg(required_unless_present = "emulate")]
     config: Option<PathBuf>,
@@ -122,7 +122,7 @@ pub(crate) struct Args {
 }
 
 /// The time between two steps of the flight.
-pub(super) const TICK: Duration = Duration::from_millis(5);
+pub const TICK: Duration = Duration::from_millis(5);
 
 /// A flight with its clock and its devices.
 struct Field {
@@ -193,7 +193,7 @@ fn calling(clock: &Rc<dyn Fn() -> f64>) -> impl Clock + Clone + use<> {
     move || clock()
 }
 
-pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     args.exports.check(args.live.is_on_map())?;
     let mut field = match (&args.config, &args.emulate) {
@@ -403,7 +403,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
 }
 
 /// Returns the receivers of a flight as teams see them.
-pub(super) fn platforms(config: &FlightConfig) -> Vec<CotPlatform> {
+pub fn platforms(config: &FlightConfig) -> Vec<CotPlatform> {
     let platforms = config.drones.iter().map(|drone| CotPlatform {
         name: drone.name.clone(),
         on_the_ground: drone.vehicle.is_on_the_ground(),
@@ -434,7 +434,7 @@ fn last_received(events: &[Event], beacon: BeaconId) -> Option<f64> {
 
 /// Examines the devices of drones before the flight, prints the checklist, and returns the
 /// findings. The pilot decides if a fault matters: a beacon may be too far away to be received.
-pub(super) fn examine_devices(
+pub fn examine_devices(
     config: &FlightConfig,
     drones: &[DroneConfig],
     clock: &(impl Clock + Clone + 'static),
@@ -460,7 +460,7 @@ pub(super) fn examine_devices(
     examined
 }
 
-pub(super) fn open_error(error: FlyError) -> CliError {
+pub fn open_error(error: FlyError) -> CliError {
     match error {
         FlyError::Open { .. } => CliError::failure(error),
         _ => CliError::input(error),
@@ -538,7 +538,7 @@ impl Samples {
 }
 
 /// The person at the keyboard.
-pub(super) struct Pilot {
+pub struct Pilot {
     lines: Receiver<String>,
     interrupts: Arc<AtomicU8>,
     handled: Cell<u8>,
@@ -548,7 +548,7 @@ pub(super) struct Pilot {
 const UP: &str = "up";
 
 /// Input of the pilot.
-pub(super) enum PilotInput {
+pub enum PilotInput {
     None,
     Enter,
     /// Clears drones that came down without an order to take off again.
@@ -560,7 +560,7 @@ pub(super) enum PilotInput {
 
 impl Pilot {
     /// Listens to the keyboard and to interrupts.
-    pub(super) fn listen() -> Result<Self, CliError> {
+    pub fn listen() -> Result<Self, CliError> {
         let interrupts = Arc::new(AtomicU8::new(0));
         let counted = Arc::clone(&interrupts);
         ctrlc::set_handler(move || {
@@ -602,7 +602,7 @@ impl Pilot {
     }
 
     /// Returns the pilot's input since the last call.
-    pub(super) fn poll(&self) -> PilotInput {
+    pub fn poll(&self) -> PilotInput {
         let interrupts = self.interrupts.load(Ordering::Relaxed);
         let before = self.handled.replace(interrupts);
         if before != interrupts {

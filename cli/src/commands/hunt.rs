@@ -43,7 +43,7 @@ use crate::{
                         foxhunt hunt --planner waypoints\n  \
                         foxhunt hunt three-beacons --live --pace 5\n  \
                         foxhunt --json hunt my-field.toml > result.json")]
-pub(crate) struct Args {
+pub struct Args {
     /// A built-in scenario (`foxhunt list scenarios`) or a TOML file
     #[arg(default_value = DEFAULT_SCENARIO)]
     scenario: String,
@@ -68,7 +68,7 @@ pub(crate) struct Args {
     exports: Exports,
 }
 
-pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     args.exports.check(args.live.is_on_map())?;
     let mut scenario = choice::scenario(&args.scenario)?;

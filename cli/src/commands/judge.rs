@@ -30,7 +30,7 @@ use crate::{
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt judge flight.csv --truth 50.0755,14.4378\n  \
                         foxhunt judge bearings.csv --against lenth1981,pseudolinear")]
-pub(crate) struct Args {
+pub struct Args {
     /// Recordings: CSV with named columns; each beacon of each recording is one fix
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
@@ -79,7 +79,7 @@ struct Fix {
     answers: Vec<Answer>,
 }
 
-pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     let beside = args.against.iter().map(|name| choice::estimator(registry, name, "--against"));
     let beside = beside.collect::<Result<Vec<_>, _>>()?;

@@ -24,7 +24,7 @@ use crate::{
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt list scenarios\n  foxhunt list estimators\n  \
                         foxhunt list estimators --all\n  foxhunt list estimators --json")]
-pub(crate) struct Args {
+pub struct Args {
     /// The kind of entries
     #[arg(value_enum)]
     what: What,
@@ -54,7 +54,7 @@ enum What {
     Keys,
 }
 
-pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     if args.all && !matches!(args.what, What::Estimators) {
         return Err(CliError::input(

@@ -55,7 +55,7 @@ use crate::{
                         foxhunt locate hills.csv --terrain tiles --p0-dbm -29.06 \
                         --exponent 2.765\n  \
                         foxhunt locate stations.csv --track")]
-pub(crate) struct Args {
+pub struct Args {
     /// Recordings: CSV with named columns
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
@@ -158,7 +158,7 @@ struct RivalPlace {
     error_m: Option<f64>,
 }
 
-pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     args.views.check(args.cot.is_given() || args.mqtt.is_given())?;
     let teams = args.cot.teams(&args.mqtt)?;

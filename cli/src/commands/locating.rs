@@ -41,15 +41,15 @@ use super::{
 use crate::{error::CliError, output::warn_once};
 
 /// Name shown for a beacon without one.
-pub(super) const NAMELESS: &str = "(no name)";
+pub const NAMELESS: &str = "(no name)";
 
 /// Truths farther apart than this are not interpolated, in seconds.
 #[cfg(feature = "batch")]
-pub(super) const TRUTH_GAP_S: f64 = 300.0;
+pub const TRUTH_GAP_S: f64 = 300.0;
 
 /// Options for locating transmitters.
 #[derive(Debug, clap::Args)]
-pub(super) struct Locating {
+pub struct Locating {
     /// The estimator (`foxhunt list estimators` describes them); chosen by what was recorded unless
     /// given
     #[arg(long, value_name = "NAME")]
@@ -104,7 +104,7 @@ pub(super) struct Locating {
 }
 
 /// Recordings, and how transmitters are located from them.
-pub(super) struct Prepared {
+pub struct Prepared {
     recordings: Vec<Recording>,
     /// The parts of each recording that are read in different ways.
     parts: Vec<Vec<Extracted>>,
@@ -124,7 +124,7 @@ pub(super) struct Prepared {
 
 /// Receptions of a beacon as an estimator takes them.
 #[derive(Debug, Default)]
-pub(super) struct Received {
+pub struct Received {
     rows: RecordedReceptions,
     /// Index of the first reception of each recording, and the number of the recording.
     begins: Vec<(usize, usize)>,
@@ -132,13 +132,13 @@ pub(super) struct Received {
 
 impl Received {
     /// Returns the receptions.
-    pub(super) fn receptions(&self) -> &Receptions {
+    pub fn receptions(&self) -> &Receptions {
         self.rows.receptions()
     }
 
     /// Returns the receptions with these indices, in their order.
     #[cfg(feature = "batch")]
-    pub(super) fn only(&self, indices: &[usize]) -> Self {
+    pub fn only(&self, indices: &[usize]) -> Self {
         let mut chosen = Self::default();
         for (index, row) in self.rows.iter().enumerate() {
             if !indices.contains(&index) {
@@ -165,7 +165,7 @@ impl Received {
 
 /// Residuals of rows, in little memory.
 #[derive(Debug, Default)]
-pub(super) struct Residuals {
+pub struct Residuals {
     residuals: Vec<Residual>,
     received: Received,
     /// Names of the recordings.
@@ -174,15 +174,12 @@ pub(super) struct Residuals {
 
 impl Residuals {
     /// Returns the number of residuals.
-    pub(super) fn len(&self) -> usize {
+    pub fn len(&self) -> usize {
         self.residuals.len()
     }
 
     /// Returns the residuals that `keep` chooses.
-    pub(super) fn chosen(
-        &self,
-        keep: impl Fn(&Residual) -> bool,
-    ) -> impl Iterator<Item = RowResidual> {
+    pub fn chosen(&self, keep: impl Fn(&Residual) -> bool) -> impl Iterator<Item = RowResidual> {
         let residual = |of: &Residual| {
             let (number, line, drone) = self.received.row(of.reception)?;
             let file = self.names.get(number).cloned().unwrap_or_default();
@@ -200,12 +197,12 @@ impl Serialize for Residuals {
 
 /// Track of a beacon.
 #[cfg(feature = "batch")]
-pub(super) struct Track {
+pub struct Track {
     /// The track; its residuals are in `rows`.
-    pub(super) tracked: Tracked,
+    pub tracked: Tracked,
     /// The receivers that listened.
-    pub(super) listeners: Vec<Listener>,
-    pub(super) rows: Residuals,
+    pub listeners: Vec<Listener>,
+    pub rows: Residuals,
 }
 
 /// Part of a recording, or all of it, that is read with one extractor.
@@ -217,7 +214,7 @@ struct Extracted {
 impl Locating {
     /// Reads recordings and what the flags name, and leaves out what a list of receptions has;
     /// `is_track` for a transmitter that moves.
-    pub(super) fn prepare(
+    pub fn prepare(
         &self,
         files: &[PathBuf],
         ignore: Option<&Path>,
@@ -362,28 +359,28 @@ impl Locating {
     }
 
     /// The beacon that is meant.
-    pub(super) fn beacon(&self, recordings: &[Recording]) -> Result<Option<String>, CliError> {
+    pub fn beacon(&self, recordings: &[Recording]) -> Result<Option<String>, CliError> {
         self.reading.beacon(recordings)
     }
 
     /// Reads the factors by the user's recordings, where a file is named.
-    pub(super) fn conformal(&self) -> Result<Option<ConformalFile>, CliError> {
+    pub fn conformal(&self) -> Result<Option<ConformalFile>, CliError> {
         let path = self.conformal.as_deref();
         path.map(ConformalFile::read).transpose().map_err(CliError::input)
     }
 
     /// The name of the beacon of the command line.
-    pub(super) fn wanted(&self) -> Option<&str> {
+    pub fn wanted(&self) -> Option<&str> {
         self.reading.wanted()
     }
 
     /// Returns true if the command line names the estimator.
-    pub(super) fn names_estimator(&self) -> bool {
+    pub fn names_estimator(&self) -> bool {
         self.estimator.is_some()
     }
 
     /// Returns the estimator of the command line, or the estimator that suits the receptions.
-    pub(super) fn estimator<'a>(
+    pub fn estimator<'a>(
         &self,
         registry: &'a Registry,
         received: &Receptions,
@@ -446,12 +443,12 @@ impl Locating {
 
 impl Prepared {
     /// All recordings, in one frame.
-    pub(super) fn recordings(&self) -> &[Recording] {
+    pub fn recordings(&self) -> &[Recording] {
         &self.recordings
     }
 
     /// Returns the settings of the transmitter and the search, from the flags and the calibration.
-    pub(super) fn config(&self) -> &LocateConfig {
+    pub fn config(&self) -> &LocateConfig {
         &self.config
     }
 
@@ -505,7 +502,7 @@ impl Prepared {
     /// Tracks a beacon through all recordings; `watch` is given how many steps are done, and how
     /// many there are at most.
     #[cfg(feature = "batch")]
-    pub(super) fn track(
+    pub fn track(
         &self,
         beacon: Option<&str>,
         tracking: &TrackingConfig,
@@ -582,7 +579,7 @@ impl Prepared {
     }
 
     /// Returns what was received of a beacon in all recordings.
-    pub(super) fn received(&self, beacon: Option<&str>) -> Result<Received, CliError> {
+    pub fn received(&self, beacon: Option<&str>) -> Result<Received, CliError> {
         let mut all = Received::default();
         for number in 0..self.recordings.len() {
             let received = self.received_of(number, beacon)?;
@@ -599,7 +596,7 @@ impl Prepared {
 
     /// Adds the receptions of a beacon to an overview, with the turns that they were read in. With
     /// `only`, receptions of other rows are left out.
-    pub(super) fn add_to(
+    pub fn add_to(
         &self,
         overview: &mut Overview,
         search: Option<usize>,
@@ -633,7 +630,7 @@ impl Prepared {
 
     /// Returns the log with which a page locates again without the rows struck out in it: each
     /// search, with its beacon.
-    pub(super) fn relocation<'a>(
+    pub fn relocation<'a>(
         &self,
         estimator: &EstimatorEntry,
         searches: impl IntoIterator<Item = (&'a SearchOverview, Option<&'a str>)>,
@@ -656,7 +653,7 @@ impl Prepared {
     /// Returns the log with which a page tracks again without the rows struck out in it; `steps` is
     /// the number of steps that tracking took.
     #[cfg(feature = "batch")]
-    pub(super) fn tracks(
+    pub fn tracks(
         &self,
         (tracking, listeners, steps): (TrackingConfig, Vec<Listener>, usize),
         search: &SearchOverview,
@@ -671,7 +668,7 @@ impl Prepared {
     }
 
     /// Returns the number of receptions of a beacon that are left out.
-    pub(super) fn ignored(&self, beacon: Option<&str>) -> usize {
+    pub fn ignored(&self, beacon: Option<&str>) -> usize {
         self.struck.of_beacon(beacon)
     }
 
@@ -697,7 +694,7 @@ impl Prepared {
     }
 
     /// The receptions of a beacon in one recording, counted from 0, without what is struck out.
-    pub(super) fn receptions_of(
+    pub fn receptions_of(
         &self,
         number: usize,
         beacon: Option<&str>,
@@ -707,11 +704,7 @@ impl Prepared {
 
     /// Returns what was received of a beacon in one recording, counted from 0, without what is
     /// struck out.
-    pub(super) fn received_of(
-        &self,
-        number: usize,
-        beacon: Option<&str>,
-    ) -> Result<Received, CliError> {
+    pub fn received_of(&self, number: usize, beacon: Option<&str>) -> Result<Received, CliError> {
         let mut rows = self.rows_of(number, beacon)?;
         if self.struck.of_beacon(beacon) > 0 {
             let is_struck = |line| self.struck.contains(&self.id(number, line, beacon));
@@ -721,7 +714,7 @@ impl Prepared {
     }
 
     /// Locates a beacon; remarks on single rows name file and line.
-    pub(super) fn locate(
+    pub fn locate(
         &self,
         estimator: &EstimatorEntry,
         received: &Received,
@@ -741,19 +734,19 @@ impl Prepared {
 
     /// Returns the identifier of a reception; `None` for an index that does not exist.
     #[cfg(feature = "batch")]
-    pub(super) fn row(&self, received: &Received, index: usize) -> Option<RowId> {
+    pub fn row(&self, received: &Received, index: usize) -> Option<RowId> {
         let (number, line, _) = received.row(index)?;
         Some(self.id(number, line, None))
     }
 
     /// Returns the offset between the clocks of the recording and its path that was found and taken
     /// off.
-    pub(super) fn found_clock(&self) -> Option<FoundOffset> {
+    pub fn found_clock(&self) -> Option<FoundOffset> {
         self.found_clock
     }
 
     /// Returns the residuals of rows from the place that an estimator found.
-    pub(super) fn residuals(
+    pub fn residuals(
         &self,
         estimator: &EstimatorEntry,
         located: &Located,
@@ -783,7 +776,7 @@ impl Prepared {
 }
 
 /// Classifies the error of a search: wrong input, or a failure of the estimator.
-pub(super) fn not_located(error: LocateError) -> CliError {
+pub fn not_located(error: LocateError) -> CliError {
     match error {
         LocateError::Start(EstimatorError::Unsupported { .. }) => CliError::input(error),
         LocateError::Start(_) => CliError::failure(error),
@@ -792,7 +785,7 @@ pub(super) fn not_located(error: LocateError) -> CliError {
 }
 
 /// Returns a doubt about one truth of the command line for several beacons, and warns of it.
-pub(super) fn shared_truth(given: Option<LatLon>, beacons: usize) -> Option<Remark> {
+pub fn shared_truth(given: Option<LatLon>, beacons: usize) -> Option<Remark> {
     let is_shared = given.is_some() && beacons > 1;
     let remark = is_shared.then(|| {
         let text = format!(
@@ -807,7 +800,7 @@ pub(super) fn shared_truth(given: Option<LatLon>, beacons: usize) -> Option<Rema
 }
 
 /// Returns the transmitter's true place, if known, from the command line or else the recordings.
-pub(super) fn truth(
+pub fn truth(
     given: Option<LatLon>,
     recordings: &[Recording],
     beacon: Option<&str>,

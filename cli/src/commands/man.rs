@@ -13,13 +13,13 @@ use crate::{error::CliError, output::Context};
 /// Writes a page in roff for the program and for each of its commands, with the texts of `--help`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt man ~/.local/share/man/man1\n  man foxhunt-hunt")]
-pub(crate) struct Args {
+pub struct Args {
     /// The folder for foxhunt.1, foxhunt-hunt.1 and so on
     #[arg(value_name = "DIR")]
     folder: PathBuf,
 }
 
-pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let folder = &args.folder;
     fs::create_dir_all(folder).map_err(|error| CliError::writing(folder, error))?;
     let mut command = (context.command_line)(context.registry).disable_help_subcommand(true);

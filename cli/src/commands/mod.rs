@@ -65,7 +65,7 @@ use crate::{
 
 /// The subcommands, each with its file.
 #[derive(Debug, Subcommand)]
-pub(crate) enum Command {
+pub enum Command {
     Hunt(hunt::Args),
     Campaign(campaign::Args),
     Compare(compare::Args),
@@ -115,7 +115,7 @@ pub(crate) enum Command {
 #[cfg(not(feature = "hardware"))]
 /// The arguments of a command that is not in this build: anything.
 #[derive(Debug, clap::Args)]
-pub(crate) struct AnyArguments {
+pub struct AnyArguments {
     /// Arguments of the command.
     #[arg(
         trailing_var_arg = true,
@@ -140,7 +140,7 @@ impl AnyArguments {
 }
 
 /// Runs a subcommand.
-pub(crate) fn run(command: Command, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(command: Command, context: Context<'_>) -> Result<(), CliError> {
     let ended = dispatch(command, context);
     count_warnings();
     ended

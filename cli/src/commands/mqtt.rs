@@ -20,7 +20,7 @@ use crate::output::warn;
 
 /// Arguments of the places for Home Assistant and Node-RED.
 #[derive(Debug, clap::Args)]
-pub(super) struct MqttArgs {
+pub struct MqttArgs {
     /// Send the place of every beacon and receiver to an MQTT broker, for Home Assistant and
     /// Node-RED; port 1883 if none is given
     #[arg(long, value_name = "HOST[:PORT]", value_parser = broker)]
@@ -33,13 +33,13 @@ pub(super) struct MqttArgs {
 
 impl MqttArgs {
     /// Returns true if places are sent.
-    pub(super) fn is_given(&self) -> bool {
+    pub fn is_given(&self) -> bool {
         self.mqtt.is_some()
     }
 
     /// Returns the broker, if one is given.
     #[cfg(feature = "hardware")]
-    pub(super) fn config(&self) -> Result<Option<MqttConfig>, CliError> {
+    pub fn config(&self) -> Result<Option<MqttConfig>, CliError> {
         let Some((host, port)) = self.mqtt.clone() else { return Ok(None) };
         let login = login("--mqtt-user", self.mqtt_user.as_deref())?;
         let config = MqttConfig { host, port, login, ..MqttConfig::default() };
@@ -55,7 +55,7 @@ impl MqttArgs {
 
     /// Refuses the flag in a build that sends nothing.
     #[cfg(not(feature = "hardware"))]
-    pub(super) fn check(&self) -> Result<(), CliError> {
+    pub fn check(&self) -> Result<(), CliError> {
         match self.is_given() {
             true => Err(CliError::input(format!(
                 "--mqtt needs a build with the feature hardware: {}",
@@ -67,7 +67,7 @@ impl MqttArgs {
 }
 
 /// Parses the address of a broker: a host with or without a port.
-pub(super) fn broker(text: &str) -> Result<(String, u16), String> {
+pub fn broker(text: &str) -> Result<(String, u16), String> {
     let bare = text.strip_prefix("mqtt://").unwrap_or(text);
     if bare.contains("://") {
         return Err("an address is HOST, HOST:PORT or mqtt://HOST:PORT, without TLS".into());
@@ -96,7 +96,7 @@ pub(super) fn broker(text: &str) -> Result<(String, u16), String> {
 
 /// Returns the name and the password at a broker; `flag` is the one with the name.
 #[cfg(feature = "hardware")]
-pub(super) fn login(flag: &str, user: Option<&str>) -> Result<Option<(String, String)>, CliError> {
+pub fn login(flag: &str, user: Option<&str>) -> Result<Option<(String, String)>, CliError> {
     let Some(user) = user else { return Ok(None) };
     let password = std::env::var("FOXHUNT_MQTT_PASSWORD").map_err(|_| {
         CliError::input(format!("{flag}: set its password in $FOXHUNT_MQTT_PASSWORD"))
@@ -106,7 +106,7 @@ pub(super) fn login(flag: &str, user: Option<&str>) -> Result<Option<(String, St
 
 /// Places of a hunt on their way to a broker.
 #[cfg(feature = "hardware")]
-pub(super) struct MqttOutlet {
+pub struct MqttOutlet {
     sender: MqttSender,
     feed: MqttFeed,
 }
@@ -114,7 +114,7 @@ pub(super) struct MqttOutlet {
 #[cfg(feature = "hardware")]
 impl MqttOutlet {
     /// Begins for a hunt of this name.
-    pub(super) fn new(
+    pub fn new(
         config: &MqttConfig,
         hunt: &str,
         platforms: Vec<CotPlatform>,
@@ -124,7 +124,7 @@ impl MqttOutlet {
     }
 
     /// Begins for recordings of this name.
-    pub(super) fn of_recordings(config: &MqttConfig, title: &str) -> Result<Self, CliError> {
+    pub fn of_recordings(config: &MqttConfig, title: &str) -> Result<Self, CliError> {
         Self::with(config, title, MqttFeed::of_recordings())
     }
 
@@ -135,12 +135,12 @@ impl MqttOutlet {
     }
 
     /// Takes the place of a receiver at a time of the hunt.
-    pub(super) fn place(&mut self, receiver: usize, time: f64, place: Vector3<f64>) {
+    pub fn place(&mut self, receiver: usize, time: f64, place: Vector3<f64>) {
         self.feed.place(receiver, time, place);
     }
 
     /// Sends what has changed, and reports the connection.
-    pub(super) fn publish(&mut self, overview: &Overview) {
+    pub fn publish(&mut self, overview: &Overview) {
         match self.feed.messages(overview) {
             Ok(messages) => self
                 .sender
@@ -155,7 +155,7 @@ impl MqttOutlet {
     }
 
     /// Waits until everything has arrived, for a while at most.
-    pub(super) fn finish(self, within: Duration) -> Result<(), String> {
+    pub fn finish(self, within: Duration) -> Result<(), String> {
         let finished = self.sender.finish(within);
         self.report();
         finished

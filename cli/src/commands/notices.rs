@@ -15,7 +15,7 @@ const AWAY_S: f64 = 60.0;
 
 /// Prints events that people want to know of, and a lasting trouble once.
 #[derive(Debug, Default)]
-pub(super) struct Notices {
+pub struct Notices {
     troubles: BTreeMap<String, Trouble>,
     /// Receivers that were said to be off, by number and code of the remark.
     #[cfg(feature = "hardware")]
@@ -33,7 +33,7 @@ struct Trouble {
 
 impl Notices {
     /// Prints an event that people want to know of.
-    pub(super) fn print(&mut self, event: &Event) {
+    pub fn print(&mut self, event: &Event) {
         if let Some(line) = self.line(event) {
             warn(&line);
         }
@@ -42,7 +42,7 @@ impl Notices {
     /// Prints once of each receiver, after a reception, what the estimator has learned that it gets
     /// wrong; `name` is its name, if it has one.
     #[cfg(feature = "hardware")]
-    pub(super) fn print_receivers(
+    pub fn print_receivers(
         &mut self,
         event: &Event,
         hunt: &Hunt,
@@ -60,7 +60,7 @@ impl Notices {
     }
 
     /// Prints the counts of troubles since they were printed last.
-    pub(super) fn finish(self) {
+    pub fn finish(self) {
         for (text, Trouble { since, .. }) in self.troubles {
             if since > 0 {
                 warn(&format!("{since} times more: {text}"));

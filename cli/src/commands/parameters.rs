@@ -16,7 +16,7 @@ use crate::error::CliError;
 
 /// A number of the propagation law that is known, or estimated along with the place.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Parameter {
+pub enum Parameter {
     Free,
     Value(f64),
 }
@@ -37,7 +37,7 @@ impl FromStr for Parameter {
 
 /// A place in the local frame, as the command line has it: East, North and Up in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct EastNorthUp([f64; 3]);
+pub struct EastNorthUp([f64; 3]);
 
 impl FromStr for EastNorthUp {
     type Err = String;
@@ -62,7 +62,7 @@ impl From<EastNorthUp> for Vector3<f64> {
 
 /// The terrain whose loss comes off the levels.
 #[derive(Debug, clap::Args)]
-pub(super) struct OverTerrain {
+pub struct OverTerrain {
     /// Correct levels for the loss over the terrain in this folder's tiles: .hgt, or GeoTIFF in
     /// degrees (docs/terrain.md). Needs an estimator that takes levels in the order of time
     /// [default: `particle`]
@@ -87,9 +87,9 @@ enum UpFrom {
 }
 
 /// The terrain below receivers.
-pub(super) struct Relief {
+pub struct Relief {
     /// Terrain for estimators.
-    pub(super) config: ReliefConfig,
+    pub config: ReliefConfig,
     terrain: SharedTerrain,
     up_from: UpFrom,
     /// The heights of the ground where the drones of each recording began, in metres.
@@ -98,12 +98,12 @@ pub(super) struct Relief {
 
 impl OverTerrain {
     /// Returns true if terrain is given.
-    pub(super) fn is_given(&self) -> bool {
+    pub fn is_given(&self) -> bool {
         self.terrain.is_some()
     }
 
     /// Reads the tiles around the recordings, as far as the first search for the transmitter goes.
-    pub(super) fn read(
+    pub fn read(
         &self,
         recordings: &[Recording],
         margin_m: f64,
@@ -150,7 +150,7 @@ impl OverTerrain {
 impl Relief {
     /// Returns a reception of a recording, counted from 0, with its height above the ground below
     /// as its Up.
-    pub(super) fn placed(
+    pub fn placed(
         &self,
         number: usize,
         mut received: RecordedReception,

@@ -31,7 +31,7 @@ use crate::{
                         foxhunt pulses tag.wav --fold 10 --interval-s 1.27,1.33\n  \
                         rtl_sdr -f 150100000 -s 250000 - | foxhunt pulses - --format cu8 \
                         --rate-hz 250000 --csv")]
-pub(crate) struct Args {
+pub struct Args {
     /// Files of samples; - for standard input
     #[arg(required = true)]
     files: Vec<PathBuf>,
@@ -54,17 +54,17 @@ pub(crate) struct Args {
 
 /// Settings of the search for pulses.
 #[derive(Debug, clap::Args)]
-pub(super) struct Search {
+pub struct Search {
     /// Samples per second of raw samples; files with a header have their own
     #[arg(long, value_name = "HZ")]
-    pub(super) rate_hz: Option<f64>,
+    pub rate_hz: Option<f64>,
     /// The centre frequency in hertz; without it frequencies are about the middle, unless the file
     /// has it
     #[arg(long, value_name = "HZ", allow_hyphen_values = true)]
-    pub(super) center_hz: Option<f64>,
+    pub center_hz: Option<f64>,
     /// The format of raw samples, if the extension does not give it: cu8, cs8, cs16, cf32
     #[arg(long, value_parser = format)]
-    pub(super) format: Option<SampleFormat>,
+    pub format: Option<SampleFormat>,
     /// The lowest and the highest frequency to search, in hertz [default: the whole band]
     #[arg(long, value_name = "FROM,TO", value_parser = band, allow_hyphen_values = true)]
     band_hz: Option<[f64; 2]>,
@@ -74,15 +74,15 @@ pub(super) struct Search {
     width_ms: Option<Vec<f64>>,
     /// The number of pulses per hour that noise alone may give
     #[arg(long, value_name = "COUNT", default_value_t = 1.0)]
-    pub(super) false_alarms_per_hour: f64,
+    pub false_alarms_per_hour: f64,
     /// The power of a full-scale tone in dBm; without it levels are in dB of full scale
     #[arg(long, value_name = "DBM", allow_hyphen_values = true)]
-    pub(super) full_scale_dbm: Option<f64>,
+    pub full_scale_dbm: Option<f64>,
 }
 
 impl Search {
     /// Returns the options to open a file.
-    pub(super) fn options(&self) -> OpenOptions {
+    pub fn options(&self) -> OpenOptions {
         let mut options = OpenOptions::default();
         (options.rate_hz, options.center_hz) = (self.rate_hz, self.center_hz);
         options.format = self.format;
@@ -91,7 +91,7 @@ impl Search {
 
     /// Returns the detector's settings for samples of a rate about a centre, whose rounding makes
     /// this power of noise.
-    pub(super) fn config(
+    pub fn config(
         &self,
         rate_hz: f64,
         center_hz: Option<f64>,
@@ -264,7 +264,7 @@ struct Taken {
     trains: Vec<Train>,
 }
 
-pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let output = context.output;
     if args.csv {
         let train = if args.fold.is_some() { ",train" } else { "" };
@@ -343,11 +343,10 @@ fn search(args: &Args, file: &Path, output: Output) -> Result<Report, CliError> 
 }
 
 /// The header of lists of pulses.
-pub(super) const HEADER: &str =
-    "time_s,frequency_hz,width_s,power_dbm,snr_db,false_alarms_per_hour,file";
+pub const HEADER: &str = "time_s,frequency_hz,width_s,power_dbm,snr_db,false_alarms_per_hour,file";
 
 /// A pulse as a line of CSV, as `foxhunt tags` reads it, with its false alarms an hour.
-pub(super) fn line(pulse: &Pulse, rate: f64, file: &str, train: Option<usize>) -> String {
+pub fn line(pulse: &Pulse, rate: f64, file: &str, train: Option<usize>) -> String {
     let Pulse { time_s, frequency_hz, width_s, power_dbm, snr_db, .. } = pulse;
     let file = if file.contains(['"', ',', '\n']) {
         format!("\"{}\"", file.replace('"', "\"\""))

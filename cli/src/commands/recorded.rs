@@ -26,7 +26,7 @@ use crate::{
 
 /// Options for reading recordings.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Reading {
+pub struct Reading {
     /// The format: the name of one that comes with the program, or a TOML file with a column
     /// mapping; recognised by the file's header unless given
     #[arg(long, value_name = "NAME|FILE")]
@@ -77,7 +77,7 @@ pub(crate) struct Reading {
     date: Option<Day>,
     /// The number of positions in a turn of the antenna
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = value_parser!(u16).range(1..=360))]
-    pub(super) positions: u16,
+    pub positions: u16,
     /// The receiver's floor, in dBm or dB as the levels are: one at or below it is noise, of which
     /// estimators of all receptions at once take but that the true one was not above it
     #[arg(long, value_name = "DBM", allow_hyphen_values = true)]
@@ -109,7 +109,7 @@ pub(crate) struct Reading {
 }
 
 /// Seconds, or a time in UTC as seconds since 1970.
-pub(super) fn offset(text: &str) -> Result<f64, &'static str> {
+pub fn offset(text: &str) -> Result<f64, &'static str> {
     let seconds = text.parse().ok().filter(|number: &f64| number.is_finite());
     seconds.or_else(|| utc_seconds(text)).ok_or("neither a number nor a time in UTC")
 }
@@ -127,18 +127,18 @@ impl FromStr for Day {
 }
 
 /// Recordings, with the clock of their measurements.
-pub(super) struct Clocked {
-    pub(super) recordings: Vec<Recording>,
+pub struct Clocked {
+    pub recordings: Vec<Recording>,
     /// Seconds that are still to be added to the times of the measurements: the whole offset of
     /// the command line where the places are the recordings' own.
-    pub(super) offset_s: f64,
+    pub offset_s: f64,
     /// Offset from the clock of a path in another file that was found and taken off.
-    pub(super) found: Option<FoundOffset>,
+    pub found: Option<FoundOffset>,
 }
 
 /// A place in degrees, as the command line has it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct LatLon {
+pub struct LatLon {
     lat_deg: f64,
     lon_deg: f64,
 }
@@ -162,14 +162,14 @@ impl FromStr for LatLon {
 
 impl LatLon {
     /// The local frame that begins there, at no height.
-    pub(super) fn frame(self) -> LocalFrame {
+    pub fn frame(self) -> LocalFrame {
         let origin = Geodetic { lat_deg: self.lat_deg, lon_deg: self.lon_deg, alt_m: 0.0 };
         LocalFrame::new(origin).expect("it was checked when it was read")
     }
 
     /// The place in a recording's frame, East and North in metres: [`None`] where the recording
     /// has no place on Earth.
-    pub(super) fn in_frame(self, frame: Option<LocalFrame>) -> Option<[f64; 2]> {
+    pub fn in_frame(self, frame: Option<LocalFrame>) -> Option<[f64; 2]> {
         let frame = frame?;
         let alt_m = frame.origin().alt_m;
         let local =
@@ -223,7 +223,7 @@ impl Reading {
 
     /// Reads recordings into one frame, and prints on standard error what was left out. Refuses a
     /// clock's offset without a path beside the recordings.
-    pub(super) fn read(&self, files: &[PathBuf]) -> Result<Vec<Recording>, CliError> {
+    pub fn read(&self, files: &[PathBuf]) -> Result<Vec<Recording>, CliError> {
         let unsought = Err("this command does not look for one");
         let Clocked { recordings, offset_s, .. } = self.read_with_clock(files, unsought)?;
         if offset_s.abs() > 0.0 {
@@ -237,7 +237,7 @@ impl Reading {
 
     /// Reads recordings as [`read`](Self::read) does. Looks for the offset between the clocks of a
     /// recording of levels and of its path in another file with `search`, or says why not.
-    pub(super) fn read_with_clock(
+    pub fn read_with_clock(
         &self,
         files: &[PathBuf],
         search: Result<ClockSearch, &str>,
@@ -348,12 +348,12 @@ impl Reading {
     }
 
     /// The beacon of the command line.
-    pub(super) fn wanted(&self) -> Option<&str> {
+    pub fn wanted(&self) -> Option<&str> {
         self.beacon.as_deref()
     }
 
     /// Returns the beacon that is meant: [`None`] for the only one of a recording without names.
-    pub(super) fn beacon(&self, recordings: &[Recording]) -> Result<Option<String>, CliError> {
+    pub fn beacon(&self, recordings: &[Recording]) -> Result<Option<String>, CliError> {
         let selection = self.beacon.clone().map_or(Selection::Only, Selection::Named);
         only_beacon(recordings, &selection).map_err(|error: RecordedError| CliError::input(error))
     }
@@ -439,7 +439,7 @@ fn narrate(recording: &Recording) {
 }
 
 /// The refusal of a place in degrees for a file that is in metres.
-pub(super) fn no_degrees(flag: &str) -> CliError {
+pub fn no_degrees(flag: &str) -> CliError {
     CliError::input(format!(
         "{flag}: the recording has no places in degrees, so the distance to it is not known; \
          give the columns truth_east_m and truth_north_m instead"

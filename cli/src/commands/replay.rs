@@ -32,7 +32,7 @@ use crate::{
                         foxhunt replay out/hunt.jsonl --estimator imm --smooth\n  \
                         foxhunt replay out/hunt.jsonl --ignore struck.jsonl --report without.html\n  \
                         foxhunt replay out/hunt.jsonl --export hunt.kml --origin 50.08,14.44")]
-pub(crate) struct Args {
+pub struct Args {
     /// A log, such as `foxhunt hunt` writes it
     log: PathBuf,
     /// Another estimator than the log's own
@@ -157,7 +157,7 @@ struct SmoothedPlace {
     error_m: Option<f64>,
 }
 
-pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     args.views.check(false)?;
     let log = Log::read(&args.log).map_err(|error: LogError| CliError::input(error))?;

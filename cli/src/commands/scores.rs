@@ -13,74 +13,74 @@ use crate::error::CliError;
 
 /// An estimator's answer to a fix.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub(super) struct Answer {
-    pub(super) estimator: String,
+pub struct Answer {
+    pub estimator: String,
     /// Error in metres; absent if it found no place, for the reason of `failure`.
-    pub(super) error_m: Option<f64>,
-    pub(super) nees: Option<f64>,
+    pub error_m: Option<f64>,
+    pub nees: Option<f64>,
     /// True if the 95 % ellipse holds the truth.
-    pub(super) inside_95: Option<bool>,
+    pub inside_95: Option<bool>,
     /// True if the region that is shown holds the truth: that of the posterior where the ellipse is
     /// a poor picture of it.
-    pub(super) in_region_95: Option<bool>,
+    pub in_region_95: Option<bool>,
     /// -ln of the density at the truth, in 1/m².
-    pub(super) log_score: Option<f64>,
+    pub log_score: Option<f64>,
     /// True if the ellipse by the user's recordings holds the truth, for --conformal.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) in_conformal_ellipse_95: Option<bool>,
+    pub in_conformal_ellipse_95: Option<bool>,
     /// True if the circle by the user's recordings holds the truth, for --conformal.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) in_conformal_circle_95: Option<bool>,
+    pub in_conformal_circle_95: Option<bool>,
     /// Deviation of the truth in units of the ellipse.
     #[serde(skip)]
-    pub(super) deviation: Option<Deviation>,
+    pub deviation: Option<Deviation>,
     /// Doubts about the place.
-    pub(super) remarks: Vec<Remark>,
-    pub(super) failure: Option<String>,
+    pub remarks: Vec<Remark>,
+    pub failure: Option<String>,
 }
 
 /// An estimator over all fixes.
 #[derive(Clone, Debug, Serialize)]
-pub(super) struct Summary {
-    pub(super) estimator: String,
-    pub(super) fixes: usize,
+pub struct Summary {
+    pub estimator: String,
+    pub fixes: usize,
     /// Fixes that it found no place for.
-    pub(super) failed: usize,
-    pub(super) median_error_m: Option<f64>,
+    pub failed: usize,
+    pub median_error_m: Option<f64>,
     /// Interval that holds the median of the errors with 95 % (by order statistics).
-    pub(super) median_interval_m: Option<[f64; 2]>,
-    pub(super) mean_error_m: Option<f64>,
-    pub(super) mean_nees: Option<f64>,
-    pub(super) median_nees: Option<f64>,
+    pub median_interval_m: Option<[f64; 2]>,
+    pub mean_error_m: Option<f64>,
+    pub mean_nees: Option<f64>,
+    pub median_nees: Option<f64>,
     /// Mean of the log scores, each at most [`WORST_SCORE`].
-    pub(super) mean_log_score: Option<f64>,
+    pub mean_log_score: Option<f64>,
     /// Number of 95 % ellipses that hold the truth.
-    pub(super) inside_95: usize,
+    pub inside_95: usize,
     /// Interval that holds the share of ellipses that hold the truth with 95 % (Clopper & Pearson
     /// 1934).
-    pub(super) coverage_interval: Option<[f64; 2]>,
+    pub coverage_interval: Option<[f64; 2]>,
     /// Number of shown 95 % regions that hold the truth, and number of all.
-    pub(super) in_regions_95: [usize; 2],
+    pub in_regions_95: [usize; 2],
     /// The interval of `coverage_interval` for the regions.
-    pub(super) region_interval: Option<[f64; 2]>,
+    pub region_interval: Option<[f64; 2]>,
     /// Number of answers without a remark whose 95 % region holds the truth, and number of all.
-    pub(super) unremarked_95: [usize; 2],
+    pub unremarked_95: [usize; 2],
     /// The interval of `coverage_interval` for the answers without a remark.
-    pub(super) unremarked_interval: Option<[f64; 2]>,
+    pub unremarked_interval: Option<[f64; 2]>,
     /// Number of ellipses by the user's recordings that hold the truth, and number of all.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) in_conformal_ellipses_95: Option<[usize; 2]>,
+    pub in_conformal_ellipses_95: Option<[usize; 2]>,
     /// The interval of `coverage_interval` for these ellipses.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) conformal_ellipse_interval: Option<[f64; 2]>,
+    pub conformal_ellipse_interval: Option<[f64; 2]>,
     /// Number of circles by the user's recordings that hold the truth, and number of all.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) in_conformal_circles_95: Option<[usize; 2]>,
+    pub in_conformal_circles_95: Option<[usize; 2]>,
     /// The interval of `coverage_interval` for these circles.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) conformal_circle_interval: Option<[f64; 2]>,
+    pub conformal_circle_interval: Option<[f64; 2]>,
     /// Number of fixes in which the estimator judged first is nearer than this one.
-    pub(super) first_is_nearer: Option<usize>,
+    pub first_is_nearer: Option<usize>,
 }
 
 /// Largest log score that a mean takes, in nats: one answer that is sure and wrong would hide all
@@ -89,7 +89,7 @@ const WORST_SCORE: f64 = 100.0;
 
 impl Answer {
     /// Scores a place; without a truth nothing but its remarks counts.
-    pub(super) fn new(estimator: &str, located: &Located, truth: Option<&Vector2<f64>>) -> Self {
+    pub fn new(estimator: &str, located: &Located, truth: Option<&Vector2<f64>>) -> Self {
         Self {
             estimator: estimator.to_owned(),
             error_m: truth.map(|truth| (located.estimate.mean - truth).norm()),
@@ -106,7 +106,7 @@ impl Answer {
     }
 
     /// Judges the regions by the user's recordings too.
-    pub(super) fn with_conformal(self, factors: Option<&ConformalFactors>) -> Self {
+    pub fn with_conformal(self, factors: Option<&ConformalFactors>) -> Self {
         let held = factors.zip(self.deviation).map(|(factors, of)| factors.hold(&of));
         Self {
             in_conformal_ellipse_95: held.map(|[ellipse, _]| ellipse),
@@ -116,7 +116,7 @@ impl Answer {
     }
 
     /// Records the reason why there is no place.
-    pub(super) fn failed(estimator: &str, reason: String) -> Self {
+    pub fn failed(estimator: &str, reason: String) -> Self {
         Self {
             estimator: estimator.to_owned(),
             error_m: None,
@@ -136,7 +136,7 @@ impl Answer {
 impl Summary {
     /// Summarises every estimator over all fixes, in the order of their first answers. The first
     /// answer of a fix is that of the estimator that is judged.
-    pub(super) fn of_each<'a, I>(fixes: impl Fn() -> I) -> Result<Vec<Self>, CliError>
+    pub fn of_each<'a, I>(fixes: impl Fn() -> I) -> Result<Vec<Self>, CliError>
     where
         I: Iterator<Item = &'a [Answer]>,
     {
@@ -157,7 +157,7 @@ impl Summary {
     }
 
     /// Summarises answers, each beside that of the estimator which is judged first.
-    pub(super) fn of<'a>(
+    pub fn of<'a>(
         name: &str,
         answers: impl Iterator<Item = (&'a Answer, Option<&'a Answer>)>,
     ) -> Result<Self, CliError> {

@@ -21,7 +21,7 @@ use crate::{
 
 /// Settings that replace a scenario's own, besides the planner.
 #[derive(Debug, clap::Args)]
-pub(super) struct Settings {
+pub struct Settings {
     /// The source that all drones listen with (`foxhunt list sources`) [default: the scenario's
     /// own]
     #[arg(long, value_name = "NAME")]
@@ -48,11 +48,7 @@ enum QuadrotorDynamics {
 
 impl Settings {
     /// Sets source, dynamics, calibration, bearings and extractor of a scenario.
-    pub(super) fn apply_to(
-        &self,
-        scenario: &mut Scenario,
-        registry: &Registry,
-    ) -> Result<(), CliError> {
+    pub fn apply_to(&self, scenario: &mut Scenario, registry: &Registry) -> Result<(), CliError> {
         self.apply_source_to(scenario, registry)?;
         self.apply_dynamics_to(scenario)?;
         self.calibration.read()?.apply_to(scenario);
@@ -105,7 +101,7 @@ impl Settings {
     }
 
     /// The estimator with the settings of the command line.
-    pub(super) fn estimator(&self, entry: &EstimatorEntry) -> Result<EstimatorEntry, CliError> {
+    pub fn estimator(&self, entry: &EstimatorEntry) -> Result<EstimatorEntry, CliError> {
         self.overrides.estimator(entry)
     }
 }
@@ -204,7 +200,7 @@ impl Overrides {
 
 /// Planner that replaces the scenario's own.
 #[derive(Debug, clap::Args)]
-pub(super) struct Planning {
+pub struct Planning {
     /// The planner (`foxhunt list planners` describes them) [default: the scenario's own]
     #[arg(long, value_name = "NAME")]
     planner: Option<String>,
@@ -212,25 +208,18 @@ pub(super) struct Planning {
 
 impl Planning {
     /// The planner of the command line.
-    pub(super) fn entry<'a>(
-        &self,
-        registry: &'a Registry,
-    ) -> Result<Option<&'a PlannerEntry>, CliError> {
+    pub fn entry<'a>(&self, registry: &'a Registry) -> Result<Option<&'a PlannerEntry>, CliError> {
         let entry = self.planner.as_deref().map(|name| registry.planner(name));
         entry.transpose().map_err(CliError::input)
     }
 
     /// Returns its name, or a note that it is the scenario's own.
-    pub(super) fn name(&self) -> &str {
+    pub fn name(&self) -> &str {
         self.planner.as_deref().unwrap_or(OWN)
     }
 
     /// Sets the planner of a scenario.
-    pub(super) fn apply_to(
-        &self,
-        scenario: &mut Scenario,
-        registry: &Registry,
-    ) -> Result<(), CliError> {
+    pub fn apply_to(&self, scenario: &mut Scenario, registry: &Registry) -> Result<(), CliError> {
         if let Some(planner) = self.entry(registry)? {
             scenario.planner = planner.config(&scenario.field());
         }
@@ -240,7 +229,7 @@ impl Planning {
 
 /// Runs, their seeds and the jobs that they share.
 #[derive(Debug, clap::Args)]
-pub(super) struct Runs {
+pub struct Runs {
     /// The number of runs of each contender
     #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..))]
     runs: u32,
@@ -259,13 +248,13 @@ pub(super) struct Runs {
 impl Runs {
     /// Returns the number of runs of each contender.
     #[cfg(feature = "store")]
-    pub(super) fn count(&self) -> u32 {
+    pub fn count(&self) -> u32 {
         self.runs
     }
 
     /// Calls `run` with a repetition that shows its progress, where each of `contenders` has all
     /// runs; `what` names the runs.
-    pub(super) fn with_progress<R>(
+    pub fn with_progress<R>(
         &self,
         output: Output<'_>,
         what: &'static str,
@@ -277,7 +266,7 @@ impl Runs {
 
     /// Calls `run` as [`with_progress`](Self::with_progress) does, where each contender has only
     /// `part` of the runs.
-    pub(super) fn with_progress_of<R>(
+    pub fn with_progress_of<R>(
         &self,
         output: Output<'_>,
         what: &'static str,

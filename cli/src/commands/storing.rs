@@ -20,7 +20,7 @@ const PROGRAM: &str = concat!("foxhunt ", env!("CARGO_PKG_VERSION"));
 /// Store of a campaign's runs, and the part of them flown here.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "A store of runs")]
-pub(super) struct Storing {
+pub struct Storing {
     /// Keep every run in this file as it ends; runs that it already holds are not flown again
     #[arg(long, value_name = "FILE", conflicts_with = "hunts_to")]
     store: Option<PathBuf>,
@@ -54,14 +54,14 @@ impl FromStr for ChosenShard {
 
 /// A campaign that is flown into a file.
 #[derive(Debug)]
-pub(super) struct Job<'a> {
+pub struct Job<'a> {
     store: Store,
     campaign: CampaignToStore<'a>,
 }
 
 impl Storing {
     /// The campaign into the file of the command line, if there is one.
-    pub(super) fn job<'a>(
+    pub fn job<'a>(
         &self,
         registry: &'a Registry,
         scenario: &'a Scenario,
@@ -89,12 +89,12 @@ impl Storing {
 
 impl Job<'_> {
     /// Returns the number of runs flown here, of all `runs`.
-    pub(super) fn part_of(&self, runs: u32) -> u32 {
+    pub fn part_of(&self, runs: u32) -> u32 {
         let part = self.campaign.shard.of(runs);
         part.end - part.start
     }
 
-    pub(super) fn fly(&self, repetition: &Repetition<'_>) -> Result<CampaignReport, StoreError> {
+    pub fn fly(&self, repetition: &Repetition<'_>) -> Result<CampaignReport, StoreError> {
         self.campaign.fly(&self.store, repetition)
     }
 }
@@ -104,7 +104,7 @@ fn create(path: &Path) -> Result<Store, CliError> {
 }
 
 /// Returns the error of a store that went wrong; `scenario` was flown.
-pub(super) fn error(error: StoreError, scenario: &str) -> CliError {
+pub fn error(error: StoreError, scenario: &str) -> CliError {
     match error {
         StoreError::Simulation(error) => choice::simulation_error(error, scenario),
         StoreError::Threads(_) | StoreError::Io { .. } | StoreError::Sql { .. } => {
@@ -115,7 +115,7 @@ pub(super) fn error(error: StoreError, scenario: &str) -> CliError {
 }
 
 /// Error of a store that cannot be read.
-pub(super) fn reading(error: StoreError) -> CliError {
+pub fn reading(error: StoreError) -> CliError {
     self::error(error, "")
 }
 

@@ -22,7 +22,7 @@ use crate::{
                         foxhunt tags pulses.csv --tags tags.csv\n  \
                         foxhunt tags pulses.csv --intervals-s 0.5,2 --frequency-sigma-hz 15\n  \
                         foxhunt tags pulses.csv --csv > given.csv")]
-pub(crate) struct Args {
+pub struct Args {
     /// A list of pulses: CSV with named columns
     pulses: PathBuf,
     /// A table of known tags: CSV with the columns name, interval_s and optionally frequency_hz,
@@ -69,7 +69,7 @@ impl Args {
 }
 
 /// Two numbers with a comma between them.
-pub(super) fn from_to(text: &str) -> Result<[f64; 2], String> {
+pub fn from_to(text: &str) -> Result<[f64; 2], String> {
     let numbers: Vec<f64> = text.split(',').filter_map(|n| n.trim().parse().ok()).collect();
     match (numbers.as_slice(), text.matches(',').count()) {
         ([from, to], 1) => Ok([*from, *to]),
@@ -77,7 +77,7 @@ pub(super) fn from_to(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
-pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let known = match &args.tags {
         Some(file) => TagTable::read(file).map_err(CliError::input)?,
         None => TagTable::default(),
@@ -97,7 +97,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
 }
 
 /// Name of a tag: its names, or its number among the tags.
-pub(super) fn name(tag: &Tag, place: usize) -> String {
+pub fn name(tag: &Tag, place: usize) -> String {
     if tag.names.is_empty() { format!("unknown {}", place + 1) } else { tag.names.join(" or ") }
 }
 

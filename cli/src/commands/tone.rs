@@ -39,7 +39,7 @@ const FINISH_S: u64 = 3;
 
 /// Flags of the tone.
 #[derive(Debug, clap::Args)]
-pub(super) struct ToneArgs {
+pub struct ToneArgs {
     /// Write a tone whose pitch follows the level of carried receivers to this WAV file; `-` writes
     /// to standard output, for a player. All carried receivers and all beacons share the tone: the
     /// highest level counts
@@ -59,7 +59,7 @@ pub(super) struct ToneArgs {
 impl ToneArgs {
     /// The tone, if one is wanted. `waits` is true if nothing flies in real time: each piece is
     /// then waited for, and none is left out.
-    pub(super) fn open(&self, waits: bool) -> Result<Option<Tone>, CliError> {
+    pub fn open(&self, waits: bool) -> Result<Option<Tone>, CliError> {
         let Some(path) = &self.tone else { return Ok(None) };
         let config = PitchConfig { floor_dbm: self.tone_floor_dbm, ..PitchConfig::default() };
         let pitch = Pitch::new(config)
@@ -76,18 +76,18 @@ impl ToneArgs {
     }
 
     /// True if a tone is wanted.
-    pub(super) fn is_given(&self) -> bool {
+    pub fn is_given(&self) -> bool {
         self.tone.is_some()
     }
 
     /// True if the tone takes standard output.
-    pub(super) fn takes_stdout(&self) -> bool {
+    pub fn takes_stdout(&self) -> bool {
         self.tone.as_deref() == Some(Path::new("-"))
     }
 }
 
 /// A tone that a thread of its own writes as time passes.
-pub(super) struct Tone {
+pub struct Tone {
     path: PathBuf,
     synthesis: Synthesis,
     /// Pieces for the thread.
@@ -150,7 +150,7 @@ impl Tone {
     }
 
     /// Takes a level in dBm of a time in seconds.
-    pub(super) fn received(&mut self, time: f64, level_dbm: f64) {
+    pub fn received(&mut self, time: f64, level_dbm: f64) {
         self.synthesis.pitch.received(time, level_dbm);
     }
 
@@ -159,7 +159,7 @@ impl Tone {
     /// # Errors
     ///
     /// If the sound cannot be written any more.
-    pub(super) fn pass(&mut self, time: f64) -> Result<(), CliError> {
+    pub fn pass(&mut self, time: f64) -> Result<(), CliError> {
         let samples = self.synthesis.until(time);
         if samples.is_empty() {
             return Ok(());
@@ -186,7 +186,7 @@ impl Tone {
     /// # Errors
     ///
     /// If the sound could not be written, or is not yet.
-    pub(super) fn finish(self) -> Result<(), CliError> {
+    pub fn finish(self) -> Result<(), CliError> {
         let Self { path, pieces, ended, .. } = self;
         drop(pieces);
         result(&path, &ended)

@@ -30,7 +30,7 @@ use crate::{
 
 /// Files for other programs.
 #[derive(Debug, clap::Args)]
-pub(super) struct Exports {
+pub struct Exports {
     /// Write places, bearings, ellipses, regions and paths to a file, in the format of its ending:
     /// .geojson, .kml, .czml, .gpx, .csv, .cot (Cursor on Target) or .mcap; or the probability of
     /// each cell as .tif (GeoTIFF), .kmz (overlay), .mbtiles or .png; may be given several times
@@ -47,7 +47,7 @@ pub(super) struct Exports {
 
 /// A page and files for other programs.
 #[derive(Debug, clap::Args)]
-pub(super) struct Views {
+pub struct Views {
     /// Write a page for any browser: one file, without a network
     #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
@@ -75,7 +75,7 @@ fn refused(file: &Path, error: &ExportError) -> CliError {
 impl Exports {
     /// Refuses files that have an unknown format or cannot be written, before any work is done;
     /// `on_map` is true if something else than exports needs the origin.
-    pub(super) fn check(&self, on_map: bool) -> Result<(), CliError> {
+    pub fn check(&self, on_map: bool) -> Result<(), CliError> {
         if self.origin.is_some() && self.exported.is_empty() && !on_map {
             return Err(CliError::input("--origin: only for --export, --live, --cot or --mqtt"));
         }
@@ -87,13 +87,13 @@ impl Exports {
     }
 
     /// Returns the origin of local metres, if the command line has it.
-    pub(super) fn origin(&self) -> Option<Geodetic> {
+    pub fn origin(&self) -> Option<Geodetic> {
         self.origin.map(|origin| origin.frame().origin())
     }
 
     /// Refuses formats that need an origin of local metres or a start in UTC that will be unknown,
     /// before any work is done.
-    pub(super) fn check_known(&self, origin: bool, start: bool) -> Result<(), CliError> {
+    pub fn check_known(&self, origin: bool, start: bool) -> Result<(), CliError> {
         for file in &self.exported {
             let format = Format::of_file(file).and_then(|format| {
                 format.check(origin || self.origin.is_some(), start || self.start_utc.is_some())
@@ -118,7 +118,7 @@ impl Exports {
     }
 
     /// Writes a page, at the origin of the command line if it has one.
-    pub(super) fn write_page(
+    pub fn write_page(
         &self,
         path: &Path,
         overview: &Overview,
@@ -132,7 +132,7 @@ impl Exports {
     }
 
     /// Writes the files.
-    pub(super) fn write(&self, overview: &Overview, output: Output) -> Result<(), CliError> {
+    pub fn write(&self, overview: &Overview, output: Output) -> Result<(), CliError> {
         if self.exported.is_empty() {
             return Ok(());
         }
@@ -155,35 +155,35 @@ impl Views {
     }
 
     /// Returns true if anything is to be written.
-    pub(super) fn any(&self) -> bool {
+    pub fn any(&self) -> bool {
         self.report.is_some() || !self.exports.exported.is_empty()
     }
 
     /// Returns true if a page is to be written.
-    pub(super) fn has_page(&self) -> bool {
+    pub fn has_page(&self) -> bool {
         self.report.is_some()
     }
 
     /// Refuses files that have an unknown format or cannot be written, before any work is done;
     /// `on_map` is true if something else than exports needs the origin.
-    pub(super) fn check(&self, on_map: bool) -> Result<(), CliError> {
+    pub fn check(&self, on_map: bool) -> Result<(), CliError> {
         self.report.iter().try_for_each(|path| check_writable(path))?;
         let _ = self.map()?;
         self.exports.check(on_map || self.tiles.is_some())
     }
 
     /// Returns the origin of local metres, if the command line has it.
-    pub(super) fn origin(&self) -> Option<Geodetic> {
+    pub fn origin(&self) -> Option<Geodetic> {
         self.exports.origin()
     }
 
     /// Returns an overview at the origin of the command line, if it has one.
-    pub(super) fn placed(&self, overview: Overview) -> Result<Overview, CliError> {
+    pub fn placed(&self, overview: Overview) -> Result<Overview, CliError> {
         self.exports.placed(overview)
     }
 
     /// Refuses formats that need an origin of local metres or a start in UTC that is unknown.
-    pub(super) fn check_known(&self, origin: bool, start: bool) -> Result<(), CliError> {
+    pub fn check_known(&self, origin: bool, start: bool) -> Result<(), CliError> {
         if self.tiles.is_some() && !origin && self.origin().is_none() {
             return Err(CliError::input(NO_PLACE));
         }
@@ -191,7 +191,7 @@ impl Views {
     }
 
     /// Writes the requested page and files.
-    pub(super) fn write(
+    pub fn write(
         &self,
         overview: &Overview,
         log: Option<&Result<PageLog, NotStrikable>>,
@@ -207,7 +207,7 @@ impl Views {
 }
 
 /// A tap that keeps all turns, and the turns.
-pub(super) fn keep_turns() -> (Tap, Rc<RefCell<Vec<KeptTurn>>>) {
+pub fn keep_turns() -> (Tap, Rc<RefCell<Vec<KeptTurn>>>) {
     let turns = Rc::new(RefCell::new(Vec::new()));
     let kept = Rc::clone(&turns);
     let keep = move |drone: usize, sweep: &Sweep<'_>| {
@@ -217,16 +217,16 @@ pub(super) fn keep_turns() -> (Tap, Rc<RefCell<Vec<KeptTurn>>>) {
 }
 
 /// The antenna that an extractor knows, if it does.
-pub(super) struct Antennas(Option<(SharedAntenna, f64)>);
+pub struct Antennas(Option<(SharedAntenna, f64)>);
 
 impl Antennas {
-    pub(super) fn of(extractor: &ExtractorConfig) -> Self {
+    pub fn of(extractor: &ExtractorConfig) -> Self {
         let known = extractor.known_antenna();
         // One that cannot be built has stopped the command before.
         Self(known.and_then(|(antenna, elevation)| Some((antenna.build().ok()?, elevation))))
     }
 
-    pub(super) fn known(&self) -> Option<KnownAntenna<'_>> {
+    pub fn known(&self) -> Option<KnownAntenna<'_>> {
         let (antenna, elevation) = self.0.as_ref()?;
         Some(KnownAntenna { antenna: antenna.as_ref(), elevation: *elevation })
     }
@@ -234,7 +234,7 @@ impl Antennas {
 
 /// Writes the page that shows a hunt or recordings, above a map if there is one; with the log
 /// bearings can be struck out in it.
-pub(super) fn write_page(
+pub fn write_page(
     path: &Path,
     overview: &Overview,
     log: Option<&Result<PageLog, NotStrikable>>,

@@ -59,9 +59,9 @@ pub(super) type Act<'a, const N: usize, const M: usize> = dyn FnMut(&mut dyn Est
 /// states and components, so that their laws are compiled once.
 pub(super) struct Fresh<'a, const N: usize, const M: usize> {
     /// The name of the estimator's type.
-    pub(super) name: &'static str,
+    pub name: &'static str,
     /// Code that calls its argument once, with a fresh estimator.
-    pub(super) lend: &'a dyn Fn(&mut Act<'_, N, M>),
+    pub lend: &'a dyn Fn(&mut Act<'_, N, M>),
 }
 
 impl<const N: usize, const M: usize> Fresh<'_, N, M> {

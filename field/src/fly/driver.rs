@@ -137,7 +137,7 @@ impl<D: ?Sized + Examine> Examine for Box<D> {
 /// that it does not know. Neither that type nor [`Aircraft`] is this crate's own, so the orphan
 /// rule requires another type here; the error is the same.
 #[derive(Debug)]
-pub(super) struct Driver<D>(pub(super) D);
+pub(super) struct Driver<D>(pub D);
 
 impl<D: Examine> Examine for Driver<D> {
     fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding> {

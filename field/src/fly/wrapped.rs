@@ -19,7 +19,7 @@ const ARRIVED_M: [f64; 2] = [1.0, 0.3];
 /// In the air it counts as one that follows, at its pilot's pace; on the ground as one that is
 /// about to take off.
 #[derive(Debug)]
-pub(super) struct Advised<A>(pub(super) A);
+pub(super) struct Advised<A>(pub A);
 
 impl<A: Vehicle> Vehicle for Advised<A> {
     type Error = A::Error;

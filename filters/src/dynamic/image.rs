@@ -22,7 +22,7 @@ pub(super) trait DynamicMap {
 }
 
 /// f(·, Δt).
-pub(super) struct OverTime<'a>(pub(super) &'a dyn DynamicMotion, pub(super) f64);
+pub(super) struct OverTime<'a>(pub &'a dyn DynamicMotion, pub f64);
 
 impl DynamicMap for OverTime<'_> {
     fn value(&self, x: &DVector<f64>) -> DVector<f64> {
@@ -44,7 +44,7 @@ impl DynamicMap for OverTime<'_> {
 }
 
 /// h(·; pose).
-pub(super) struct AtReceiver<'a, H: ?Sized>(pub(super) &'a H, pub(super) &'a Pose);
+pub(super) struct AtReceiver<'a, H: ?Sized>(pub &'a H, pub &'a Pose);
 
 impl<H: ?Sized + DynamicMeasurement> DynamicMap for AtReceiver<'_, H> {
     fn value(&self, x: &DVector<f64>) -> DVector<f64> {
@@ -67,10 +67,10 @@ impl<H: ?Sized + DynamicMeasurement> DynamicMap for AtReceiver<'_, H> {
 
 /// The image y of a Gaussian x ~ N(x̂, L Lᵀ): y ≈ ŷ + A (x − x̂) + e, e ~ N(0, W Wᵀ).
 pub(super) struct Image {
-    pub(super) mean: DVector<f64>,
-    pub(super) slope: Slope,
+    pub mean: DVector<f64>,
+    pub slope: Slope,
     /// W, a row for each component; it has no columns where nothing is left unexplained.
-    pub(super) unexplained: DMatrix<f64>,
+    pub unexplained: DMatrix<f64>,
 }
 
 /// The regression of the image on the state.

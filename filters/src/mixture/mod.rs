@@ -47,8 +47,8 @@ pub type InnovationOf<E, const M: usize> =
 /// underflows.
 #[derive(Clone, Debug)]
 pub(crate) struct Component<E> {
-    pub(crate) estimator: E,
-    pub(crate) log_weight: f64,
+    pub estimator: E,
+    pub log_weight: f64,
 }
 
 impl<E> Component<E> {

@@ -14,11 +14,11 @@ const MOST: usize = 64;
 /// A weighted Gaussian, and which component it came from.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Part<const N: usize> {
-    pub(crate) weight: f64,
-    pub(crate) estimate: Estimate<N>,
+    pub weight: f64,
+    pub estimate: Estimate<N>,
     /// Index of the component that the part came from; after a merge, the heavier part's.
-    pub(crate) origin: usize,
-    pub(crate) merged: bool,
+    pub origin: usize,
+    pub merged: bool,
     log_determinant: f64,
 }
 

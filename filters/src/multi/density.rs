@@ -71,7 +71,7 @@ pub(super) struct Density<E> {
 pub(super) struct Updated<E> {
     parts: Vec<Component<E>>,
     /// ln p(z | the track made z).
-    pub(super) log_evidence: f64,
+    pub log_evidence: f64,
 }
 
 impl<E: Clone> Density<E> {

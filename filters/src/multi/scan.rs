@@ -65,14 +65,14 @@ impl<const M: usize> Detection<M> {
 
 /// A track before a scan: its probability of existence and its density.
 pub(super) struct Before<'a, E> {
-    pub(super) existence: f64,
-    pub(super) density: &'a Density<E>,
+    pub existence: f64,
+    pub density: &'a Density<E>,
 }
 
 /// A track after a scan.
 pub(super) struct After<E> {
-    pub(super) existence: f64,
-    pub(super) density: Density<E>,
+    pub existence: f64,
+    pub density: Density<E>,
 }
 
 /// Conditions tracks on a scan, each observation of which is made by one track at most.

@@ -72,11 +72,11 @@ pub(super) struct Scaled([Vec<f64>; 2]);
 /// The explanation of the levels by which censored segments are expected.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Law {
-    pub(super) intercept: f64,
+    pub intercept: f64,
     /// Slope and gain.
-    pub(super) coefficients: [f64; 2],
+    pub coefficients: [f64; 2],
     /// σ² of the values.
-    pub(super) variance: f64,
+    pub variance: f64,
 }
 
 impl Censored {

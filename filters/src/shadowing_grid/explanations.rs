@@ -24,15 +24,15 @@ pub(super) struct Explanations {
 /// Weighted sums over the explanations of one correlation.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sums {
-    pub(super) weight: f64,
+    pub weight: f64,
     /// First and second moment of the slope, and of the gain.
-    pub(super) slope: [f64; 2],
-    pub(super) gain: [f64; 2],
+    pub slope: [f64; 2],
+    pub gain: [f64; 2],
     /// Mixed moment of slope and gain.
-    pub(super) cross: f64,
+    pub cross: f64,
     /// Sums of the squares' roots, and of the squares.
-    pub(super) root: f64,
-    pub(super) square: f64,
+    pub root: f64,
+    pub square: f64,
 }
 
 impl Explanations {

@@ -52,19 +52,19 @@ pub(super) struct Likelihood {
 /// The posterior on one grid.
 #[derive(Clone, Debug)]
 pub(super) struct Posterior {
-    pub(super) map: PosteriorMap,
-    pub(super) intercept: Mixture,
-    pub(super) slope: Mixture,
-    pub(super) gain: Mixture,
-    pub(super) sigma: Mixture,
-    pub(super) shares: Shares,
+    pub map: PosteriorMap,
+    pub intercept: Mixture,
+    pub slope: Mixture,
+    pub gain: Mixture,
+    pub sigma: Mixture,
+    pub shares: Shares,
 }
 
 /// The probability of each height and correlation.
 #[derive(Clone, Debug)]
 pub(super) struct Shares {
-    pub(super) heights: Vec<f64>,
-    pub(super) correlations: Vec<f64>,
+    pub heights: Vec<f64>,
+    pub correlations: Vec<f64>,
 }
 
 impl Shares {

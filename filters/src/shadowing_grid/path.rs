@@ -90,15 +90,15 @@ impl Reading {
 #[derive(Clone, Debug)]
 pub(crate) struct Segments {
     /// The mean pose of each segment.
-    pub(crate) receivers: Vec<Pose>,
+    pub receivers: Vec<Pose>,
     /// The value of each segment, a summary of its readings.
-    pub(crate) values: Vec<f64>,
+    pub values: Vec<f64>,
     /// The number of independent readings behind each value.
-    pub(crate) counts: Vec<f64>,
+    pub counts: Vec<f64>,
     /// The segments whose quantile is censored, with the number of independent readings of each.
-    pub(crate) censored: Vec<(ShadowedReading, f64)>,
+    pub censored: Vec<(ShadowedReading, f64)>,
     /// The factor by which segments were made longer for the cap: 1 where none was needed.
-    pub(crate) stretch: f64,
+    pub stretch: f64,
 }
 
 impl Segments {

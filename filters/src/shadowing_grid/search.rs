@@ -11,12 +11,12 @@ use super::{
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Search {
     /// The corners of the receivers' bounding box.
-    pub(crate) low: Vector2<f64>,
-    pub(crate) high: Vector2<f64>,
-    pub(crate) place: PlacePrior,
-    pub(crate) margin_m: f64,
-    pub(crate) cell_m: f64,
-    pub(crate) max_cells: u32,
+    pub low: Vector2<f64>,
+    pub high: Vector2<f64>,
+    pub place: PlacePrior,
+    pub margin_m: f64,
+    pub cell_m: f64,
+    pub max_cells: u32,
 }
 
 impl Search {

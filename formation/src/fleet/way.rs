@@ -8,13 +8,13 @@ use super::{Airspace, Cloud, EXACT, Region, SLACK, Void, line, micrometres, ring
 /// Surroundings that a drone has to keep away from on its way.
 pub(super) struct Surroundings<'a> {
     /// With the margin that is kept.
-    pub(super) airspace: &'a Airspace,
+    pub airspace: &'a Airspace,
     /// The regions of the other drones …
-    pub(super) others: Vec<Region>,
+    pub others: Vec<Region>,
     /// … and how far it keeps from them.
-    pub(super) keep: f64,
+    pub keep: f64,
     /// Constraint on the distance from targets.
-    pub(super) void: Option<(Void, &'a [Cloud])>,
+    pub void: Option<(Void, &'a [Cloud])>,
 }
 
 impl Surroundings<'_> {

@@ -16,8 +16,8 @@ pub(crate) struct Shrinking {
 /// End of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct End {
-    pub(crate) outcome: Outcome,
-    pub(crate) positions: u32,
+    pub outcome: Outcome,
+    pub positions: u32,
 }
 
 impl Shrinking {

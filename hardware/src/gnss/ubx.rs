@@ -15,8 +15,8 @@ const FRAME: usize = 8;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Message {
     /// Class and number.
-    pub(super) id: (u8, u8),
-    pub(super) payload: Payload,
+    pub id: (u8, u8),
+    pub payload: Payload,
 }
 
 /// Numbers of a payload, little-endian, by their offset; `None` beyond its end.

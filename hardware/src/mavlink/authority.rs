@@ -37,23 +37,23 @@ pub(super) struct Authority {
 /// A heartbeat, with what else is known of the vehicle when it is read.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen<'a> {
-    pub(super) mode: FlightMode,
-    pub(super) armed: bool,
-    pub(super) airborne: bool,
+    pub mode: FlightMode,
+    pub armed: bool,
+    pub airborne: bool,
     /// True if its state is MAV_STATE_CRITICAL: a failsafe acts.
-    pub(super) failsafe: bool,
+    pub failsafe: bool,
     /// True if the order to climb was accepted, and it is not up yet.
-    pub(super) climbs: bool,
+    pub climbs: bool,
     /// Height of the vehicle above its launch place, in metres.
-    pub(super) up_m: f64,
+    pub up_m: f64,
     /// True if it is as high as its take-off was to bring it.
-    pub(super) climbed: bool,
+    pub climbed: bool,
     /// True if its motors were ordered to run.
-    pub(super) started: bool,
+    pub started: bool,
     /// True if it was ordered to come down, or its motors to stop.
-    pub(super) ended: bool,
+    pub ended: bool,
     /// The autopilot's last complaint, and when it came, in seconds.
-    pub(super) complaint: Option<(f64, &'a str)>,
+    pub complaint: Option<(f64, &'a str)>,
 }
 
 /// The age in seconds up to which a heartbeat shows whose the vehicle is: orders that change its

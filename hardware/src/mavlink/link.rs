@@ -55,7 +55,7 @@ pub(super) struct Link<S> {
     /// Time of our last heartbeat.
     beaten: f64,
     /// UNIX time when the clock was 0.
-    pub(super) clock_origin_unix_s: f64,
+    pub clock_origin_unix_s: f64,
 }
 
 impl<S: ByteStream> Link<S> {

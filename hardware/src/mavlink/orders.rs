@@ -6,7 +6,7 @@ use foxhunt_wire::mavlink::{
 /// An order that is given until it is answered and has its effect.
 #[derive(Clone, Debug)]
 pub(super) struct Order {
-    pub(super) command: COMMAND_LONG_DATA,
+    pub command: COMMAND_LONG_DATA,
     sent: f64,
     tries: u32,
     answer: Option<MavResult>,

@@ -86,21 +86,21 @@ pub(super) enum Stage {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Goal {
     /// In metres of the common frame.
-    pub(super) place: Vector3<f64>,
-    pub(super) nose: Nose,
+    pub place: Vector3<f64>,
+    pub nose: Nose,
     /// True if the autopilot has shown that it knows the goal.
-    pub(super) confirmed: bool,
+    pub confirmed: bool,
     /// Times at which it was sent first, and last.
-    pub(super) first: f64,
-    pub(super) sent: f64,
+    pub first: f64,
+    pub sent: f64,
     /// Number of times that it was sent.
-    pub(super) times: u32,
+    pub times: u32,
     /// The autopilot's own target before it was sent.
-    pub(super) before: Option<Vector3<f64>>,
+    pub before: Option<Vector3<f64>>,
     /// Reports of other targets of the autopilot, which knew it or could.
-    pub(super) others: OtherTargets,
+    pub others: OtherTargets,
     /// Watch over its way there.
-    pub(super) drift: Drift,
+    pub drift: Drift,
 }
 
 /// Order to the nose.
@@ -221,11 +221,11 @@ impl OtherTargets {
 #[derive(Debug, Default)]
 pub(super) struct Cruise {
     /// Absent once it was accepted or given up.
-    pub(super) order: Option<Order>,
+    pub order: Option<Order>,
     /// Since when it has been too fast.
     fast_since: Option<f64>,
     /// Reason why it does not fly at that speed.
-    pub(super) failure: String,
+    pub failure: String,
 }
 
 impl Cruise {
@@ -278,7 +278,7 @@ impl Cruise {
 /// MAV_CMD_DO_DIGICAM_CONTROL, which PX4's trigger takes.
 #[derive(Debug, Default)]
 pub(super) struct Camera {
-    pub(super) order: Option<Order>,
+    pub order: Option<Order>,
     /// Number of pictures that were ordered: a camera leaves out one whose number it has had.
     ordered: u16,
     /// Reason why the last one was not taken, until that is reported.

@@ -22,8 +22,8 @@ const REASONS: usize = 3;
 /// A message's content, and its time in seconds of the driver's clock.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Timed<T> {
-    pub(super) at: f64,
-    pub(super) value: T,
+    pub at: f64,
+    pub value: T,
 }
 
 /// The last texts of the autopilot (STATUSTEXT), the newest last.

@@ -181,7 +181,7 @@ impl HomeFailure {
 /// Reason why the antenna was not homed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct HomeFailure {
-    pub(super) pin: u8,
-    pub(super) expected: &'static str,
-    pub(super) turns: f64,
+    pub pin: u8,
+    pub expected: &'static str,
+    pub turns: f64,
 }

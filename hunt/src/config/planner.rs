@@ -144,7 +144,7 @@ const fn once() -> u16 {
 }
 
 /// The reference's circumradius in metres (Pritzl 2018, §5.2).
-pub(super) const fn reference_circumradius() -> f64 {
+const fn reference_circumradius() -> f64 {
     FollowConfig::pritzl2018().circumradius_m
 }
 

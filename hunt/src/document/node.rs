@@ -35,11 +35,11 @@ pub(super) enum Step {
 /// The reason why a document is not the value that was asked for.
 #[derive(Debug)]
 pub(super) struct Misfit {
-    pub(super) message: String,
+    pub message: String,
     /// The steps from the failing value up to the root.
-    pub(super) steps: Vec<Step>,
+    pub steps: Vec<Step>,
     /// The key that is wrong in the table at the end of the steps; `None` for a wrong value.
-    pub(super) key: Option<String>,
+    pub key: Option<String>,
 }
 
 impl Misfit {

@@ -15,7 +15,7 @@ use super::{
 /// Meeting point of the bearings, whose common σ is estimated from their scatter; their own σ are
 /// ignored (`filters::Lenth1981`).
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Lenth(pub(crate) BearingWeights);
+pub(crate) struct Lenth(pub BearingWeights);
 
 impl Locator for Lenth {
     fn locate(&self, receptions: &Receptions, _: &LocateConfig) -> Result<Located, LocateError> {

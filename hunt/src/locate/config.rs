@@ -124,20 +124,20 @@ pub struct CalibratedPower {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Centroid {
     /// −10 log₁₀ of the distance in metres.
-    pub(crate) loss: f64,
+    pub loss: f64,
     /// Level there in dBm.
-    pub(crate) level_dbm: f64,
+    pub level_dbm: f64,
     /// Variance of its error, in dB².
-    pub(crate) variance: f64,
+    pub variance: f64,
     /// γ with the prior that all estimators have of it.
-    pub(crate) exponent: f64,
+    pub exponent: f64,
     /// σ of that.
-    pub(crate) exponent_sigma: f64,
+    pub exponent_sigma: f64,
 }
 
 /// Exponent where it is not known: between free space and clutter, the median of the VHF recordings
 /// that the project is tested on.
-pub(crate) const FREE_EXPONENT: f64 = 2.3;
+const FREE_EXPONENT: f64 = 2.3;
 
 /// Prior of γ: mean and σ (Rappaport 2002, table 4.2).
 const EXPONENT_PRIOR: (f64, f64) = (FREE_EXPONENT, 0.5);

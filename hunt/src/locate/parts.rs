@@ -16,9 +16,9 @@ const LEAST_PROBABILITY: f64 = 0.01;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Part {
     /// Probability that the transmitter is in it.
-    pub(crate) probability: f64,
+    pub probability: f64,
     /// Mean and covariance within it, in metres.
-    pub(crate) estimate: Estimate<2>,
+    pub estimate: Estimate<2>,
 }
 
 impl Part {

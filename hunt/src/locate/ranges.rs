@@ -106,13 +106,13 @@ pub(super) const LEAST_PROBABILITY: f64 = 0.01;
 /// Solution whose measurements scatter as their σ say, once these are widened by what is common to
 /// no two of them.
 pub(super) struct Consistent<const N: usize> {
-    pub(super) fix: BatchFix<N>,
+    pub fix: BatchFix<N>,
     /// Probability of the misfit before the ranges are widened.
     p: f64,
     /// Factor on the covariance that the knowledge of the spread from few ranges is worth.
-    pub(super) factor: f64,
+    pub factor: f64,
     /// Logarithm of the evidence by Laplace's method, under flat priors.
-    pub(super) log_evidence: f64,
+    pub log_evidence: f64,
 }
 
 impl Consistent<2> {

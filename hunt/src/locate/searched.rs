@@ -88,7 +88,7 @@ pub struct RangeSearched {
 /// Silence of a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Silent {
-    pub(super) place: Vector3<f64>,
+    pub place: Vector3<f64>,
     floor_dbm: f64,
     sigma_db: f64,
 }

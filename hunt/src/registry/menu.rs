@@ -4,7 +4,7 @@ use super::EstimatorEntry;
 ///
 /// Every estimator that a scenario, a trial or `locate` takes by itself is here, and one for each
 /// kind of recording. The others are variants, baselines and forms from the literature.
-pub(super) const MENU: [(&str, &str); 22] = [
+const MENU: [(&str, &str); 22] = [
     (
         "default",
         "levels and bearings of a still beacon; the power and σ of the level need not be known",

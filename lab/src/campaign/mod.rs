@@ -58,7 +58,7 @@ where
 
 /// The result of one hunt, or why it could not go on.
 #[derive(Clone, Debug)]
-pub(crate) struct Flown(pub(crate) Result<Simulated, String>);
+pub(crate) struct Flown(pub Result<Simulated, String>);
 
 impl Flown {
     /// A flight; an error where it could not begin.

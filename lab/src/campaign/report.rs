@@ -177,11 +177,11 @@ impl BeaconRun {
 /// The figures of one beacon in one run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sample {
-    pub(crate) error_m: f64,
-    pub(crate) nees: f64,
-    pub(crate) steps: u32,
+    pub error_m: f64,
+    pub nees: f64,
+    pub steps: u32,
     /// The normalised innovations squared, summed up.
-    pub(crate) nis: ChiSquaredSums,
+    pub nis: ChiSquaredSums,
 }
 
 /// The running statistics of one beacon, over good runs as they come.

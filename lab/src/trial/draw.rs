@@ -14,11 +14,11 @@ use super::{BearingsConfig, DifferencesConfig, ReceiverConfig, TargetConfig, Tri
 #[derive(Clone, Debug)]
 pub(super) struct Draw {
     /// The target's state at each bearing.
-    pub(super) truth: Vec<Vector4<f64>>,
+    pub truth: Vec<Vector4<f64>>,
     /// The bearings.
-    pub(super) receptions: Vec<Reception>,
+    pub receptions: Vec<Reception>,
     /// The prior, before the first bearing.
-    pub(super) prior: Prior,
+    pub prior: Prior,
 }
 
 impl Draw {

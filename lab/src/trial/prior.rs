@@ -176,7 +176,7 @@ impl Prior {
 
 /// The prior of the first N components of the state.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Leading<'a>(pub(super) &'a Prior);
+pub(super) struct Leading<'a>(pub &'a Prior);
 
 /// Gaussians along the course, whatever their number along the range.
 const COURSES: usize = 5;

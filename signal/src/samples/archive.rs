@@ -12,10 +12,10 @@ const MOST_FILES: usize = 10_000;
 /// A file in an archive.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Member {
-    pub(super) name: String,
+    pub name: String,
     /// The place of its contents, and their length.
-    pub(super) begin: u64,
-    pub(super) bytes: u64,
+    pub begin: u64,
+    pub bytes: u64,
 }
 
 /// Returns true for the first bytes of a tar file.

@@ -11,9 +11,9 @@ pub(super) const HEADER_BYTES: usize = 32;
 /// A header.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Sdriq {
-    pub(super) encoding: Encoding,
-    pub(super) rate_hz: f64,
-    pub(super) center_hz: f64,
+    pub encoding: Encoding,
+    pub rate_hz: f64,
+    pub center_hz: f64,
 }
 
 /// Reads the first bytes of a file; `None` if their checksum does not match, so that they are no

@@ -28,13 +28,13 @@ const AUXI_CENTER: usize = 32;
 /// A header.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Wave {
-    pub(super) encoding: Encoding,
-    pub(super) channels: u16,
-    pub(super) rate_hz: f64,
+    pub encoding: Encoding,
+    pub channels: u16,
+    pub rate_hz: f64,
     /// The frequency in the middle of the band, by an `auxi` chunk.
-    pub(super) center_hz: Option<f64>,
+    pub center_hz: Option<f64>,
     /// The number of bytes of samples; `None` for all that follow.
-    pub(super) data_bytes: Option<u64>,
+    pub data_bytes: Option<u64>,
 }
 
 /// The reason why a header cannot be used.

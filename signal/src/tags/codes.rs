@@ -30,9 +30,9 @@ const DRIFT: f64 = 2e-4;
 /// One burst: its pulses, and the misfit of its gaps to the tag's.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Burst {
-    pub(super) pulses: Vec<usize>,
+    pub pulses: Vec<usize>,
     /// The sum of the squares of the gaps' errors, in s².
-    pub(super) misfit: f64,
+    pub misfit: f64,
 }
 
 struct Search<'a> {
@@ -79,9 +79,9 @@ impl Search<'_> {
 /// The bursts of one tag: gaps that come again, at an interval.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Coded {
-    pub(super) interval_s: f64,
+    pub interval_s: f64,
     gaps_s: Vec<f64>,
-    pub(super) bursts: Vec<Vec<usize>>,
+    pub bursts: Vec<Vec<usize>>,
 }
 
 /// Three pulses that may begin a burst.

@@ -21,10 +21,10 @@ const SPACING_MHZ: f64 = 0.05;
 /// A drone: a body, an antenna that turns under it, and a radio at the antenna.
 #[derive(Debug)]
 pub(crate) struct Drone {
-    pub(crate) body: Body,
-    pub(crate) motor: Turntable,
-    pub(crate) receiver: Receiver,
-    pub(crate) failures: DroneConfig,
+    pub body: Body,
+    pub motor: Turntable,
+    pub receiver: Receiver,
+    pub failures: DroneConfig,
     course: Course,
     /// The goal that it was last sent to.
     order: Option<Vector3<f64>>,
@@ -406,12 +406,12 @@ impl Drone {
 #[derive(Debug)]
 pub(crate) struct Truth {
     /// Seconds since the beginning.
-    pub(crate) time: f64,
+    pub time: f64,
     /// The time that its drones' clocks may go ahead of it.
-    pub(crate) free: Free,
-    pub(crate) channel: Channel,
-    pub(crate) beacons: Vec<BeaconConfig>,
-    pub(crate) drones: Vec<Drone>,
+    pub free: Free,
+    pub channel: Channel,
+    pub beacons: Vec<BeaconConfig>,
+    pub drones: Vec<Drone>,
 }
 
 impl Truth {

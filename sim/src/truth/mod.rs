@@ -31,9 +31,9 @@ const WAVES: usize = 256;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Free {
     /// End of the time, in seconds.
-    pub(crate) until: f64,
+    pub until: f64,
     /// Time from one moment at which devices may be polled to the next, in seconds.
-    pub(crate) step: f64,
+    pub step: f64,
 }
 
 /// Nobody goes ahead.

@@ -130,24 +130,24 @@ pub(crate) struct Receiver {
 /// A signal as it comes in at the antenna.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Arrival<'a> {
-    pub(super) beacon: BeaconId,
-    pub(super) receiver: Pose,
+    pub beacon: BeaconId,
+    pub receiver: Pose,
     /// The beacon's place.
-    pub(super) to: Vector3<f64>,
+    pub to: Vector3<f64>,
     /// Angle of the antenna from the nose, in radians.
-    pub(super) turned: f64,
+    pub turned: f64,
     /// The angle by which the body has turned about up since the beginning, in radians.
-    pub(super) spun: f64,
+    pub spun: f64,
     /// The antenna that it comes in through.
-    pub(super) port: Port<'a>,
+    pub port: Port<'a>,
 }
 
 /// The signal of a beacon at a place, but for each sample's own noise.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Signal {
-    pub(super) power_dbm: f64,
+    pub power_dbm: f64,
     /// True if anything is received at the place.
-    pub(super) reaches: bool,
+    pub reaches: bool,
 }
 
 /// The draws that the samples of one pattern share.
@@ -189,8 +189,8 @@ struct Look {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Answer {
     /// The time when it comes.
-    pub(super) time: f64,
-    pub(super) rss_dbm: f64,
+    pub time: f64,
+    pub rss_dbm: f64,
 }
 
 impl Way {

@@ -33,18 +33,18 @@ const VOID: i16 = -32_768;
 /// A rectangle in degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Area {
-    pub(super) south: f64,
-    pub(super) north: f64,
-    pub(super) west: f64,
-    pub(super) east: f64,
+    pub south: f64,
+    pub north: f64,
+    pub west: f64,
+    pub east: f64,
 }
 
 /// Layout of a tile's samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Grid {
     /// Latitude of the first row and longitude of the first column, in degrees.
-    pub(super) north: f64,
-    pub(super) west: f64,
+    pub north: f64,
+    pub west: f64,
     /// Steps from row to row southwards and from column to column eastwards, in degrees.
     lat_step: f64,
     lon_step: f64,
@@ -55,7 +55,7 @@ struct Grid {
 /// The samples of a tile within an area, row by row from the North.
 #[derive(Clone, Debug)]
 pub(super) struct Tile {
-    pub(super) path: PathBuf,
+    pub path: PathBuf,
     grid: Grid,
     heights: Vec<f32>,
 }

@@ -315,7 +315,7 @@ impl fmt::Display for ModemStatus {
 }
 
 /// Takes a frame's data apart, front to back.
-pub(super) struct Fields<'a>(pub(super) &'a [u8]);
+pub(super) struct Fields<'a>(pub &'a [u8]);
 
 impl Fields<'_> {
     fn take<const N: usize>(&mut self) -> Option<[u8; N]> {

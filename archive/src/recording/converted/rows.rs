@@ -6,10 +6,10 @@ use crate::recording::RecordingError;
 #[derive(Debug)]
 pub(in crate::recording) struct Converted {
     /// The table.
-    pub(in crate::recording) table: Made,
+    pub table: Made,
     /// The file's kind and the part of it that was read, as the end of a sentence; empty where
     /// all of the file is read, and its format says the rest.
-    pub(in crate::recording) what: String,
+    pub what: String,
 }
 
 /// A table in memory.
@@ -26,20 +26,20 @@ pub(in crate::recording) enum Made {
 #[derive(Debug, Default, PartialEq)]
 pub(in crate::recording) struct Rows {
     /// The names of the columns.
-    pub(in crate::recording) header: Vec<String>,
+    pub header: Vec<String>,
     /// The rows as CSV without a header; a row may have fewer cells than there are columns.
-    pub(in crate::recording) csv: Vec<u8>,
+    pub csv: Vec<u8>,
     /// The line of the file in which each row begins.
-    pub(in crate::recording) lines: Vec<u64>,
+    pub lines: Vec<u64>,
     /// Lines that cannot be read, each with the reason.
-    pub(in crate::recording) broken: Vec<(u64, String)>,
+    pub broken: Vec<(u64, String)>,
     /// True if the rows have the levels that were named, so that no column is looked for.
-    pub(in crate::recording) has_named_level: bool,
+    pub has_named_level: bool,
 }
 
 /// Rows that are being written.
 pub(super) struct RowsWriter {
-    pub(super) rows: Rows,
+    pub rows: Rows,
     writer: csv::Writer<Vec<u8>>,
 }
 

@@ -7,22 +7,22 @@ use foxhunt_wire::geodesy::Geodetic;
 /// Places and levels of a log, by times in seconds since 1970.
 #[derive(Debug, Default)]
 pub(in crate::recording) struct Log {
-    pub(in crate::recording) fixes: Vec<Fix>,
-    pub(in crate::recording) levels: Levels,
+    pub fixes: Vec<Fix>,
+    pub levels: Levels,
 }
 
 /// A place at a time in seconds since 1970.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::recording) struct Fix {
-    pub(in crate::recording) time: f64,
-    pub(in crate::recording) place: Geodetic,
+    pub time: f64,
+    pub place: Geodetic,
 }
 
 /// A place at a time of the vehicle's own clock in seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct OwnFix {
-    pub(super) own_s: f64,
-    pub(super) place: Geodetic,
+    pub own_s: f64,
+    pub place: Geodetic,
 }
 
 /// Fixes and levels of the vehicle's own clock in UTC. `pairs` are times of the own clock and of

@@ -25,7 +25,7 @@ use crate::{
 #[command(after_help = "Examples:\n  foxhunt compare estimators isaacs-static --runs 1000\n  \
                         foxhunt compare estimators bot-m --runs 100 --estimator imm \
                         --estimator range-parameterised")]
-pub(super) struct EstimatorsArgs {
+pub struct EstimatorsArgs {
     /// A built-in trial (`foxhunt list trials`) or a TOML file
     trial: String,
     #[command(flatten)]
@@ -35,7 +35,7 @@ pub(super) struct EstimatorsArgs {
     estimator: Vec<String>,
 }
 
-pub(super) fn run_estimators(args: &EstimatorsArgs, context: Context<'_>) -> Result<(), CliError> {
+pub fn run_estimators(args: &EstimatorsArgs, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     let trial = choice::trial(&args.trial)?;
     let chosen = if args.estimator.is_empty() {
@@ -59,7 +59,7 @@ pub(super) fn run_estimators(args: &EstimatorsArgs, context: Context<'_>) -> Res
 #[command(after_help = "Examples:\n  foxhunt compare extractors --runs 2000\n  \
                         foxhunt compare extractors bearing-reflector --runs 2000 \
                         --antenna panel.msi")]
-pub(super) struct ExtractorsArgs {
+pub struct ExtractorsArgs {
     /// The case that turns are drawn from (`foxhunt list cases` describes them)
     #[arg(default_value = DEFAULT_CASE, value_parser = bearing_cases().map(|case| case.name))]
     case: String,
@@ -77,7 +77,7 @@ pub(super) struct ExtractorsArgs {
 /// Default case.
 const DEFAULT_CASE: &str = "bearing-clean";
 
-pub(super) fn run_extractors(args: &ExtractorsArgs, context: Context<'_>) -> Result<(), CliError> {
+pub fn run_extractors(args: &ExtractorsArgs, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     let case: BearingCase = bearing_case_named(&args.case)
         .ok_or_else(|| CliError::input(format!("{:?} is not a case", args.case)))?;

@@ -66,12 +66,12 @@ impl Flown {
 /// and with one on a stepper, and compares the errors run by run.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  foxhunt compare antennas --runs 200 --estimator grid")]
-pub(super) struct AntennasArgs {
+pub struct AntennasArgs {
     #[command(flatten)]
     flown: Flown,
 }
 
-pub(super) fn run_antennas(args: &AntennasArgs, context: Context<'_>) -> Result<(), CliError> {
+pub fn run_antennas(args: &AntennasArgs, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     let setups = AntennaSetup::ALL.len();
     let report = args.flown.campaign(context, setups, |scenario, estimators, repetition| {
@@ -165,7 +165,7 @@ const ANTENNA_LEGEND: &str = "Errors in metres. The ratio is the geometric mean 
 /// correlation of σ with the errors of the bearings as well.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  foxhunt compare sigmas pritzl-7.2 --runs 500 --estimator ukf")]
-pub(super) struct SigmasArgs {
+pub struct SigmasArgs {
     #[command(flatten)]
     flown: Flown,
     /// The constant σ in degrees [default: the root mean square error of the bearings]
@@ -173,7 +173,7 @@ pub(super) struct SigmasArgs {
     constant_deg: Option<f64>,
 }
 
-pub(super) fn run_sigmas(args: &SigmasArgs, context: Context<'_>) -> Result<(), CliError> {
+pub fn run_sigmas(args: &SigmasArgs, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     if let Some(sigma) = args.constant_deg.filter(|s| !(*s > 0.0 && *s <= 103.0)) {
         let message = format!("--constant-deg is {sigma}; it must be above 0, at most 103");

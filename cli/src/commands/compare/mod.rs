@@ -17,7 +17,7 @@ use crate::{error::CliError, output::Context};
                         foxhunt compare antennas --runs 200 --estimator grid\n  \
                         foxhunt compare planners --runs 100 --estimator grid\n  \
                         foxhunt compare sigmas pritzl-7.2 --runs 500 --estimator ukf")]
-pub(crate) struct Args {
+pub struct Args {
     #[command(subcommand)]
     what: What,
 }
@@ -32,7 +32,7 @@ enum What {
     Sigmas(flown::SigmasArgs),
 }
 
-pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     match &args.what {
         What::Estimators(args) => drawn::run_estimators(args, context),
         What::Extractors(args) => drawn::run_extractors(args, context),

@@ -25,7 +25,7 @@ use crate::{
 #[command(after_help = "Examples:\n  foxhunt compare planners --runs 100 --estimator grid\n  \
                         foxhunt compare planners far-start --runs 100 --planner information \
                         --planner orbit")]
-pub(super) struct Args {
+pub struct Args {
     /// Built-in scenarios (`foxhunt list scenarios`) or TOML files
     #[arg(value_name = "SCENARIO", default_values = PLANNER_SCENARIOS)]
     scenarios: Vec<String>,
@@ -47,7 +47,7 @@ pub(super) struct Args {
 /// The planner that others are compared with.
 const REFERENCE: &str = "pritzl2018";
 
-pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     let planners = compared(&args.planner, registry);
     let mut hunts: Vec<(Scenario, EstimatorEntry)> = Vec::new();

@@ -18,39 +18,39 @@ use crate::error::CliError;
 
 /// The arguments of all emulated devices.
 #[derive(Debug, clap::Args)]
-pub(super) struct Field {
+pub struct Field {
     /// The field of the device: a built-in scenario or a TOML file
     #[arg(long, value_name = "SCENARIO", default_value = DEFAULT_SCENARIO)]
-    pub(super) scenario: String,
+    pub scenario: String,
     /// The scenario's drone that carries it, counted from 0
     #[arg(long, value_name = "N", default_value_t = 0)]
-    pub(super) drone: usize,
+    pub drone: usize,
     /// The seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 1)]
-    pub(super) seed: u64,
+    pub seed: u64,
     /// The speed of the device's time relative to the wall clock, for programs that know it
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = positive)]
-    pub(super) speed: f64,
+    pub speed: f64,
     /// End after this time of the field, in seconds
     #[arg(long = "for", value_name = "S", value_parser = positive)]
-    pub(super) duration_s: Option<f64>,
+    pub duration_s: Option<f64>,
     /// A symbolic link to the serial port; an existing link is replaced
     #[arg(long, value_name = "PATH")]
-    pub(super) link: Option<PathBuf>,
+    pub link: Option<PathBuf>,
 }
 
 /// A device that is ready to be served.
-pub(super) struct Placed {
+pub struct Placed {
     /// Kind of the device, such as `xbee`.
-    pub(super) device: &'static str,
+    pub device: &'static str,
     /// Endpoint of the device, as `foxhunt fly` takes it.
-    pub(super) endpoint: String,
-    pub(super) emulator: Box<dyn Emulator>,
+    pub endpoint: String,
+    pub emulator: Box<dyn Emulator>,
 }
 
 /// Links to the pseudo-terminal of a device if a link is given; returns the link's name, or else
 /// the port's.
-pub(super) fn linked(port: &Path, link: Option<&Path>) -> Result<String, CliError> {
+pub fn linked(port: &Path, link: Option<&Path>) -> Result<String, CliError> {
     let Some(link) = link else { return Ok(port.display().to_string()) };
     let replaced = match fs::symlink_metadata(link) {
         Ok(there) if there.is_symlink() => fs::remove_file(link),
@@ -72,7 +72,7 @@ fn positive(text: &str) -> Result<f64, String> {
 
 /// Place of a drone that another program flies.
 #[derive(Debug, clap::Args)]
-pub(super) struct Pose {
+pub struct Pose {
     /// Follow the telemetry of a vehicle, such as an autopilot's own simulator: MAVLink received at
     /// this endpoint, such as udpin:127.0.0.1:14551; nothing is sent back
     #[arg(long = "pose", value_name = "ENDPOINT")]
@@ -98,7 +98,7 @@ fn origin(text: &str) -> Result<MavlinkOrigin, String> {
 
 impl Pose {
     /// Returns the vehicle that carries the device, if there is one.
-    pub(super) fn place(&self, field: &Field, world: &World) -> Result<Option<Placed>, CliError> {
+    pub fn place(&self, field: &Field, world: &World) -> Result<Option<Placed>, CliError> {
         let Some(from) = &self.from else { return Ok(None) };
         if field.speed.to_bits() != 1.0_f64.to_bits() {
             return Err(CliError::input("--speed: the vehicle of --pose keeps the wall's time"));

@@ -21,9 +21,9 @@ use crate::{
 ///
 /// Writes a flight's file for `foxhunt fly`, with the port of every device.
 #[derive(Debug, clap::Args)]
-pub(super) struct Args {
+pub struct Args {
     #[command(flatten)]
-    pub(super) field: Field,
+    pub field: Field,
     /// The flight's file to write
     #[arg(long, value_name = "FILE", default_value = "out/field.toml")]
     config: PathBuf,
@@ -42,7 +42,7 @@ impl Emulator for Whole {
     }
 }
 
-pub(super) fn place(args: &Args, scenario: &Scenario, world: &World) -> Result<Placed, CliError> {
+pub fn place(args: &Args, scenario: &Scenario, world: &World) -> Result<Placed, CliError> {
     if args.field.speed.to_bits() != 1.0_f64.to_bits() {
         return Err(CliError::input(
             "--speed: a flight in another program keeps the time of the wall; \
@@ -71,8 +71,8 @@ fn config(path: Option<&Path>) -> Result<EmulatedFieldConfig, CliError> {
 }
 
 /// A field that is flown by this program, in its own time.
-pub(crate) struct Emulated {
-    pub(crate) world: World,
+pub struct Emulated {
+    pub world: World,
     field: EmulatedField,
     tick_s: f64,
     /// Drones that are lost for good, each with when it is.
@@ -80,18 +80,14 @@ pub(crate) struct Emulated {
 }
 
 /// An emulated field, the flight for it, and the ports for that.
-pub(crate) struct Emulation {
-    pub(crate) emulated: Emulated,
-    pub(crate) ports: EmulatedPorts,
-    pub(crate) config: FlightConfig,
+pub struct Emulation {
+    pub emulated: Emulated,
+    pub ports: EmulatedPorts,
+    pub config: FlightConfig,
 }
 
 impl Emulated {
-    pub(crate) fn place(
-        scenario: &str,
-        faults: Option<&Path>,
-        seed: u64,
-    ) -> Result<Emulation, CliError> {
+    pub fn place(scenario: &str, faults: Option<&Path>, seed: u64) -> Result<Emulation, CliError> {
         let scenario = choice::scenario(scenario)?;
         let world = World::new(&scenario.world, seed).map_err(CliError::input)?;
         let (field, ports) = EmulatedField::in_memory(&scenario, &world, &config(faults)?)
@@ -108,12 +104,12 @@ impl Emulated {
     }
 
     /// Returns the drones that are lost for good by a time, in seconds.
-    pub(crate) fn lost(&self, time: f64) -> Vec<usize> {
+    pub fn lost(&self, time: f64) -> Vec<usize> {
         self.losses.iter().filter(|(_, from_s)| time >= *from_s).map(|(drone, _)| *drone).collect()
     }
 
     /// Lets a tick of the world's time pass, and serves the devices.
-    pub(crate) fn pass(&mut self) -> Result<(), CliError> {
+    pub fn pass(&mut self) -> Result<(), CliError> {
         self.world.advance(self.tick_s).map_err(CliError::failure)?;
         self.field.serve(|device, error| warn(&format!("{device}: {error}")));
         Ok(())

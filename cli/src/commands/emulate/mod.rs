@@ -6,7 +6,7 @@ mod onboard;
 mod positioning;
 mod rtl_tcp;
 
-pub(crate) use field::{Emulated, Emulation};
+pub use field::{Emulated, Emulation};
 
 use std::{
     fs,
@@ -45,7 +45,7 @@ use crate::{
                         foxhunt emulate vehicle --drone 2 --speed 5\n  \
                         foxhunt emulate rtl-tcp --scenario vhf-tag\n  \
                         foxhunt emulate xbee --pose udpin:127.0.0.1:14551")]
-pub(crate) struct Args {
+pub struct Args {
     #[command(subcommand)]
     device: Device,
 }
@@ -73,7 +73,7 @@ struct Announced<'a> {
     endpoint: &'a str,
 }
 
-pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
+pub fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let field = match &args.device {
         Device::Xbee(args) => &args.field,
         Device::Stepper(args) => &args.field,

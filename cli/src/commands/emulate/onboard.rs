@@ -22,11 +22,11 @@ use crate::{error::CliError, output::warn};
 
 /// An XBee radio, whose RSSI comes from the field
 #[derive(Debug, clap::Args)]
-pub(super) struct XbeeArgs {
+pub struct XbeeArgs {
     #[command(flatten)]
-    pub(super) field: Field,
+    pub field: Field,
     #[command(flatten)]
-    pub(super) pose: Pose,
+    pub pose: Pose,
     /// Its API mode (AP): 0 transparent, 1 plain frames, 2 escaped frames
     #[arg(long, value_name = "AP", default_value_t = 1)]
     #[arg(value_parser = clap::value_parser!(u8).range(0..=2))]
@@ -45,7 +45,7 @@ enum Firmware {
     Ieee802154,
 }
 
-pub(super) fn place_xbee(
+pub fn place_xbee(
     args: &XbeeArgs,
     _scenario: &Scenario,
     world: &World,
@@ -71,11 +71,11 @@ pub(super) fn place_xbee(
 
 /// An antenna stepper: an Arduino with ConfigurableFirmata
 #[derive(Debug, clap::Args)]
-pub(super) struct StepperArgs {
+pub struct StepperArgs {
     #[command(flatten)]
-    pub(super) field: Field,
+    pub field: Field,
     #[command(flatten)]
-    pub(super) pose: Pose,
+    pub pose: Pose,
     /// The backlash of its gear, in degrees
     #[arg(long, value_name = "DEG", default_value_t = 3.0)]
     backlash_deg: f64,
@@ -90,7 +90,7 @@ pub(super) struct StepperArgs {
 /// Width of the home switch.
 const SWITCH_WIDTH_DEG: f64 = 8.0;
 
-pub(super) fn place_stepper(
+pub fn place_stepper(
     args: &StepperArgs,
     _scenario: &Scenario,
     world: &World,
@@ -119,9 +119,9 @@ pub(super) fn place_stepper(
 /// Sends to a UDP port of this machine, as the autopilots' own simulators do. Its drone begins on
 /// the ground.
 #[derive(Debug, clap::Args)]
-pub(super) struct VehicleArgs {
+pub struct VehicleArgs {
     #[command(flatten)]
-    pub(super) field: Field,
+    pub field: Field,
     /// The UDP port of this machine that it sends to [default: 14550, and 10 more for every drone]
     #[arg(long, value_name = "PORT")]
     port: Option<u16>,
@@ -148,11 +148,7 @@ const PORT: u16 = 14_550;
 /// Height of the field's ground above sea level, in metres.
 const GROUND_ALT_M: f64 = 584.0;
 
-pub(super) fn place_vehicle(
-    args: &VehicleArgs,
-    _: &Scenario,
-    world: &World,
-) -> Result<Placed, CliError> {
+pub fn place_vehicle(args: &VehicleArgs, _: &Scenario, world: &World) -> Result<Placed, CliError> {
     let drone = args.field.drone;
     let number = u8::try_from(drone).unwrap_or(u8::MAX);
     let port = args.port.unwrap_or(PORT.saturating_add(u16::from(number) * 10));

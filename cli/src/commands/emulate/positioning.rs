@@ -22,9 +22,9 @@ use crate::error::CliError;
 
 /// A GNSS receiver
 #[derive(Debug, clap::Args)]
-pub(super) struct GnssArgs {
+pub struct GnssArgs {
     #[command(flatten)]
-    pub(super) field: Field,
+    pub field: Field,
     /// The protocol
     #[arg(long, value_enum, default_value_t = Kind::Nmea)]
     kind: Kind,
@@ -76,7 +76,7 @@ enum Quality {
     RtkFixed,
 }
 
-pub(super) fn place_gnss(
+pub fn place_gnss(
     args: &GnssArgs,
     _scenario: &Scenario,
     world: &World,
@@ -123,7 +123,7 @@ pub(super) fn place_gnss(
 }
 
 /// The caster beside the receiver, if there is one.
-pub(super) fn caster(args: &GnssArgs, world: &World) -> Result<Option<Placed>, CliError> {
+pub fn caster(args: &GnssArgs, world: &World) -> Result<Option<Placed>, CliError> {
     let Some(address) = &args.caster else { return Ok(None) };
     let server = TcpServerStream::listen(address).map_err(CliError::failure)?;
     let endpoint = format!("tcp:{}", server.local_address().map_err(CliError::failure)?);
@@ -156,9 +156,9 @@ fn place_on_earth(text: &str) -> Result<Geodetic, String> {
 /// Sends the true pose of the scenario's drone, which stays where it is unless `--ar-drone` has it
 /// flown.
 #[derive(Debug, clap::Args)]
-pub(super) struct MotionCaptureArgs {
+pub struct MotionCaptureArgs {
     #[command(flatten)]
-    pub(super) field: Field,
+    pub field: Field,
     /// The address and port that the poses are sent to
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:5005")]
     to: String,
@@ -183,10 +183,7 @@ pub(super) struct MotionCaptureArgs {
 /// Time in seconds for which a body is hidden.
 const HIDDEN_S: f64 = 5.0;
 
-pub(super) fn place_motion_capture(
-    args: &MotionCaptureArgs,
-    world: &World,
-) -> Result<Placed, CliError> {
+pub fn place_motion_capture(args: &MotionCaptureArgs, world: &World) -> Result<Placed, CliError> {
     let hidden = args.hide_at_s.map(|from_s| Interval { from_s, to_s: Some(from_s + HIDDEN_S) });
     let config = EmulatedMotionCaptureConfig {
         body: args.body.clone(),
@@ -203,7 +200,7 @@ pub(super) fn place_motion_capture(
 }
 
 /// The AR.Drone that is seen, if there is one, and its port of navdata.
-pub(super) fn ar_drone(args: &MotionCaptureArgs, world: &World) -> Result<Vec<Placed>, CliError> {
+pub fn ar_drone(args: &MotionCaptureArgs, world: &World) -> Result<Vec<Placed>, CliError> {
     if !args.ar_drone {
         return Ok(Vec::new());
     }

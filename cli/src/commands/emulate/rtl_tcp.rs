@@ -31,11 +31,11 @@ use crate::{
                         foxhunt emulate rtl-tcp --scenario vhf-tag --to tag.cu8 --for 30\n  \
                         foxhunt emulate rtl-tcp --scenario vhf-tag --to tag.sigmf-meta --for 30 \
                         --pulses tag.csv")]
-pub(super) struct Args {
+pub struct Args {
     #[command(flatten)]
-    pub(super) field: Field,
+    pub field: Field,
     #[command(flatten)]
-    pub(super) pose: Pose,
+    pub pose: Pose,
     /// The address at which it listens
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:1234")]
     listen: String,
@@ -66,7 +66,7 @@ pub(super) struct Args {
         requires = "to",
         allow_negative_numbers = true
     )]
-    pub(super) gain_db: f64,
+    pub gain_db: f64,
 }
 
 /// A frequency in whole Hz, such as 150.1e6.
@@ -77,7 +77,7 @@ fn hertz(text: &str) -> Result<u32, String> {
 }
 
 impl Args {
-    pub(super) fn to(&self) -> Option<&Path> {
+    pub fn to(&self) -> Option<&Path> {
         self.to.as_deref()
     }
 
@@ -153,7 +153,7 @@ impl Emulator for Listed {
     }
 }
 
-pub(super) fn place(args: &Args, world: &World) -> Result<Placed, CliError> {
+pub fn place(args: &Args, world: &World) -> Result<Placed, CliError> {
     if args.field.speed.to_bits() != 1.0_f64.to_bits() {
         return Err(CliError::input(
             "--speed: clients of rtl_tcp keep the time of the wall; --to writes samples quicker",
@@ -196,7 +196,7 @@ struct Written {
 }
 
 /// Writes the samples of a receiver under a drone's antenna to a file.
-pub(super) fn write_samples(
+pub fn write_samples(
     args: &Args,
     to: &Path,
     world: &World,

@@ -17,30 +17,30 @@ use crate::commands::{pulses::Search, tags::from_to};
                         foxhunt listen tag.sigmf-meta\n  \
                         rtl_sdr -f 150080000 -s 250000 - | foxhunt listen - --format cu8 \
                         --rate-hz 250000 --center-hz 150.08e6")]
-pub(crate) struct Args {
+pub struct Args {
     /// The source of samples: tcp:HOST:PORT of rtl_tcp, soapy:ARGUMENTS of `SoapySDR`, a file, or -
     /// for standard input
-    pub(super) source: String,
+    pub source: String,
     /// Print each pulse as soon as it is found, as CSV
     #[arg(long, conflicts_with = "json")]
-    pub(super) csv: bool,
+    pub csv: bool,
     #[command(flatten)]
-    pub(super) search: Search,
+    pub search: Search,
     /// The receiver's gain, in dB; only for tcp: and soapy:
     #[arg(long, value_name = "DB", allow_negative_numbers = true)]
-    pub(super) gain_db: Option<f64>,
+    pub gain_db: Option<f64>,
     /// The receiver's frequency error in parts per million [default: 0]; only for tcp: and soapy:
     #[arg(long, value_name = "PPM", allow_negative_numbers = true)]
-    pub(super) ppm: Option<i32>,
+    pub ppm: Option<i32>,
     /// A table of known tags, as `foxhunt tags` reads it
     #[arg(long, value_name = "FILE")]
-    pub(super) tags: Option<PathBuf>,
+    pub tags: Option<PathBuf>,
     /// The shortest and the longest interval of unknown tags, in seconds [default: 0.2,5]
     #[arg(long, value_name = "FROM,TO", value_parser = from_to)]
-    pub(super) intervals_s: Option<[f64; 2]>,
+    pub intervals_s: Option<[f64; 2]>,
     /// End after this time, in seconds
     #[arg(long, value_name = "S", value_parser = positive)]
-    pub(super) for_s: Option<f64>,
+    pub for_s: Option<f64>,
 }
 
 fn positive(text: &str) -> Result<f64, String> {

@@ -16,7 +16,7 @@ use crate::error::CliError;
 
 /// Result of a look for samples.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Came {
+pub enum Came {
     /// Samples, the first of which has this index.
     Samples(u64),
     /// No samples at present.
@@ -27,15 +27,15 @@ pub(super) enum Came {
 
 /// Losses on the way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub(super) struct Losses {
-    pub(super) gaps: u32,
-    pub(super) samples: u64,
+pub struct Losses {
+    pub gaps: u32,
+    pub samples: u64,
     /// Number of times that a stream stalled and was opened again.
-    pub(super) stalls: u32,
+    pub stalls: u32,
 }
 
 /// Source of samples.
-pub(super) trait Input {
+pub trait Input {
     /// Name in lists of pulses.
     fn name(&self) -> &str;
 
@@ -72,7 +72,7 @@ pub(super) trait Input {
 const SOAPY: &str = "soapy:";
 
 /// Opens what the arguments name.
-pub(super) fn open(args: &Args) -> Result<Box<dyn Input>, CliError> {
+pub fn open(args: &Args) -> Result<Box<dyn Input>, CliError> {
     if args.source.starts_with("tcp:") || args.source.starts_with(SOAPY) {
         return live::open(args);
     }
@@ -170,7 +170,7 @@ impl Input for Recorded {
 mod live {
     use super::{Args, CliError, Input};
 
-    pub(super) fn open(args: &Args) -> Result<Box<dyn Input>, CliError> {
+    pub fn open(args: &Args) -> Result<Box<dyn Input>, CliError> {
         let text = "it needs a build with the feature hardware";
         Err(CliError::input(format!("{}: {text}", args.source)))
     }
@@ -225,7 +225,7 @@ mod live {
         news: Option<String>,
     }
 
-    pub(super) fn open(args: &Args) -> Result<Box<dyn Input>, CliError> {
+    pub fn open(args: &Args) -> Result<Box<dyn Input>, CliError> {
         let search = &args.search;
         if search.format.is_some() {
             return Err(CliError::input(
@@ -360,7 +360,7 @@ mod live {
     mod soapy {
         use super::{Args, CliError, Input, SystemClock};
 
-        pub(super) fn open(
+        pub fn open(
             args: &Args,
             _: &str,
             _: [f64; 2],
@@ -379,7 +379,7 @@ mod live {
             Args, CliError, Complex32, Failure, Input, Live, Receiver, SampleLosses, SystemClock,
         };
 
-        pub(super) fn open(
+        pub fn open(
             args: &Args,
             device: &str,
             [center_hz, rate_hz]: [f64; 2],

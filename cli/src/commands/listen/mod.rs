@@ -5,7 +5,7 @@ mod input;
 mod screen;
 mod tracker;
 
-pub(crate) use args::Args;
+pub use args::Args;
 
 use std::{
     io::{IsTerminal, stdout},
@@ -63,7 +63,7 @@ enum View {
     Json(Vec<Detection>),
 }
 
-pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let output = context.output;
     let table = match &args.tags {
         Some(file) => TagTable::read(file).map_err(CliError::input)?,

@@ -16,7 +16,7 @@ use super::{
 use crate::error::CliError;
 
 /// Time between two rows of the waterfall, in seconds.
-pub(super) const ROW_S: f64 = 0.25;
+pub const ROW_S: f64 = 0.25;
 
 /// Time between two pictures.
 const EVERY: Duration = Duration::from_millis(200);
@@ -39,7 +39,7 @@ const TABLE_LINES: usize = 4;
 
 /// A waterfall and a table of tags on a terminal, which is as it was when this is dropped.
 #[derive(Debug)]
-pub(super) struct Screen {
+pub struct Screen {
     term: Term,
     title: String,
     /// Frequencies at the left and the right end, if the absolute centre is known.
@@ -53,11 +53,7 @@ pub(super) struct Screen {
 }
 
 impl Screen {
-    pub(super) fn open(
-        title: &str,
-        input: &dyn Input,
-        waterfall: Waterfall,
-    ) -> Result<Self, CliError> {
+    pub fn open(title: &str, input: &dyn Input, waterfall: Waterfall) -> Result<Self, CliError> {
         let rate = input.rate_hz();
         let center = input.center_hz().unwrap_or(0.0);
         let term = Term::stdout();
@@ -78,19 +74,19 @@ impl Screen {
     }
 
     /// Sets whether levels are in dBm.
-    pub(super) fn calibrated(mut self, is_calibrated: bool) -> Self {
+    pub fn calibrated(mut self, is_calibrated: bool) -> Self {
         self.is_calibrated = is_calibrated;
         self
     }
 
-    pub(super) fn take(&mut self, first: u64, samples: &[Complex32]) {
+    pub fn take(&mut self, first: u64, samples: &[Complex32]) {
         self.rows.extend(self.waterfall.push(first, samples));
         let most = usize::from(self.term.size().0);
         self.rows.drain(..self.rows.len().saturating_sub(most));
     }
 
     /// Draws if it is time to.
-    pub(super) fn draw(
+    pub fn draw(
         &mut self,
         tracker: &Tracker,
         time_s: f64,

@@ -25,7 +25,7 @@ const SAME_INTERVAL: f64 = 0.02;
 
 /// A tag as it is shown.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub(super) struct TagRow {
+pub struct TagRow {
     name: String,
     /// True if its name comes from a table.
     known: bool,
@@ -39,7 +39,7 @@ pub(super) struct TagRow {
     /// Time of the last pulse, in seconds of the samples' clock.
     last_pulse_s: f64,
     /// Number of its pulses.
-    pub(super) pulses: usize,
+    pub pulses: usize,
     /// Number of its pulses that are too old to be associated again.
     #[serde(skip)]
     before: usize,
@@ -48,7 +48,7 @@ pub(super) struct TagRow {
 /// The tags of pulses that go on coming. Pulses of the last two minutes are associated again and
 /// again; older ones keep their tags.
 #[derive(Debug)]
-pub(super) struct Tracker {
+pub struct Tracker {
     table: TagTable,
     config: AssociationConfig,
     /// Pulses that are associated, in the order of their times.
@@ -65,7 +65,7 @@ pub(super) struct Tracker {
 }
 
 impl Tracker {
-    pub(super) fn new(table: TagTable, intervals_s: Option<[f64; 2]>) -> Self {
+    pub fn new(table: TagTable, intervals_s: Option<[f64; 2]>) -> Self {
         let mut config = AssociationConfig::default();
         config.intervals_s = intervals_s.unwrap_or(config.intervals_s);
         Self {
@@ -82,7 +82,7 @@ impl Tracker {
     }
 
     /// Takes a pulse; its tag is known at the next association.
-    pub(super) fn take(&mut self, pulse: Pulse) {
+    pub fn take(&mut self, pulse: Pulse) {
         let place = self.pulses.partition_point(|other| other.time_s <= pulse.time_s);
         self.pulses.insert(place, pulse);
         // A row of the last association is that of its own pulse.
@@ -91,7 +91,7 @@ impl Tracker {
     }
 
     /// Associates if it is time to.
-    pub(super) fn refresh(&mut self, time_s: f64) {
+    pub fn refresh(&mut self, time_s: f64) {
         if self.is_stale && time_s >= self.associated_s + EVERY_S {
             self.associated_s = time_s;
             self.forget(time_s - WINDOW_S);
@@ -99,16 +99,16 @@ impl Tracker {
         }
     }
 
-    pub(super) fn rows(&self) -> &[TagRow] {
+    pub fn rows(&self) -> &[TagRow] {
         &self.rows
     }
 
-    pub(super) fn into_rows(self) -> Vec<TagRow> {
+    pub fn into_rows(self) -> Vec<TagRow> {
         self.rows
     }
 
     /// Returns the number of pulses of no tag.
-    pub(super) fn others(&self) -> usize {
+    pub fn others(&self) -> usize {
         let all = self.older + self.pulses.len();
         all.saturating_sub(self.rows.iter().map(|row| row.pulses).sum())
     }
@@ -127,7 +127,7 @@ impl Tracker {
     }
 
     /// Assigns the pulses to their tags.
-    pub(super) fn associate(&mut self) {
+    pub fn associate(&mut self) {
         self.is_stale = false;
         // A configuration that cannot be was refused before; a list that cannot be has no tags.
         let Ok(given) = associate(&self.pulses, &self.table, &self.config) else { return };
@@ -215,7 +215,7 @@ impl Tracker {
 }
 
 /// Rows of tags at a time, in the samples' clock.
-pub(super) fn rows(tags: &[TagRow], time_s: f64, is_calibrated: bool) -> String {
+pub fn rows(tags: &[TagRow], time_s: f64, is_calibrated: bool) -> String {
     let level = if is_calibrated { "dBm" } else { "dBFS" };
     let columns =
         ["tag", "frequency Hz", "interval s", "± ms", "width ms", level, "E/N0 dB", "last s", "n"];

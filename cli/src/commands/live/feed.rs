@@ -35,7 +35,7 @@ const STATE: Duration = Duration::from_secs(1);
 const FAREWELL: Duration = Duration::from_secs(3);
 
 /// A hunt that is shown while it goes on: to browsers, to programs that fetch it, and to teams.
-pub(in crate::commands) struct LiveView {
+pub struct LiveView {
     happenings: Sender<Happening>,
     #[cfg(feature = "live")]
     page: Option<PageView>,
@@ -50,7 +50,7 @@ pub(in crate::commands) struct LiveView {
 
 impl LiveView {
     /// Opens the addresses of the plan, and shows the hunt there from now on.
-    pub(in crate::commands) fn start(plan: LivePlan, shown: &Shown<'_>) -> Result<Self, CliError> {
+    pub fn start(plan: LivePlan, shown: &Shown<'_>) -> Result<Self, CliError> {
         #[cfg(feature = "cot")]
         refuse_nowhere("--cot", plan.cot.is_some(), shown)?;
         #[cfg(feature = "hardware")]
@@ -106,7 +106,7 @@ impl LiveView {
     }
 
     /// Shows an event, and the turns that were kept since the one before.
-    pub(in crate::commands) fn show(&self, event: &Event, turns: &[KeptTurn]) {
+    pub fn show(&self, event: &Event, turns: &[KeptTurn]) {
         let shown = self.turns.replace(turns.len());
         for turn in turns.get(shown..).unwrap_or_default() {
             self.send(Happening::Turn(Box::new(turn.clone())));
@@ -116,7 +116,7 @@ impl LiveView {
 
     /// Shows where the receivers are, once a second at most.
     #[cfg(feature = "hardware")]
-    pub(in crate::commands) fn place(&self, time: f64, stations: impl FnOnce() -> Vec<Station>) {
+    pub fn place(&self, time: f64, stations: impl FnOnce() -> Vec<Station>) {
         let now = Instant::now();
         let is_due = |last: Instant| now.duration_since(last) >= STATE;
         if self.placed.get().is_none_or(is_due) {
@@ -133,7 +133,7 @@ impl LiveView {
 
     /// Returns true if a viewer with the token has broken the flight off since the last call.
     #[cfg(feature = "hardware")]
-    pub(in crate::commands) fn is_broken_off(&self) -> bool {
+    pub fn is_broken_off(&self) -> bool {
         #[cfg(feature = "live")]
         return self.page.as_ref().is_some_and(PageView::is_broken_off);
         #[cfg(not(feature = "live"))]
@@ -143,7 +143,7 @@ impl LiveView {
     /// Sends the last state of a hunt that is over. Serves its page until `interrupted`; ends at
     /// once if that was requested, or without a page.
     #[cfg_attr(not(feature = "live"), expect(unused_variables, reason = "no page is served"))]
-    pub(in crate::commands) fn stay(self, interrupted: impl Fn() -> bool) {
+    pub fn stay(self, interrupted: impl Fn() -> bool) {
         self.send(Happening::Over);
         // It ends where the thread has ended.
         let _ = self.sent.recv();

@@ -8,7 +8,7 @@ use foxhunt::{hunt::Event, nalgebra::Vector3, overview::KeptTurn};
 use tokio::sync::oneshot;
 
 /// A turn, a place or an event of a hunt, or a question about it.
-pub(super) enum Happening {
+pub enum Happening {
     Turn(Box<KeptTurn>),
     Event(Box<Event>),
     /// Time of the hunt, and the places of the receivers.
@@ -21,15 +21,15 @@ pub(super) enum Happening {
 
 /// The hunt as a program wants it, and the way back.
 #[cfg(feature = "live")]
-pub(super) struct Asked {
-    pub(super) format: Format,
-    pub(super) answer: oneshot::Sender<Result<Vec<u8>, ExportError>>,
+pub struct Asked {
+    pub format: Format,
+    pub answer: oneshot::Sender<Result<Vec<u8>, ExportError>>,
 }
 
 #[cfg(feature = "live")]
 impl Asked {
     /// Answers with the hunt as it is now.
-    pub(super) fn answer(self, overview: &Overview) {
+    pub fn answer(self, overview: &Overview) {
         if self.answer.is_closed() {
             return;
         }

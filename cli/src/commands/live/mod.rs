@@ -13,9 +13,9 @@ mod server;
 mod without;
 
 #[cfg(any(feature = "live", feature = "hardware"))]
-pub(super) use feed::LiveView;
+pub use feed::LiveView;
 #[cfg(not(any(feature = "live", feature = "hardware")))]
-pub(super) use without::LiveView;
+pub use without::LiveView;
 
 #[cfg(feature = "live")]
 use std::sync::Arc;
@@ -43,7 +43,7 @@ use crate::{error::CliError, hints};
 
 /// Arguments of the live view of a hunt.
 #[derive(Debug, clap::Args)]
-pub(super) struct LiveArgs {
+pub struct LiveArgs {
     /// Show the hunt in browsers while it goes on [default address: 127.0.0.1:8017]; an address
     /// that others can reach needs a token
     #[arg(
@@ -84,7 +84,7 @@ const SHORTEST_TOKEN: usize = 8;
     not(any(feature = "live", feature = "hardware")),
     expect(dead_code, reason = "nothing is shown")
 )]
-pub(super) struct LivePlan {
+pub struct LivePlan {
     #[cfg_attr(
         all(feature = "hardware", not(feature = "live")),
         expect(dead_code, reason = "nothing is served")
@@ -113,41 +113,41 @@ struct PagePlan {
     not(any(feature = "live", feature = "hardware")),
     expect(dead_code, reason = "nothing is shown")
 )]
-pub(super) struct Shown<'a> {
-    pub(super) header: &'a LogHeader,
-    pub(super) registry: &'a Registry,
-    pub(super) estimator: &'a EstimatorEntry,
-    pub(super) extractor: &'a ExtractorConfig,
+pub struct Shown<'a> {
+    pub header: &'a LogHeader,
+    pub registry: &'a Registry,
+    pub estimator: &'a EstimatorEntry,
+    pub extractor: &'a ExtractorConfig,
     /// Names of the receivers in their order, if the hunt's own names are not theirs.
     #[cfg_attr(
         all(feature = "live", not(feature = "hardware")),
         expect(dead_code, reason = "nothing is sent")
     )]
-    pub(super) platforms: &'a [CotPlatform],
+    pub platforms: &'a [CotPlatform],
     /// True if viewers with the token may break it off.
     #[cfg_attr(
         all(feature = "hardware", not(feature = "live")),
         expect(dead_code, reason = "nothing is served")
     )]
-    pub(super) orders: bool,
+    pub orders: bool,
     /// Reason why a hunt without an origin is not sent.
     #[cfg_attr(
         all(feature = "live", not(feature = "hardware")),
         expect(dead_code, reason = "nothing is sent")
     )]
-    pub(super) nowhere: &'static str,
+    pub nowhere: &'static str,
     /// True if the devices are not real.
     #[cfg_attr(
         all(feature = "live", not(feature = "hardware")),
         expect(dead_code, reason = "nothing is sent")
     )]
-    pub(super) is_simulated: bool,
+    pub is_simulated: bool,
 }
 
 impl LiveArgs {
     /// Returns the plan for `--live`, `--cot` and `--mqtt`, if one is given; a wrong one is refused
     /// before anything flies.
-    pub(super) fn plan(&self) -> Result<Option<LivePlan>, CliError> {
+    pub fn plan(&self) -> Result<Option<LivePlan>, CliError> {
         #[cfg(feature = "hardware")]
         return self.plan_of(None, "");
         #[cfg(not(feature = "hardware"))]
@@ -160,7 +160,7 @@ impl LiveArgs {
 
     /// Returns the plan as [`plan`](Self::plan) does; without `--cot` a file's addresses are used.
     #[cfg(feature = "hardware")]
-    pub(super) fn plan_of(
+    pub fn plan_of(
         &self,
         cot: Option<&CotConfig>,
         file: &str,
@@ -204,12 +204,12 @@ impl LiveArgs {
     }
 
     /// Opens the map; a faulty one is refused before anything flies.
-    pub(super) fn map(&self) -> Result<Option<Tiles>, CliError> {
+    pub fn map(&self) -> Result<Option<Tiles>, CliError> {
         self.tiles.as_deref().map(Tiles::open).transpose()
     }
 
     /// Returns true if the hunt has to have a place on Earth.
-    pub(super) fn is_on_map(&self) -> bool {
+    pub fn is_on_map(&self) -> bool {
         self.tiles.is_some() || self.live.is_some() || self.cot.is_given() || self.mqtt.is_given()
     }
 }
@@ -244,7 +244,7 @@ fn plan(
 
 /// Pace of simulated time in the live view.
 #[derive(Debug, clap::Args)]
-pub(in crate::commands) struct PaceArgs {
+pub struct PaceArgs {
     /// With --live, --cot or --mqtt: the simulated seconds that pass in one second [default: 20]
     #[arg(long, value_name = "FACTOR", value_parser = factor)]
     pace: Option<f64>,
@@ -255,25 +255,25 @@ const FACTOR: f64 = 20.0;
 
 impl PaceArgs {
     /// Returns true if the pace was given.
-    pub(in crate::commands) fn is_given(&self) -> bool {
+    pub fn is_given(&self) -> bool {
         self.pace.is_some()
     }
 
     /// Simulated time that begins at 0 now.
-    pub(in crate::commands) fn start(&self) -> Pace {
+    pub fn start(&self) -> Pace {
         Pace { begun: Instant::now(), factor: self.pace.unwrap_or(FACTOR) }
     }
 }
 
 /// Simulated time by the clock of this computer.
-pub(in crate::commands) struct Pace {
+pub struct Pace {
     begun: Instant,
     factor: f64,
 }
 
 impl Pace {
     /// Waits until this simulated time, in seconds; not at all if it is over.
-    pub(in crate::commands) fn wait_until(&self, time: f64) {
+    pub fn wait_until(&self, time: f64) {
         let due = Duration::try_from_secs_f64(time / self.factor).unwrap_or_default();
         thread::sleep(due.saturating_sub(self.begun.elapsed()));
     }

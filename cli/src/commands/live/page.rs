@@ -25,7 +25,7 @@ use crate::{commands::tiles::NO_PLACE, error::CliError, output::warn};
 const FAREWELL: Duration = Duration::from_secs(2);
 
 /// The page of a hunt, as the hunt's thread has it.
-pub(super) struct PageView {
+pub struct PageView {
     shared: Arc<Shared>,
     until_done: bool,
     address: String,
@@ -36,7 +36,7 @@ pub(super) struct PageView {
 impl PageView {
     /// Opens the address and serves the page from now on; `happenings` takes the questions of
     /// programs that fetch the hunt.
-    pub(super) fn start(
+    pub fn start(
         plan: &PagePlan,
         shown: &Shown<'_>,
         happenings: Sender<Happening>,
@@ -69,19 +69,19 @@ impl PageView {
     }
 
     /// Returns the side that takes the news.
-    pub(super) fn news(&self) -> PageNews {
+    pub fn news(&self) -> PageNews {
         PageNews { shared: Arc::clone(&self.shared), mark: Mark::default() }
     }
 
     /// Returns true if a viewer with the token has broken the flight off since the last call.
     #[cfg(feature = "hardware")]
-    pub(super) fn is_broken_off(&self) -> bool {
+    pub fn is_broken_off(&self) -> bool {
         self.shared.take_break_off()
     }
 
     /// Serves the page of a hunt that is over until `interrupted`, or ends at once if that was
     /// requested.
-    pub(super) fn stay(self, interrupted: impl Fn() -> bool) {
+    pub fn stay(self, interrupted: impl Fn() -> bool) {
         if self.until_done {
             // All browsers have the last news then, or are too slow.
             let _ = self.ended.recv_timeout(FAREWELL);
@@ -95,21 +95,21 @@ impl PageView {
 }
 
 /// The side of the page that takes the news.
-pub(super) struct PageNews {
+pub struct PageNews {
     shared: Arc<Shared>,
     mark: Mark,
 }
 
 /// Lines and orders of events that came at once.
 #[derive(Default)]
-pub(super) struct Batch {
+pub struct Batch {
     lines: Vec<String>,
     sent: Vec<(usize, f64, f64)>,
     has_events: bool,
 }
 
 impl Batch {
-    pub(super) fn add(&mut self, event: &Event) {
+    pub fn add(&mut self, event: &Event) {
         self.has_events = true;
         self.lines.extend(page_line(event));
         if let Event::Sent { drone, to, .. } = *event {
@@ -120,7 +120,7 @@ impl Batch {
 
 impl PageNews {
     /// Adds the news for browsers, if anything has happened.
-    pub(super) fn add(&mut self, overview: &Overview, batch: Batch) {
+    pub fn add(&mut self, overview: &Overview, batch: Batch) {
         if !batch.has_events {
             return;
         }
@@ -133,7 +133,7 @@ impl PageNews {
     }
 
     /// Tells browsers that no more news will come.
-    pub(super) fn over(&self) {
+    pub fn over(&self) {
         self.shared.progress.send_modify(|progress| progress.over = true);
     }
 }

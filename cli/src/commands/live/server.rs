@@ -34,10 +34,10 @@ use crate::{
 };
 
 /// Page and news of a hunt, shared by the hunt, the thread that reads it and the server.
-pub(super) struct Shared {
+pub struct Shared {
     page: String,
-    pub(super) token: Option<String>,
-    pub(super) orders: bool,
+    pub token: Option<String>,
+    pub orders: bool,
     tiles: Option<Arc<Tiles>>,
     /// Name of the run that the numbers of the news belong to; another hunt has another name.
     run: String,
@@ -45,7 +45,7 @@ pub(super) struct Shared {
     /// waits for no browser and late ones get everything.
     news: Mutex<Vec<Arc<str>>>,
     /// Number of news, and if they are complete.
-    pub(super) progress: watch::Sender<Progress>,
+    pub progress: watch::Sender<Progress>,
     /// True if a viewer with the token has broken the flight off.
     broken_off: AtomicBool,
     /// Sender of questions to the hunt's thread.
@@ -54,14 +54,14 @@ pub(super) struct Shared {
 
 /// Progress of a hunt.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Progress {
+pub struct Progress {
     news: usize,
-    pub(super) over: bool,
+    pub over: bool,
 }
 
 impl Shared {
     /// Begins without news.
-    pub(super) fn new(
+    pub fn new(
         page: String,
         token: Option<String>,
         orders: bool,
@@ -82,7 +82,7 @@ impl Shared {
     }
 
     /// Sends questions of programs to the hunt's thread.
-    pub(super) fn with_questions(self, questions: Sender<Happening>) -> Self {
+    pub fn with_questions(self, questions: Sender<Happening>) -> Self {
         Self { questions: Some(questions), ..self }
     }
 
@@ -101,7 +101,7 @@ impl Shared {
     }
 
     /// Adds news for every browser.
-    pub(super) fn add(&self, text: String) {
+    pub fn add(&self, text: String) {
         let mut news = self.news.lock().unwrap_or_else(PoisonError::into_inner);
         news.push(text.into());
         let count = news.len();
@@ -115,7 +115,7 @@ impl Shared {
 
     /// Returns true if the flight was broken off since the last call.
     #[cfg(feature = "hardware")]
-    pub(super) fn take_break_off(&self) -> bool {
+    pub fn take_break_off(&self) -> bool {
         self.broken_off.swap(false, Ordering::Relaxed)
     }
 }
@@ -131,7 +131,7 @@ const MOST_BROWSERS: usize = 100;
 
 /// Serves the page on a thread of its own; `end` is dropped when it ends: never, or when the hunt
 /// is over and every browser has all of it.
-pub(super) fn start(
+pub fn start(
     listener: TcpListener,
     shared: Arc<Shared>,
     until_done: bool,

@@ -19,17 +19,17 @@ use crate::{
 
 /// An estimate on Earth and in the local frame.
 #[derive(Debug, Serialize)]
-pub(super) struct Estimated {
+pub struct Estimated {
     /// Latitude; absent if the recordings are in local metres.
-    pub(super) lat_deg: Option<f64>,
-    pub(super) lon_deg: Option<f64>,
-    pub(super) east_m: f64,
-    pub(super) north_m: f64,
+    pub lat_deg: Option<f64>,
+    pub lon_deg: Option<f64>,
+    pub east_m: f64,
+    pub north_m: f64,
     covariance_m2: [[f64; 2]; 2],
 }
 
 impl Estimated {
-    pub(super) fn new(estimate: &Estimate<2>, on_earth: Option<Geodetic>) -> Self {
+    pub fn new(estimate: &Estimate<2>, on_earth: Option<Geodetic>) -> Self {
         Self {
             lat_deg: on_earth.map(|place| place.lat_deg),
             lon_deg: on_earth.map(|place| place.lon_deg),
@@ -41,25 +41,25 @@ impl Estimated {
 }
 
 /// Place or track of a beacon, for the page and for exports.
-pub(super) struct Found {
-    pub(super) beacon: Option<String>,
+pub struct Found {
+    pub beacon: Option<String>,
     /// Name of the estimator.
-    pub(super) method: String,
-    pub(super) search: SearchOverview,
+    pub method: String,
+    pub search: SearchOverview,
     /// Data with which a page tracks it again, if it is tracked.
-    pub(super) tracks: Option<Result<PageLog, NotStrikable>>,
+    pub tracks: Option<Result<PageLog, NotStrikable>>,
     /// Rows that belong to it, where not all of its beacon do.
-    pub(super) rows: Option<Vec<RowId>>,
+    pub rows: Option<Vec<RowId>>,
 }
 
 /// Rows that belong to no transmitter: some of a beacon, or all of them without a list.
-pub(super) struct Others<'a> {
-    pub(super) beacon: Option<&'a str>,
-    pub(super) rows: Option<&'a [RowId]>,
+pub struct Others<'a> {
+    pub beacon: Option<&'a str>,
+    pub rows: Option<&'a [RowId]>,
 }
 
 /// Returns the value with the largest probability, and that probability.
-pub(super) fn likeliest(values: &[(f64, f64)]) -> (f64, f64) {
+pub fn likeliest(values: &[(f64, f64)]) -> (f64, f64) {
     let best = values.iter().max_by(|a, b| a.1.total_cmp(&b.1)).copied();
     best.unwrap_or((f64::NAN, f64::NAN))
 }
@@ -77,7 +77,7 @@ fn is_odd(p: Option<f64>, left_out: bool, total: usize) -> bool {
 }
 
 /// Lists the `listed` rows that fit worst, or else the few that do not fit or were left out.
-pub(super) fn rows_of(rows: &Residuals, listed: Option<usize>, whose: &str) -> String {
+pub fn rows_of(rows: &Residuals, listed: Option<usize>, whose: &str) -> String {
     let total = rows.len();
     let is_listed = |of: &Residual| listed.is_some() || is_odd(of.p, of.left_out, total);
     let mut worst: Vec<RowResidual> = rows.chosen(is_listed).collect();

@@ -62,7 +62,7 @@ impl Next {
 
 /// Reports what a search has looked through in which nothing was received; returns false if
 /// anything was.
-pub(super) fn report(
+pub fn report(
     views: &Views,
     prepared: &Prepared,
     beacon: Option<&str>,

@@ -28,7 +28,7 @@ use crate::{
 
 /// Settings of tracking.
 #[derive(Debug, clap::Args)]
-pub(super) struct Tracking {
+pub struct Tracking {
     /// With --track: the length of a time window in seconds; receptions in one window are of one
     /// place
     #[arg(long, value_name = "S", default_value_t = 30.0, requires = "track")]
@@ -45,7 +45,7 @@ pub(super) struct Tracking {
 
 /// A track in JSON.
 #[derive(Debug, Serialize)]
-pub(super) struct Report {
+pub struct Report {
     beacon: Option<String>,
     /// Number of receptions left out by --ignore.
     ignored: usize,
@@ -88,7 +88,7 @@ struct Passed {
 }
 
 /// Tracks a beacon; the table lists `listed` rows, and pages are given all of them if `is_shown`.
-pub(super) fn report(
+pub fn report(
     tracking: &Tracking,
     truth: Option<LatLon>,
     (listed, is_shown): (Option<usize>, bool),
@@ -195,7 +195,7 @@ impl Report {
     }
 }
 
-pub(super) fn text(report: &Report) -> String {
+pub fn text(report: &Report) -> String {
     let mut places = table(&[
         "time s",
         "lat °",

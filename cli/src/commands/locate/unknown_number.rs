@@ -18,7 +18,7 @@ use crate::{
 
 /// Transmitters of an unknown number in JSON, each with a report of the type `R`.
 #[derive(Debug, Serialize)]
-pub(super) struct Several<R> {
+pub struct Several<R> {
     beacon: Option<String>,
     /// Distribution of the number of transmitters with two bearings or more; empty for a silent
     /// search.
@@ -50,14 +50,14 @@ struct Belonging {
 
 impl<R> Several<R> {
     /// Returns the rows that belong to no transmitter: all of a silent search.
-    pub(super) fn others(&self) -> Others<'_> {
+    pub fn others(&self) -> Others<'_> {
         let rows = self.absence.is_none().then_some(&*self.unassigned);
         Others { beacon: self.beacon.as_deref(), rows }
     }
 }
 
 /// Sorts the receptions by transmitter, and locates each by `locate`.
-pub(super) fn several<R>(
+pub fn several<R>(
     prepared: &Prepared,
     beacon: Option<String>,
     locate: impl Fn(Received) -> Result<(R, Found), CliError>,
@@ -106,7 +106,7 @@ fn belonging(
 
 /// Returns the answer as text: `cells` makes the cells of a report in the table, and `details` the
 /// text below it.
-pub(super) fn answer<R>(
+pub fn answer<R>(
     several: &Several<R>,
     cells: impl Fn(&R) -> Vec<String>,
     details: impl Fn(&R, &str) -> String,

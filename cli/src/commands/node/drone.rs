@@ -22,7 +22,7 @@ use crate::{
 /// no order has come for flight.orders_timeout_s. Ctrl-C has it leave by flight.on_abort; a second
 /// Ctrl-C ends the node at once. Started again in the air, it goes on with --take-over.
 #[derive(Debug, clap::Args)]
-pub(super) struct Args {
+pub struct Args {
     /// The flight: a TOML file (docs/flying.md), the same on all computers
     #[arg(required_unless_present = "simulate", conflicts_with = "simulate")]
     flight: Option<PathBuf>,
@@ -56,7 +56,7 @@ impl Args {
     }
 }
 
-pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     match (&args.simulate, &args.flight) {
         (Some(scenario), _) => simulate(args, scenario, context),
         (None, Some(file)) => {

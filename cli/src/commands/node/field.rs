@@ -14,7 +14,7 @@ use foxhunt::{
 use crate::{commands::choice, error::CliError};
 
 /// Drones of a hunt on several computers.
-pub(super) enum Field {
+pub enum Field {
     /// Simulated ones.
     Simulated(Box<Scenario>),
     /// Real ones.
@@ -23,7 +23,7 @@ pub(super) enum Field {
 
 impl Field {
     /// The flight of a file, or the scenario of a built-in name or a file: a flight has a site.
-    pub(super) fn find(name_or_path: &str) -> Result<Self, CliError> {
+    pub fn find(name_or_path: &str) -> Result<Self, CliError> {
         let path = Path::new(name_or_path);
         let text = fs::read_to_string(path).unwrap_or_default();
         let is_flight = text.parse::<toml::Table>().is_ok_and(|table| table.contains_key("site"));
@@ -34,27 +34,27 @@ impl Field {
         choice::scenario(name_or_path).map(|scenario| Self::Simulated(Box::new(scenario)))
     }
 
-    pub(super) fn name(&self) -> &str {
+    pub fn name(&self) -> &str {
         match self {
             Self::Simulated(scenario) => &scenario.name,
             Self::Flown(flight) => &flight.name,
         }
     }
 
-    pub(super) fn drones(&self) -> usize {
+    pub fn drones(&self) -> usize {
         match self {
             Self::Simulated(scenario) => scenario.world.drones.len(),
             Self::Flown(flight) => flight.drones.len(),
         }
     }
 
-    pub(super) fn is_flown(&self) -> bool {
+    pub fn is_flown(&self) -> bool {
         matches!(self, Self::Flown(_))
     }
 
     /// Returns the estimator of the command line, or else the field's own; `file` names the field's
     /// file.
-    pub(super) fn estimator<'a>(
+    pub fn estimator<'a>(
         &self,
         registry: &'a Registry,
         given: Option<&str>,
@@ -71,14 +71,14 @@ impl Field {
     }
 
     /// Returns the extractor that reads bearings on board of the drones.
-    pub(super) fn extractor(&self) -> &ExtractorConfig {
+    pub fn extractor(&self) -> &ExtractorConfig {
         match self {
             Self::Simulated(scenario) => &scenario.extractor,
             Self::Flown(flight) => &flight.extractor,
         }
     }
 
-    pub(super) fn log_header(
+    pub fn log_header(
         &self,
         registry: &Registry,
         estimator: &EstimatorEntry,
@@ -94,7 +94,7 @@ impl Field {
         }
     }
 
-    pub(super) fn hunt(
+    pub fn hunt(
         &self,
         registry: &Registry,
         estimator: &EstimatorEntry,

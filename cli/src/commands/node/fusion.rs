@@ -97,7 +97,7 @@ impl NodeLog {
 /// stops this node alone: the drones hold, and leave by flight.on_abort after
 /// flight.orders_timeout_s.
 #[derive(Debug, clap::Args)]
-pub(super) struct Args {
+pub struct Args {
     /// A flight's TOML file, the same on all computers; or a built-in scenario or its TOML file,
     /// for simulated drones
     field: String,
@@ -139,7 +139,7 @@ impl Operator {
     }
 }
 
-pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     let field = Field::find(&args.field)?;
     let confirms = field.is_flown() && !args.yes;

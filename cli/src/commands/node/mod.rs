@@ -22,7 +22,7 @@ use crate::{error::CliError, output::Context};
                         foxhunt node fusion pritzl-6.1 --over mqtt --key team.key --log \
                         out/net.jsonl --resume"
 )]
-pub(crate) struct Args {
+pub struct Args {
     #[command(subcommand)]
     node: Node,
 }
@@ -35,7 +35,7 @@ enum Node {
     Key(over::KeyArgs),
 }
 
-pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     match &args.node {
         Node::Drone(args) => drone::run(args, context),
         Node::Fusion(args) => fusion::run(args, context),

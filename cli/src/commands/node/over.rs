@@ -31,7 +31,7 @@ use crate::{
 
 /// The arguments of both kinds of nodes.
 #[derive(Debug, clap::Args)]
-pub(super) struct Shared {
+pub struct Shared {
     /// The middleware between the computers; ROS needs a build with `--features ros1,ros2`
     #[arg(long, value_enum)]
     over: Over,
@@ -89,7 +89,7 @@ impl Shared {
     }
 
     /// Joins as a drone.
-    pub(super) fn drone(&self, drone: usize) -> Result<Box<dyn DroneLink>, CliError> {
+    pub fn drone(&self, drone: usize) -> Result<Box<dyn DroneLink>, CliError> {
         let key = self.key()?;
         match self.over {
             Over::Mqtt => {
@@ -111,7 +111,7 @@ impl Shared {
     }
 
     /// Joins as the fusion node.
-    pub(super) fn fusion(&self, drones: usize) -> Result<Box<dyn FusionLink>, CliError> {
+    pub fn fusion(&self, drones: usize) -> Result<Box<dyn FusionLink>, CliError> {
         let key = self.key()?;
         match self.over {
             Over::Mqtt => {
@@ -154,7 +154,7 @@ impl Shared {
 
     /// The clock of all nodes: UNIX time, or a faster one that all nodes of the same speed agree
     /// on.
-    pub(super) fn clock(&self) -> NodeClock {
+    pub fn clock(&self) -> NodeClock {
         let clock = SystemClock::start();
         let unix_s = clock.started_unix_s();
         let base_s = (unix_s / PERIOD_S).floor() * PERIOD_S;
@@ -168,7 +168,7 @@ const PERIOD_S: f64 = 1_048_576.0;
 
 /// UNIX time, which may run faster from a moment on that all nodes know.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct NodeClock {
+pub struct NodeClock {
     clock: SystemClock,
     base_s: f64,
     since_s: f64,
@@ -177,17 +177,17 @@ pub(super) struct NodeClock {
 
 impl NodeClock {
     /// Seconds since it began.
-    pub(super) fn seconds(&self) -> f64 {
+    pub fn seconds(&self) -> f64 {
         self.clock.now() * self.speed
     }
 
     /// UNIX time as all nodes of this speed have it.
-    pub(super) fn unix(&self) -> Result<UnixTime, CliError> {
+    pub fn unix(&self) -> Result<UnixTime, CliError> {
         self.unix_after(self.clock.now())
     }
 
     /// UNIX time of its beginning, as all nodes of this speed have it.
-    pub(super) fn started(&self) -> Result<UnixTime, CliError> {
+    pub fn started(&self) -> Result<UnixTime, CliError> {
         self.unix_after(0.0)
     }
 
@@ -199,11 +199,11 @@ impl NodeClock {
 }
 
 /// Counter of the user's requests to end the program.
-pub(super) struct Stop(Arc<AtomicU8>);
+pub struct Stop(Arc<AtomicU8>);
 
 impl Stop {
     /// Listens for Ctrl-C and termination.
-    pub(super) fn listen() -> Result<Self, CliError> {
+    pub fn listen() -> Result<Self, CliError> {
         let count = Arc::new(AtomicU8::new(0));
         let counted = Arc::clone(&count);
         ctrlc::set_handler(move || {
@@ -214,29 +214,29 @@ impl Stop {
     }
 
     /// Returns the number of requests.
-    pub(super) fn count(&self) -> u8 {
+    pub fn count(&self) -> u8 {
         self.0.load(Ordering::Relaxed)
     }
 
     /// Waits for a moment; returns true if the node goes on.
-    pub(super) fn goes_on(&self) -> bool {
+    pub fn goes_on(&self) -> bool {
         rest();
         self.count() == 0
     }
 }
 
 /// Waits until the next step of a node.
-pub(super) fn rest() {
+pub fn rest() {
     thread::sleep(Duration::from_millis(2));
 }
 
 /// Prints a link's failure once, however often it fails.
 #[derive(Default)]
-pub(super) struct Failures(String);
+pub struct Failures(String);
 
 impl Failures {
     /// Prints a failure of the link and goes on; returns any other error.
-    pub(super) fn report(&mut self, result: Result<(), NetworkError>) -> Result<(), CliError> {
+    pub fn report(&mut self, result: Result<(), NetworkError>) -> Result<(), CliError> {
         match result {
             Ok(()) => Ok(()),
             Err(NetworkError::Link(error)) => {
@@ -265,7 +265,7 @@ fn speed(text: &str) -> Result<f64, String> {
 /// Copy the file to every computer over a channel that you trust, such as scp. Anyone who has it
 /// can fly the drones. Only its owner may read it.
 #[derive(Debug, clap::Args)]
-pub(super) struct KeyArgs {
+pub struct KeyArgs {
     /// The file to write; an existing one is refused
     file: PathBuf,
 }
@@ -276,7 +276,7 @@ struct Made<'a> {
     key: &'a str,
 }
 
-pub(super) fn make_key(args: &KeyArgs, output: Output) -> Result<(), CliError> {
+pub fn make_key(args: &KeyArgs, output: Output) -> Result<(), CliError> {
     let key = TeamKey::generate().map_err(CliError::failure)?;
     key.write(&args.file).map_err(key_error)?;
     let made = args.file.display().to_string();

@@ -38,7 +38,7 @@ const PROGRAM: &str = include_str!("program.wasm.gz.base64");
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt page --out foxhunt.html\n  \
                         foxhunt page --out site/index.html --installable")]
-pub(crate) struct Args {
+pub struct Args {
     /// The page to write
     #[arg(long, value_name = "HTML", default_value = "foxhunt.html")]
     out: PathBuf,
@@ -56,7 +56,7 @@ struct Written {
     service_worker: Option<PathBuf>,
 }
 
-pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let mut text = page()?;
     let service_worker = args.installable.then(|| args.out.with_extension("js"));
     if let Some(path) = &service_worker {

@@ -15,7 +15,7 @@ use crate::{
 
 /// A comparison of planners.
 #[derive(Debug, clap::Args)]
-pub(super) struct Planners {
+pub struct Planners {
     /// The output of `foxhunt --json compare planners`
     #[arg(value_name = "JSON")]
     file: PathBuf,
@@ -56,7 +56,7 @@ struct Ratio {
 /// The figures that planners are compared in.
 const FIGURES: [&str; 4] = ["steps to 3 m", "seconds to 3 m", "path", "error"];
 
-pub(super) fn planners(args: &Planners, output: Output) -> Result<(), CliError> {
+pub fn planners(args: &Planners, output: Output) -> Result<(), CliError> {
     args.drawing.check()?;
     let in_file = |source: Box<dyn std::error::Error>| {
         CliError::input(InFile { file: args.file.display().to_string(), source })
@@ -100,7 +100,7 @@ pub(super) fn planners(args: &Planners, output: Output) -> Result<(), CliError> 
 /// The runs of a store.
 #[cfg(feature = "store")]
 #[derive(Debug, clap::Args)]
-pub(super) struct Distributions {
+pub struct Distributions {
     /// A file that `campaign --store` wrote
     file: PathBuf,
     #[command(flatten)]
@@ -110,7 +110,7 @@ pub(super) struct Distributions {
 }
 
 #[cfg(feature = "store")]
-pub(super) fn distributions(args: &Distributions, output: Output) -> Result<(), CliError> {
+pub fn distributions(args: &Distributions, output: Output) -> Result<(), CliError> {
     use foxhunt::store::Store;
 
     args.drawing.check()?;

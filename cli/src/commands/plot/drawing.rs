@@ -52,13 +52,13 @@ impl FromStr for Target {
 
 /// File and title of a figure.
 #[derive(Debug, clap::Args)]
-pub(super) struct Drawing {
+pub struct Drawing {
     /// The figure: .svg, or with the feature `png` .png
     #[arg(long = "out", value_name = "FILE")]
     target: Target,
     /// The title above the figure [default: made of the inputs]
     #[arg(long, value_name = "TEXT")]
-    pub(super) title: Option<String>,
+    pub title: Option<String>,
 }
 
 /// A drawn figure in JSON.
@@ -70,20 +70,16 @@ struct Drawn<'a> {
 
 impl Drawing {
     /// Returns the title of the command line, or else this one.
-    pub(super) fn title(&self, own: &str) -> String {
+    pub fn title(&self, own: &str) -> String {
         self.title.clone().unwrap_or_else(|| own.to_owned())
     }
 
-    pub(super) fn check(&self) -> Result<(), CliError> {
+    pub fn check(&self) -> Result<(), CliError> {
         check_writable(&self.target.path)
     }
 
     /// Writes a figure.
-    pub(super) fn write(
-        &self,
-        svg: Result<String, PictureError>,
-        output: Output,
-    ) -> Result<(), CliError> {
+    pub fn write(&self, svg: Result<String, PictureError>, output: Output) -> Result<(), CliError> {
         let svg = svg.map_err(CliError::failure)?;
         let Target { path, format } = &self.target;
         let bytes = match format {

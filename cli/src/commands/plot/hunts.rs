@@ -34,7 +34,7 @@ struct Replaying {
 
 /// One log.
 #[derive(Debug, clap::Args)]
-pub(super) struct OneLog {
+pub struct OneLog {
     /// A log, such as `foxhunt hunt` writes it
     log: PathBuf,
     #[command(flatten)]
@@ -45,7 +45,7 @@ pub(super) struct OneLog {
 
 /// Several logs.
 #[derive(Debug, clap::Args)]
-pub(super) struct Logs {
+pub struct Logs {
     /// Logs, such as `foxhunt hunt` writes them
     #[arg(required = true, value_name = "LOG")]
     logs: Vec<PathBuf>,
@@ -57,7 +57,7 @@ pub(super) struct Logs {
 
 /// The state machine of a search.
 #[derive(Debug, clap::Args)]
-pub(super) struct Machine {
+pub struct Machine {
     /// A log, whose hunt is drawn into the machine
     log: Option<PathBuf>,
     #[command(flatten)]
@@ -142,19 +142,19 @@ fn over_steps(args: &Logs, context: Context<'_>, draw: Draw) -> Result<(), CliEr
     args.drawing.write(graph_svg(&graph), context.output)
 }
 
-pub(super) fn error(args: &Logs, context: Context<'_>) -> Result<(), CliError> {
+pub fn error(args: &Logs, context: Context<'_>) -> Result<(), CliError> {
     over_steps(args, context, error_over_steps)
 }
 
-pub(super) fn axes(args: &Logs, context: Context<'_>) -> Result<(), CliError> {
+pub fn axes(args: &Logs, context: Context<'_>) -> Result<(), CliError> {
     over_steps(args, context, axes_over_steps)
 }
 
-pub(super) fn nees(args: &Logs, context: Context<'_>) -> Result<(), CliError> {
+pub fn nees(args: &Logs, context: Context<'_>) -> Result<(), CliError> {
     over_steps(args, context, nees_over_steps)
 }
 
-pub(super) fn trajectory(args: &OneLog, context: Context<'_>) -> Result<(), CliError> {
+pub fn trajectory(args: &OneLog, context: Context<'_>) -> Result<(), CliError> {
     args.drawing.check()?;
     let Replaying { estimator, beacon } = &args.replaying;
     for (flag, given) in [("--estimator", estimator), ("--beacon", beacon)] {
@@ -170,7 +170,7 @@ pub(super) fn trajectory(args: &OneLog, context: Context<'_>) -> Result<(), CliE
     args.drawing.write(hunt_svg(&header, &events), context.output)
 }
 
-pub(super) fn phases(args: &Machine, output: Output) -> Result<(), CliError> {
+pub fn phases(args: &Machine, output: Output) -> Result<(), CliError> {
     args.drawing.check()?;
     let log = args.log.as_deref().map(read).transpose()?;
     let phase = |event: &Event| match event {
@@ -186,7 +186,7 @@ pub(super) fn phases(args: &Machine, output: Output) -> Result<(), CliError> {
     args.drawing.write(phases_svg(&args.drawing.title(&own), phases.as_deref()), output)
 }
 
-pub(super) fn cloud(args: &OneLog, context: Context<'_>) -> Result<(), CliError> {
+pub fn cloud(args: &OneLog, context: Context<'_>) -> Result<(), CliError> {
     args.drawing.check()?;
     let overview = args.replaying.overview(&args.log, context)?;
     let overviews = std::slice::from_ref(&overview);

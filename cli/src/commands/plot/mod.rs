@@ -16,7 +16,7 @@ use crate::{error::CliError, output::Context};
                         foxhunt plot pattern turns.csv --turn 3 --out pattern.svg\n  \
                         foxhunt plot rssi flight.csv --truth 50.0755,14.4378 --out rssi.svg\n  \
                         foxhunt plot planners planners.json --out planners.svg")]
-pub(crate) struct Args {
+pub struct Args {
     #[command(subcommand)]
     kind: Kind,
 }
@@ -51,7 +51,7 @@ enum Kind {
     Distributions(contenders::Distributions),
 }
 
-pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     match &args.kind {
         Kind::Trajectory(args) => hunts::trajectory(args, context),
         Kind::Error(args) => hunts::error(args, context),

@@ -30,7 +30,7 @@ use crate::{
 
 /// One turn of a recording.
 #[derive(Debug, clap::Args)]
-pub(super) struct OneTurn {
+pub struct OneTurn {
     /// A recording of turns: CSV with named columns
     file: PathBuf,
     /// The number of the turn, from 1 in the order of the recording
@@ -50,7 +50,7 @@ pub(super) struct OneTurn {
 
 /// Levels of a recording.
 #[derive(Debug, clap::Args)]
-pub(super) struct Received {
+pub struct Received {
     /// A recording: CSV with named columns
     file: PathBuf,
     #[command(flatten)]
@@ -61,7 +61,7 @@ pub(super) struct Received {
 
 /// Receptions of a transmitter whose place is known.
 #[derive(Debug, clap::Args)]
-pub(super) struct Measured {
+pub struct Measured {
     /// Recordings (CSV with named columns), or logs of simulated hunts (.jsonl)
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
@@ -76,7 +76,7 @@ pub(super) struct Measured {
     drawing: Drawing,
 }
 
-pub(super) fn pattern(args: &OneTurn, context: Context<'_>) -> Result<(), CliError> {
+pub fn pattern(args: &OneTurn, context: Context<'_>) -> Result<(), CliError> {
     let registry = context.registry;
     args.drawing.check()?;
     let config = args.extraction.config(registry, &ExtractorConfig::default())?;
@@ -185,7 +185,7 @@ fn level_axis() -> Axis {
     Axis { label: "level in dBm, or dB".to_owned(), scale: Scale::Linear }
 }
 
-pub(super) fn levels(args: &Received, output: Output) -> Result<(), CliError> {
+pub fn levels(args: &Received, output: Output) -> Result<(), CliError> {
     args.drawing.check()?;
     let recordings = args.reading.read(std::slice::from_ref(&args.file))?;
     let wanted = args.reading.wanted();
@@ -316,7 +316,7 @@ struct Recorded<'a> {
     config: &'a CalibrateConfig,
 }
 
-pub(super) fn rssi(args: &Measured, context: Context<'_>) -> Result<(), CliError> {
+pub fn rssi(args: &Measured, context: Context<'_>) -> Result<(), CliError> {
     let of_log = |reception: &Reception, [east, north]: [f64; 2]| {
         let from = reception.receiver.position;
         Some(KnownRange {
@@ -395,7 +395,7 @@ fn by_height(levels: &[KnownRange]) -> Vec<Curve> {
     dots.collect()
 }
 
-pub(super) fn bearing_errors(args: &Measured, context: Context<'_>) -> Result<(), CliError> {
+pub fn bearing_errors(args: &Measured, context: Context<'_>) -> Result<(), CliError> {
     let of_log = |reception: &Reception, [east, north]: [f64; 2]| {
         let from = reception.receiver.position;
         let true_angle = (north - from.y).atan2(east - from.x);

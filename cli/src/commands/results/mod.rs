@@ -1,6 +1,6 @@
 mod page;
 
-pub(super) use page::titled_distributions;
+pub use page::titled_distributions;
 
 use std::{
     fs::{self, File},
@@ -40,7 +40,7 @@ use crate::{
                   foxhunt results runs.sqlite --report runs.html\n  \
                   foxhunt results merge a.sqlite b.sqlite --to runs.sqlite"
 )]
-pub(crate) struct Args {
+pub struct Args {
     #[command(subcommand)]
     part: Option<Part>,
     /// A file that `campaign --store` wrote
@@ -77,7 +77,7 @@ pub(crate) struct Args {
 
 /// Selection of runs of a store.
 #[derive(Debug, clap::Args)]
-pub(super) struct Selection {
+pub struct Selection {
     /// Only this estimator; may be repeated; `NAME@DIGEST` if several have the name
     #[arg(long, value_name = "NAME")]
     estimator: Vec<String>,
@@ -94,7 +94,7 @@ pub(super) struct Selection {
 
 impl Selection {
     /// The runs with these seeds; with any unless given.
-    pub(super) fn filter(&self, seeds: Option<Range<u64>>) -> Filter {
+    pub fn filter(&self, seeds: Option<Range<u64>>) -> Filter {
         Filter {
             estimators: self.estimator.clone(),
             planner: self.planner.clone(),
@@ -143,7 +143,7 @@ impl FromStr for Seeds {
     }
 }
 
-pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
+pub fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let path = match (&args.part, &args.file) {
         (Some(Part::Merge(MergeArgs { shards, to })), _) => {
             store::merge(shards, to).map_err(reading)?;

@@ -13,7 +13,7 @@ use crate::{
 };
 
 /// The columns of a comparison.
-pub(super) const COMPARED: [&str; 10] = [
+pub const COMPARED: [&str; 10] = [
     "beacon",
     "figure",
     "pairs",
@@ -27,7 +27,7 @@ pub(super) const COMPARED: [&str; 10] = [
 ];
 
 /// A comparison in these columns.
-pub(super) fn compared_row(one: &SeedBySeed) -> [String; 10] {
+pub fn compared_row(one: &SeedBySeed) -> [String; 10] {
     let interval = |at: Option<[f64; 2]>, decimals: usize| match at {
         Some([low, high]) => format!("{low:.decimals$} to {high:.decimals$}"),
         None => "-".to_owned(),
@@ -57,7 +57,7 @@ fn probability(value: Option<f64>) -> String {
 }
 
 /// Returns the distributions of one campaign's runs for one beacon, and their title.
-pub(in crate::commands) fn titled_distributions(
+pub fn titled_distributions(
     store: &Store,
     filter: &Filter,
 ) -> Result<(String, Vec<Distribution>), CliError> {
@@ -139,11 +139,7 @@ const COLUMNS: [&str; 13] = [
 /// # Errors
 ///
 /// An unreadable store, or a figure that cannot be drawn.
-pub(super) fn page(
-    store: &Store,
-    filter: &Filter,
-    summaries: &[Summary],
-) -> Result<String, CliError> {
+pub fn page(store: &Store, filter: &Filter, summaries: &[Summary]) -> Result<String, CliError> {
     let name = store.path().file_name().unwrap_or_default();
     let file = escaped(&name.to_string_lossy());
     let mut parts = vec![format!(

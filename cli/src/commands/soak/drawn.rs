@@ -43,7 +43,7 @@ struct Flags {
 
 /// Estimators of a draw besides the estimator that suits it.
 #[derive(Clone, Debug)]
-pub(super) enum Beside<'a> {
+pub enum Beside<'a> {
     /// No other estimator: the draw is made shorter.
     Nothing,
     /// These, if they use what was received.
@@ -52,23 +52,23 @@ pub(super) enum Beside<'a> {
 
 /// An answer and its time.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Timed {
-    pub(super) answer: Answer,
+pub struct Timed {
+    pub answer: Answer,
     /// Time on the processor.
-    pub(super) seconds: f64,
+    pub seconds: f64,
 }
 
 /// A draw, located by all estimators.
 #[derive(Clone, Debug)]
-pub(super) struct Judged {
+pub struct Judged {
     /// The answers to each fix: the estimator that suits it first.
-    pub(super) fixes: Vec<Vec<Timed>>,
-    pub(super) bound: Option<Bound>,
+    pub fixes: Vec<Vec<Timed>>,
+    pub bound: Option<Bound>,
     /// True if the recording leaves the place open: an answer without a remark is wrong, a refusal
     /// right.
-    pub(super) is_open: bool,
+    pub is_open: bool,
     /// Memory that the program held after it, in mebibytes.
-    pub(super) held_mib: Option<f64>,
+    pub held_mib: Option<f64>,
 }
 
 /// The NEES beyond which an answer without a remark is a failure: a consistent one is there once
@@ -77,7 +77,7 @@ const SILENT_NEES: f64 = 30.0;
 
 /// Way in which a draw failed.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Failing {
+pub enum Failing {
     /// A place without a remark, so far from the truth for its ellipse.
     Silent {
         /// NEES; infinite where the place is open.
@@ -96,7 +96,7 @@ const WINDOWS: usize = 8;
 
 impl Judged {
     /// Returns the worst that the estimator which suits the draw did.
-    pub(super) fn failing(&self) -> Option<Failing> {
+    pub fn failing(&self) -> Option<Failing> {
         let mut worst: Option<Failing> = None;
         for answer in self.fixes.iter().filter_map(|fix| fix.first()).map(|timed| &timed.answer) {
             let next = match &answer.failure {
@@ -128,7 +128,7 @@ impl Failing {
     }
 
     /// Rank among the worst: places beyond all doubt first, refusals last.
-    pub(super) fn rank(&self) -> f64 {
+    pub fn rank(&self) -> f64 {
         match self {
             Self::Silent { nees } => *nees,
             Self::Refused(_) => 0.0,
@@ -137,13 +137,13 @@ impl Failing {
 }
 
 /// Returns true if an answer stands as it is and is wrong.
-pub(super) fn is_silent_and_wrong(answer: &Answer, is_open: bool) -> bool {
+pub fn is_silent_and_wrong(answer: &Answer, is_open: bool) -> bool {
     let is_wrong = is_open || answer.nees.is_some_and(|nees| nees > SILENT_NEES);
     answer.failure.is_none() && answer.remarks.is_empty() && is_wrong
 }
 
 /// Replaces the numbers of a text, so that like reasons are alike.
-pub(super) fn without_numbers(text: &str) -> String {
+pub fn without_numbers(text: &str) -> String {
     let mut out = String::new();
     for word in text.split(' ') {
         let is_number = word.contains(|letter: char| letter.is_ascii_digit());
@@ -154,13 +154,13 @@ pub(super) fn without_numbers(text: &str) -> String {
 }
 
 /// The draws of a class.
-pub(super) struct Draws<'a> {
-    pub(super) class: Class,
-    pub(super) data: Option<&'a Path>,
-    pub(super) registry: &'a Registry,
-    pub(super) beside: Beside<'a>,
+pub struct Draws<'a> {
+    pub class: Class,
+    pub data: Option<&'a Path>,
+    pub registry: &'a Registry,
+    pub beside: Beside<'a>,
     /// Folder for the files of draws.
-    pub(super) folder: &'a Path,
+    pub folder: &'a Path,
 }
 
 impl Experiment for Draws<'_> {
@@ -197,7 +197,7 @@ impl Draws<'_> {
     }
 
     /// Returns true if the estimator that suits a draw fails with it in the same way.
-    pub(super) fn fails_like(&self, drawn: &DrawnRecording, failing: &Failing) -> bool {
+    pub fn fails_like(&self, drawn: &DrawnRecording, failing: &Failing) -> bool {
         let beside = Beside::Nothing;
         let alone = Draws { beside, ..*self };
         let judged = alone.judge(drawn, &self.folder.join("shorter"));
@@ -206,7 +206,7 @@ impl Draws<'_> {
 }
 
 /// Writes the files of a draw to a new folder, and returns their paths.
-pub(super) fn write(drawn: &DrawnRecording, folder: &Path) -> io::Result<Vec<PathBuf>> {
+pub fn write(drawn: &DrawnRecording, folder: &Path) -> io::Result<Vec<PathBuf>> {
     fs::create_dir_all(folder)?;
     let write = |file: &foxhunt::drawn::DrawnFile| {
         let path = folder.join(&file.name);
@@ -216,7 +216,7 @@ pub(super) fn write(drawn: &DrawnRecording, folder: &Path) -> io::Result<Vec<Pat
 }
 
 /// Returns the flags of a draw, with the paths of its files in place of their names.
-pub(super) fn flags(drawn: &DrawnRecording, folder: &Path) -> Vec<String> {
+pub fn flags(drawn: &DrawnRecording, folder: &Path) -> Vec<String> {
     let flag = |flag: &String| match flag.split_once('=') {
         Some((name, value)) if drawn.files.iter().any(|file| file.name == value) => {
             format!("{name}={}", folder.join(value).display())

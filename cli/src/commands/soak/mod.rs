@@ -54,7 +54,7 @@ use crate::{
                         foxhunt soak --again soak/7.toml --seed 7\n  \
                         foxhunt soak --recordings --runs 200 --write worst")]
 #[command(group = clap::ArgGroup::new("length").required(true))]
-pub(crate) struct Args {
+pub struct Args {
     /// Run for this time, in hours
     #[arg(long, value_name = "H", group = "length")]
     hours: Option<f64>,
@@ -142,7 +142,7 @@ impl Experiment for Soak<'_> {
     }
 }
 
-pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     if let Some(path) = args.again.as_ref().filter(|_| !args.world.recordings) {
         return again(path, args.seed, registry, output);

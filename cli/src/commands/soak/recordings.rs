@@ -19,7 +19,7 @@ use super::runs::{Kind, Tally, least, text_of};
 
 /// A recording of a few drones, which was bent, and cut off somewhere.
 #[derive(Debug)]
-pub(super) struct BentRecording {
+pub struct BentRecording {
     seed: u64,
     text: Vec<u8>,
 }
@@ -73,7 +73,7 @@ const INSTEAD: [&str; 12] = [
 
 impl BentRecording {
     /// The recording of a seed.
-    pub(super) fn draw(seed: u64) -> Self {
+    pub fn draw(seed: u64) -> Self {
         let mut random = Random(seed);
         let mut text = clean(&mut random).into_bytes();
         for _ in 0..random.below(4) {
@@ -86,16 +86,16 @@ impl BentRecording {
     }
 
     /// Takes a recording that an earlier soak has left, located as the seed chose.
-    pub(super) fn again(text: Vec<u8>, seed: u64) -> Self {
+    pub fn again(text: Vec<u8>, seed: u64) -> Self {
         Self { seed, text }
     }
 
-    pub(super) fn into_text(self) -> Vec<u8> {
+    pub fn into_text(self) -> Vec<u8> {
         self.text
     }
 
     /// Cuts the recording down to as few lines as still make it fail.
-    pub(super) fn minimal(self, fails: impl Fn(&Self) -> bool) -> Self {
+    pub fn minimal(self, fails: impl Fn(&Self) -> bool) -> Self {
         let Self { seed, text } = self;
         let lines = text.split_inclusive(|byte| *byte == b'\n').collect();
         let lines = least(lines, |lines| fails(&Self { seed, text: lines.concat() }));
@@ -104,7 +104,7 @@ impl BentRecording {
 
     /// Reads it, and locates each of its beacons with one estimator: places have to be finite, and
     /// nothing may panic.
-    pub(super) fn locate(&self, registry: &Registry) -> Tally {
+    pub fn locate(&self, registry: &Registry) -> Tally {
         let located = catch_unwind(AssertUnwindSafe(|| self.locate_unguarded(registry)));
         located.unwrap_or_else(|panic| {
             let failures = vec![SoakFailure::new("panic", text_of(&*panic))];

@@ -15,21 +15,21 @@ use foxhunt::{
 
 /// Counts and failures of one run.
 #[derive(Debug, Default)]
-pub(super) struct Tally {
-    pub(super) kind: Kind,
-    pub(super) refused: bool,
-    pub(super) searches: u64,
-    pub(super) estimates: u64,
-    pub(super) replayed: u64,
-    pub(super) log_bytes: u64,
+pub struct Tally {
+    pub kind: Kind,
+    pub refused: bool,
+    pub searches: u64,
+    pub estimates: u64,
+    pub replayed: u64,
+    pub log_bytes: u64,
     /// Places that were found in a recording.
-    pub(super) located: u64,
-    pub(super) failures: Vec<SoakFailure>,
+    pub located: u64,
+    pub failures: Vec<SoakFailure>,
 }
 
 /// Kind of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Kind {
+pub enum Kind {
     /// A simulated flight.
     #[default]
     Flight,
@@ -46,7 +46,7 @@ pub(super) enum Kind {
 impl Kind {
     /// Returns the kind that a seed draws: a recording one time in four, and emulated devices,
     /// whose flights take longest, one time in eight.
-    pub(super) fn of(seed: u64) -> Self {
+    pub fn of(seed: u64) -> Self {
         match seed % 8 {
             0 | 4 => Self::Recording { is_read: false },
             #[cfg(all(unix, feature = "hardware"))]
@@ -57,13 +57,13 @@ impl Kind {
 }
 
 /// Returns the message of a panic.
-pub(super) fn text_of(panic: &(dyn Any + Send)) -> String {
+pub fn text_of(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<String>().map(String::as_str);
     text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("?").to_owned()
 }
 
 /// Flies a flight, and replays its log.
-pub(super) fn fly_simulated(flight: &SoakFlight, registry: &Registry) -> Tally {
+pub fn fly_simulated(flight: &SoakFlight, registry: &Registry) -> Tally {
     let SoakRun { outcomes, refused, estimates, log, mut failures } = flight.fly(registry);
     let count = |count: usize| u64::try_from(count).unwrap_or(u64::MAX);
     let replayed = if refused.is_none() && failures.is_empty() {
@@ -101,7 +101,7 @@ fn replayed(log: &[u8], registry: &Registry) -> Result<u64, SoakFailure> {
 
 #[cfg(all(unix, feature = "hardware"))]
 /// Flies emulated devices with which things go wrong.
-pub(super) fn fly_devices(flight: &EmulatedFlight, registry: &Registry) -> Tally {
+pub fn fly_devices(flight: &EmulatedFlight, registry: &Registry) -> Tally {
     let flown = catch_unwind(AssertUnwindSafe(|| flight.fly(registry)));
     let failure = |kind, what: String| vec![SoakFailure::new(kind, what)];
     let mut tally = Tally { kind: Kind::Devices, ..Tally::default() };
@@ -119,7 +119,7 @@ pub(super) fn fly_devices(flight: &EmulatedFlight, registry: &Registry) -> Tally
 
 #[cfg(all(unix, feature = "hardware"))]
 /// Reduces a flight to as few faults as still make it fail.
-pub(super) fn minimal(
+pub fn minimal(
     mut flight: EmulatedFlight,
     fails: impl Fn(&EmulatedFlight) -> bool,
 ) -> EmulatedFlight {
@@ -144,10 +144,7 @@ pub(super) fn minimal(
 
 /// Leaves out lines as long as the rest still fails: first halves, then quarters, down to single
 /// lines (Zeller & Hildebrandt 2002).
-pub(super) fn least<'a>(
-    mut lines: Vec<&'a [u8]>,
-    fails: impl Fn(&[&'a [u8]]) -> bool,
-) -> Vec<&'a [u8]> {
+pub fn least<'a>(mut lines: Vec<&'a [u8]>, fails: impl Fn(&[&'a [u8]]) -> bool) -> Vec<&'a [u8]> {
     let mut size = lines.len().div_ceil(2);
     while size > 0 {
         let mut start = 0;

@@ -5,7 +5,7 @@ use std::{
 
 /// Watches the memory that the program holds, where the system has it in a file.
 #[derive(Debug, Default)]
-pub(super) struct Memory {
+pub struct Memory {
     looks: u64,
     /// Maximum while the first runs warmed up.
     warm_mib: f64,
@@ -21,7 +21,7 @@ const ROOM_MIB: f64 = 192.0;
 
 impl Memory {
     /// Checks the memory; returns the growth once, if it is too large.
-    pub(super) fn grown(&mut self, jobs: usize) -> Option<String> {
+    pub fn grown(&mut self, jobs: usize) -> Option<String> {
         let held = held_mib()?;
         self.looks += 1;
         self.most_mib = self.most_mib.max(held);
@@ -34,13 +34,13 @@ impl Memory {
         None
     }
 
-    pub(super) fn most_mib(&self) -> Option<f64> {
+    pub fn most_mib(&self) -> Option<f64> {
         Some(self.most_mib).filter(|most| *most > 0.0)
     }
 }
 
 /// Memory that the program holds now, by Linux's account of it.
-pub(super) fn held_mib() -> Option<f64> {
+pub fn held_mib() -> Option<f64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
     let kib: f64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
@@ -49,7 +49,7 @@ pub(super) fn held_mib() -> Option<f64> {
 
 /// Seconds that this thread has been on a processor, by Linux's account; of the clock on other
 /// systems. Differences count alone.
-pub(super) fn spent_s() -> f64 {
+pub fn spent_s() -> f64 {
     let account = fs::read_to_string("/proc/thread-self/schedstat").ok();
     let own = account.as_deref().and_then(|text| text.split(' ').next()?.parse::<f64>().ok());
     let clock = || SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |t| t.as_secs_f64());

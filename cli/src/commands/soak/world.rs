@@ -33,11 +33,11 @@ use crate::{
 
 /// Flags of `soak --recordings`.
 #[derive(Debug, clap::Args)]
-pub(super) struct World {
+pub struct World {
     /// Draw recordings as people make them, by class, locate with each through a file, and judge
     /// the estimators by the truth: --runs counts the draws of each class
     #[arg(long, conflicts_with = "out")]
-    pub(super) recordings: bool,
+    pub recordings: bool,
     /// The classes to draw [default: all but the one of the largest recordings]
     #[arg(long = "class", value_name = "NAME", value_delimiter = ',', requires = "recordings")]
     classes: Vec<String>,
@@ -131,7 +131,7 @@ struct Worst {
     least: Option<(String, [usize; 2])>,
 }
 
-pub(super) fn run(
+pub fn run(
     world: &World,
     (runs, seed, runner): (u64, u64, &Runner),
     registry: &Registry,

@@ -25,7 +25,7 @@ const DEEPEST: u8 = 30;
 
 /// A tile of the map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::commands) struct TileAt {
+pub struct TileAt {
     zoom: u8,
     /// Column, counted from the West.
     column: u32,
@@ -35,7 +35,7 @@ pub(in crate::commands) struct TileAt {
 
 impl TileAt {
     /// Returns the tile, if it can exist.
-    pub(in crate::commands) fn new(zoom: u8, column: u32, row: u32) -> Option<Self> {
+    pub fn new(zoom: u8, column: u32, row: u32) -> Option<Self> {
         let side = 1_u32.checked_shl(zoom.into()).filter(|_| zoom <= DEEPEST)?;
         (column < side && row < side).then_some(Self { zoom, column, row })
     }
@@ -44,10 +44,10 @@ impl TileAt {
 /// An image of a tile.
 #[cfg(feature = "live")]
 #[derive(Debug, PartialEq, Eq)]
-pub(in crate::commands) struct Tile {
-    pub(in crate::commands) bytes: Vec<u8>,
+pub struct Tile {
+    pub bytes: Vec<u8>,
     /// Media type for HTTP.
-    pub(in crate::commands) content_type: &'static str,
+    pub content_type: &'static str,
 }
 
 /// Returns the media type of an image by its first bytes, whatever its name is.
@@ -181,11 +181,11 @@ fn open_file(path: &Path) -> Opened {
 }
 
 /// Reason why `--tiles` is refused without a place on Earth.
-pub(super) const NO_PLACE: &str =
+pub const NO_PLACE: &str =
     "--tiles: the places are in local metres; --origin LAT,LON places them on Earth";
 
 /// A map.
-pub(in crate::commands) struct Tiles {
+pub struct Tiles {
     source: Box<dyn TileSource>,
     about: LiveTiles,
 }
@@ -198,7 +198,7 @@ impl fmt::Debug for Tiles {
 
 impl Tiles {
     /// Opens a map; a faulty one is refused before anything flies.
-    pub(in crate::commands) fn open(path: &Path) -> Result<Self, CliError> {
+    pub fn open(path: &Path) -> Result<Self, CliError> {
         let (source, about) = open(path).map_err(|error| {
             let file = format!("--tiles {}", path.display());
             CliError::input(InFile { file, source: Box::new(error) })
@@ -208,7 +208,7 @@ impl Tiles {
 
     /// Returns the part of the map about an overview, for its page to bring along; warns if the
     /// map has no tile there.
-    pub(super) fn under(&self, overview: &Overview) -> Option<Ground> {
+    pub fn under(&self, overview: &Overview) -> Option<Ground> {
         let LiveTiles { zooms, attribution } = self.about.clone();
         let image = |zoom, column, row| self.image(TileAt::new(zoom, column, row)?);
         let ground = Ground::about(overview, zooms, attribution, image);
@@ -228,13 +228,13 @@ impl Tiles {
 
     /// Returns the description of the map for a page.
     #[cfg(any(feature = "live", test))]
-    pub(super) fn about(&self) -> &LiveTiles {
+    pub fn about(&self) -> &LiveTiles {
         &self.about
     }
 
     /// Returns a tile with its type, or `None` if it is missing or not an image.
     #[cfg(feature = "live")]
-    pub(super) fn tile(&self, at: TileAt) -> Option<Tile> {
+    pub fn tile(&self, at: TileAt) -> Option<Tile> {
         let bytes = self.image(at)?;
         let content_type = image_type(&bytes)?;
         Some(Tile { bytes, content_type })
@@ -262,7 +262,7 @@ mod mbtiles {
     const TILE: &str =
         "SELECT tile_data FROM tiles WHERE zoom_level = ?1 AND tile_column = ?2 AND tile_row = ?3";
 
-    pub(super) fn open(path: &Path) -> Opened {
+    pub fn open(path: &Path) -> Opened {
         let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
         let connection = Connection::open_with_flags(path, flags)?;
         let value = |name: &str| -> Option<String> {
@@ -338,7 +338,7 @@ mod pmtiles {
         }
     }
 
-    pub(super) fn open(path: &Path) -> Opened {
+    pub fn open(path: &Path) -> Opened {
         let mut file = File::open(path)?;
         let length = file.metadata()?.len();
         let needed = end_of_data(&mut file)?;

@@ -44,10 +44,10 @@ pub(super) struct Rollout {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Course {
     /// Until the ellipse is small enough, in seconds.
-    pub(super) to_ellipse_s: f64,
+    pub to_ellipse_s: f64,
     /// Information within the horizon, in nats, where its rate is the objective, and its duration.
-    pub(super) nats: f64,
-    pub(super) seconds: f64,
+    pub nats: f64,
+    pub seconds: f64,
 }
 
 /// Courses for many cells.

@@ -59,8 +59,8 @@ impl fmt::Display for Form {
 /// A formation that might be flown.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Candidate {
-    pub(super) form: Form,
-    pub(super) places: Vec<Vector3<f64>>,
+    pub form: Form,
+    pub places: Vec<Vector3<f64>>,
 }
 
 /// Data that candidates are made of.
@@ -225,7 +225,7 @@ impl Drawing<'_> {
 /// Farthest distances that any drone flies, in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Farthest {
-    pub(super) over_ground_m: f64,
+    pub over_ground_m: f64,
     height_m: f64,
 }
 
@@ -242,15 +242,15 @@ struct Aim {
 /// A formation and what is expected of it.
 #[derive(Clone, Debug)]
 pub(super) struct Plan {
-    pub(super) candidate: Candidate,
+    pub candidate: Candidate,
     /// True if drones were moved from where its form has them.
-    pub(super) refined: bool,
+    pub refined: bool,
     /// Smaller is better.
     cost: f64,
     /// Expected information of its turn, in nats.
-    pub(super) nats: f64,
+    pub nats: f64,
     /// Duration of the move and the turn.
-    pub(super) seconds: f64,
+    pub seconds: f64,
 }
 
 /// The choice among formations for one position.

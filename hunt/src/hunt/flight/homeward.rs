@@ -8,8 +8,8 @@ use super::{Command, Event, Flight, FlownDrone, LandingRefused, Outbox};
 /// Reason why all searches end.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::hunt) struct Recall {
-    pub(in crate::hunt) outcome: Outcome,
-    pub(in crate::hunt) reason: String,
+    pub outcome: Outcome,
+    pub reason: String,
 }
 
 /// Interval at which the duration of a return is computed, in seconds; the reserve covers changes

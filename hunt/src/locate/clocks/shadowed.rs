@@ -70,10 +70,10 @@ pub(super) struct Readings<'a> {
 /// Region in which a place is looked for, and the finest step in metres.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Search {
-    pub(super) middle: Vector2<f64>,
-    pub(super) half_m: f64,
-    pub(super) up_m: f64,
-    pub(super) finest_m: f64,
+    pub middle: Vector2<f64>,
+    pub half_m: f64,
+    pub up_m: f64,
+    pub finest_m: f64,
 }
 
 impl Readings<'_> {

@@ -6,14 +6,14 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Datum {
     /// Index of the reception.
-    pub(crate) reception: usize,
-    pub(crate) kind: Kind,
-    pub(crate) receiver: Vector3<f64>,
+    pub reception: usize,
+    pub kind: Kind,
+    pub receiver: Vector3<f64>,
     /// Radians counter-clockwise from East, or metres.
-    pub(crate) value: f64,
-    pub(crate) sigma: f64,
+    pub value: f64,
+    pub sigma: f64,
     /// σ of the receiver's own place on each axis, in metres.
-    pub(crate) receiver_sigma_m: f64,
+    pub receiver_sigma_m: f64,
 }
 
 /// Quantity of a [`Datum`].
@@ -86,11 +86,11 @@ impl Datum {
 /// Place where measurements meet best by weighted least squares.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Meeting {
-    pub(crate) place: Vector2<f64>,
+    pub place: Vector2<f64>,
     /// Sum of the squared residuals over σ.
-    pub(crate) misfit: f64,
+    pub misfit: f64,
     /// Sum of the products of the slopes, in 1/m².
-    pub(crate) information: Matrix2<f64>,
+    pub information: Matrix2<f64>,
 }
 
 /// Starts of a descent are the meetings of pairs among this many measurements.
@@ -240,7 +240,7 @@ pub(crate) fn misfit_p(misfit: f64, count: usize) -> f64 {
 /// Knowledge of the σ of measurements: how many measurements it is worth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Scale {
-    pub(crate) freedom: f64,
+    pub freedom: f64,
 }
 
 impl Scale {
@@ -257,20 +257,20 @@ impl Scale {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Outlier {
     /// Position among the measurements.
-    pub(crate) position: usize,
+    pub position: usize,
     /// Residual over σ from where the others meet.
-    pub(crate) residual: f64,
+    pub residual: f64,
     /// Probability of a residual as large somewhere among all measurements.
-    pub(crate) p: f64,
+    pub p: f64,
 }
 
 /// Outliers, and where the other measurements meet.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Outliers {
-    pub(crate) outliers: Vec<Outlier>,
-    pub(crate) meeting: Meeting,
+    pub outliers: Vec<Outlier>,
+    pub meeting: Meeting,
     /// Measurements without the outliers.
-    pub(crate) rest: Vec<Datum>,
+    pub rest: Vec<Datum>,
 }
 
 /// Probability of an outlier among measurements that have none.
@@ -398,8 +398,8 @@ fn outlier(
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Reversal {
     /// Positions of the reversed bearings.
-    pub(crate) positions: Vec<usize>,
-    pub(crate) meeting: Meeting,
+    pub positions: Vec<usize>,
+    pub meeting: Meeting,
 }
 
 /// Returns the ways in which all bearings or a single one reversed meet, with a probability of

@@ -10,8 +10,8 @@ use super::{
 #[derive(Clone, Copy)]
 pub(super) struct LevelAt {
     /// Index of the reception.
-    pub(super) reception: usize,
-    pub(super) level: f64,
+    pub reception: usize,
+    pub level: f64,
     receiver: Vector3<f64>,
     /// σ of the receiver's own place on each axis, in metres.
     receiver_sigma_m: f64,
@@ -120,10 +120,10 @@ impl Row {
 /// Log-distance law that fits levels, with the spread of the residuals.
 pub(super) struct Law {
     reference_dbm: f64,
-    pub(super) exponent: f64,
-    pub(super) exponent_sigma: f64,
-    pub(super) is_fitted: bool,
-    pub(super) sigma_db: f64,
+    pub exponent: f64,
+    pub exponent_sigma: f64,
+    pub is_fitted: bool,
+    pub sigma_db: f64,
 }
 
 impl Law {

@@ -25,16 +25,16 @@ pub(super) struct Hypotheses<'a> {
     config: &'a LocateConfig,
     start: Vector2<f64>,
     area: Area,
-    pub(super) area_without_margin: Area,
-    pub(super) duration_s: f64,
+    pub area_without_margin: Area,
+    pub duration_s: f64,
 }
 
 /// Best place under one hypothesis.
 pub(super) struct Fit<T> {
-    pub(super) hypothesis: T,
-    pub(super) place: Vector2<f64>,
-    pub(super) residuals: Vec<f64>,
-    pub(super) sigma_db: f64,
+    pub hypothesis: T,
+    pub place: Vector2<f64>,
+    pub residuals: Vec<f64>,
+    pub sigma_db: f64,
     cost: f64,
 }
 

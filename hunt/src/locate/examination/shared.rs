@@ -11,12 +11,12 @@ use super::{
 /// Receptions with measurements that an answer depends on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Uses {
-    pub(crate) levels: bool,
-    pub(crate) bearings: bool,
-    pub(crate) differences: bool,
+    pub levels: bool,
+    pub bearings: bool,
+    pub differences: bool,
     /// The estimator searches a square about the receivers and does not report the probability on
     /// its border.
-    pub(crate) searches_area: bool,
+    pub searches_area: bool,
 }
 
 /// Names that remarks give to receptions by their index, where they have any: file and line.

@@ -62,8 +62,8 @@ pub struct FailedRun {
 /// The result of one hunt.
 #[derive(Debug)]
 pub(crate) struct FleetRun {
-    pub(crate) outcomes: Vec<Outcome>,
-    pub(crate) error: Option<FailedRun>,
+    pub outcomes: Vec<Outcome>,
+    pub error: Option<FailedRun>,
     duration_s: Option<f64>,
     findings: FleetFindings,
 }

@@ -35,14 +35,14 @@ const LEVEL_STEP: f64 = 0.5;
 /// Numbers that all stations share.
 #[derive(Clone, Debug)]
 pub(super) struct Shared {
-    pub(super) lobe: Lobe,
+    pub lobe: Lobe,
     /// Scale of the residuals in dB.
-    pub(super) scale: f64,
-    pub(super) floor: Floor,
+    pub scale: f64,
+    pub floor: Floor,
     /// κ: σ of the recorded boresights' errors.
-    pub(super) boresight_sigma: f64,
+    pub boresight_sigma: f64,
     /// τ: σ of gains in dB.
-    pub(super) gain_sigma_db: f64,
+    pub gain_sigma_db: f64,
 }
 
 /// A reading to be explained, or one that was imputed.
@@ -56,14 +56,14 @@ struct Term {
 /// One station as it is fitted.
 #[derive(Clone, Debug)]
 pub(super) struct Own {
-    pub(super) antennas: Vec<StationAntenna>,
+    pub antennas: Vec<StationAntenna>,
     /// Level of each burst in dBm.
     levels: Vec<f64>,
     /// Terms of each burst, an antenna after the other.
     terms: Vec<Vec<Term>>,
     /// Variances of boresights and gains by the readings alone, silences left out.
-    pub(super) boresight_variances: Vec<f64>,
-    pub(super) gain_variances: Vec<f64>,
+    pub boresight_variances: Vec<f64>,
+    pub gain_variances: Vec<f64>,
     /// Numbers that the readings, and not their prior, determine.
     determined: f64,
     site_determined: f64,

@@ -23,7 +23,7 @@ const CEILING: f64 = 1.4;
 #[derive(Debug)]
 pub(super) struct Comb {
     /// The intervals, ascending; the last pulse is a frame later from one to the next.
-    pub(super) intervals: Vec<f64>,
+    pub intervals: Vec<f64>,
     /// Sums of as many pulses as the whole and as its parts, the most first; the last are of one
     /// pulse.
     parts: Vec<Part>,
@@ -144,16 +144,16 @@ impl Comb {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Trials {
     /// The number of pulses that are added up.
-    pub(super) pulses: usize,
-    pub(super) band_hz: f64,
+    pub pulses: usize,
+    pub band_hz: f64,
     /// Samples of a window, and how many of them starts are apart.
-    pub(super) length: usize,
-    pub(super) step: usize,
+    pub length: usize,
+    pub step: usize,
     /// The number of intervals; the last pulse is a quarter of a window later from one to the next.
-    pub(super) intervals: usize,
+    pub intervals: usize,
     /// The drifts times what pulses are apart from the middle of a train in the mean square,
     /// times a window's length: turns by which drifts differ.
-    pub(super) drifts: f64,
+    pub drifts: f64,
 }
 
 /// The rate at which noise alone gives a train.
@@ -170,7 +170,7 @@ pub(super) struct Trials {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct TrainAlarms {
     trials: Trials,
-    pub(super) ceiling: f64,
+    pub ceiling: f64,
     /// ln P(S > x) each step of x, from `first` on.
     ln_tail: Vec<f64>,
     first: f64,

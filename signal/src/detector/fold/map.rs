@@ -25,18 +25,18 @@ const MARGIN: f32 = 4.0;
 /// Rohling 1983), and what may leak from strong cells counts as noise. No single cell counts for
 /// more than about the ceiling, so that a strong pulse or two make no train.
 pub(super) struct Map {
-    pub(super) length: usize,
-    pub(super) hop: usize,
+    pub length: usize,
+    pub hop: usize,
     fft: Arc<dyn Fft<f32>>,
     scratch: Vec<Complex32>,
     buffer: Vec<Complex32>,
     /// The places in the transform, by frequency.
     order: Vec<usize>,
     /// The frequency of each, over the channel's rate.
-    pub(super) frequencies: Vec<f64>,
+    pub frequencies: Vec<f64>,
     ceiling: f32,
     /// The number of frames.
-    pub(super) frames: usize,
+    pub frames: usize,
     /// Frame by frame while it is filled.
     cells: Vec<f32>,
     /// The share of each cell that counts.

@@ -32,9 +32,9 @@ const NEGLIGIBLE: f64 = -50.0;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct ExpectedPosterior {
     /// Expected information, in nats.
-    pub(super) nats: f64,
+    pub nats: f64,
     /// Expected posterior if the target is in a cell, for each block of cells.
-    pub(super) left: Vec<Left>,
+    pub left: Vec<Left>,
     /// Contribution of each drone where it is; most formations differ from the last one in a single
     /// drone.
     drones: Vec<Drone>,
@@ -48,9 +48,9 @@ pub(super) struct ExpectedPosterior {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Left {
     /// The posterior variances along its principal axes, the larger one first.
-    pub(super) axes: [Column; 2],
+    pub axes: [Column; 2],
     /// The square of how far the farthest drone is from the cell over ground.
-    pub(super) farthest2: Column,
+    pub farthest2: Column,
 }
 
 /// Contribution of a drone at a place.

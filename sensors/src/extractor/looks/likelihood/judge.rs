@@ -70,11 +70,11 @@ impl<A: Antenna> Kernel for Rests<'_, A> {
 
 /// A posterior over a turn of bearings, and how well the readings are met.
 pub(super) struct Judged {
-    pub(super) posterior: Posterior,
+    pub posterior: Posterior,
     /// The root mean square of the residuals at the best bearing, in dB.
-    pub(super) residual_db: f64,
+    pub residual_db: f64,
     /// Factor on all variances.
-    pub(super) inflation: f64,
+    pub inflation: f64,
 }
 
 /// The log likelihood of Gaussian residuals over a turn of bearings, the level profiled out, each

@@ -116,7 +116,7 @@ struct Block {
 /// Two paths laid against a turn.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Paths {
-    pub(super) unknowns: Vector,
+    pub unknowns: Vector,
     /// The weighted sum of squares of the residuals, and of the amplitude over its prior.
     cost: f64,
     normal: Matrix,
