@@ -36,7 +36,6 @@ mod sweep;
 mod table;
 pub(crate) mod utc;
 mod utm;
-mod write;
 
 pub use clock_offset::{ClockOffset, ClockOffsetError};
 pub use column::Column;
@@ -50,7 +49,6 @@ pub use poses::{PoseLog, TimedLevel};
 pub use record::{Backwards, Details, Dropped, Record, RecordedBearing, Recording};
 pub use rover::Rover;
 pub use source::{North, Source, Value};
-pub use sweep::{RecordedSource, RecordedSweep, RecordingEnded};
+pub use sweep::{RecordedSource, RecordedSweep, RecordingEnded, SweepWriter};
 pub use utc::utc_seconds;
 pub use utm::UtmZone;
-pub use write::SweepWriter;

@@ -1,8 +1,8 @@
 use nalgebra::{DMatrix, SMatrix, SVector};
 
 use super::{
+    dynamic, fixed,
     models::{DynamicMeasurement, DynamicMotion},
-    vector::{dynamic, fixed},
 };
 use crate::{Axis, MeasurementModel, MotionModel, Pose, Quantity, State};
 

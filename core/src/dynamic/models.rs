@@ -2,7 +2,7 @@ use alloc::{vec, vec::Vec};
 
 use nalgebra::{DMatrix, DVector};
 
-use super::vector::{dynamic, fixed};
+use super::{dynamic, fixed};
 use crate::{Axis, MeasurementModel, MotionModel, Pose, Quantity, State};
 
 /// A motion model of a state whose size is known at run time only.

@@ -6,10 +6,9 @@ use nalgebra::Vector2;
 use super::{
     Intercept, LANES, Row, ShadowingGridConfig, ShadowingGridError,
     censored::{Censored, Law, NEGLIGIBLE, Scaled},
-    coefficient::Coefficient,
+    coefficient::{Coefficient, Marginal, Mixture, Moments},
     explanations::{Explanations, Sums},
     grid::{Grid, PosteriorMap},
-    marginal::{Marginal, Mixture, Moments},
     path::Segments,
     regression::{Products, Regression},
 };

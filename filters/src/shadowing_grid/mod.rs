@@ -10,25 +10,20 @@ mod cells;
 mod censored;
 mod coefficient;
 mod config;
-mod error;
 mod explanations;
-mod fix;
 mod grid;
 mod likelihood;
 mod locate;
-mod marginal;
 mod path;
 mod regression;
 mod search;
 
-pub use config::{Intercept, PlacePrior, ShadowingGridConfig, Slope};
-pub use error::ShadowingGridError;
-pub use fix::ShadowingFix;
+pub use coefficient::Marginal;
+pub use config::{Intercept, PlacePrior, ShadowingGridConfig, ShadowingGridError, Slope};
 pub use grid::PosteriorMap;
-pub use locate::ShadowingGrid;
 #[cfg(feature = "batch")]
 pub(crate) use locate::bounds;
-pub use marginal::Marginal;
+pub use locate::{ShadowingFix, ShadowingGrid};
 pub use path::{Censoring, ShadowedReading};
 
 /// Right-hand sides that are solved side by side: their sums fill the vector registers.
@@ -45,7 +40,7 @@ const NEIGHBOURS: usize = 12;
 pub(crate) use path::{Path, Segments, Summary};
 #[cfg(feature = "batch")]
 pub(crate) use {
+    coefficient::Mixture,
     grid::Grid,
-    marginal::Mixture,
     search::{Search, climb},
 };

@@ -4,7 +4,6 @@ mod coils;
 mod config;
 mod driver;
 mod error;
-mod examine;
 mod homing;
 mod moving;
 mod setup;

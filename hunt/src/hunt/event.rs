@@ -1,8 +1,36 @@
-use foxhunt_core::{BeaconId, Correction, Estimate, HeightAboveGround, Outcome, Reception};
+//! The commands that a hunt gives, and the events that happen in it.
+
+use foxhunt_core::{
+    BeaconId, Correction, Estimate, HeightAboveGround, Outcome, Reception, Waypoint,
+};
 use foxhunt_estimators::FoundTransmitter;
 use foxhunt_formation::{Duty, MovedReason, OrderReason, Phase};
 use nalgebra::{Vector2, Vector3};
 use serde::{Deserialize, Serialize};
+
+/// An order of the hunt, for the owner of the devices to carry out.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Command {
+    /// Send a drone somewhere.
+    GoTo {
+        /// Index of the drone.
+        drone: usize,
+        /// Place to fly to.
+        goal: Waypoint,
+    },
+    /// Land a drone where it is.
+    Land {
+        /// Index of the drone.
+        drone: usize,
+    },
+    /// Turn the antenna of a drone and listen for beacons.
+    Listen {
+        /// Index of the drone.
+        drone: usize,
+        /// The beacons, all in the same turn.
+        beacons: Vec<BeaconId>,
+    },
+}
 
 /// One thing that happened in a hunt. Times are seconds, places East, North and Up in metres.
 ///

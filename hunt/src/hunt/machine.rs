@@ -12,8 +12,7 @@ use nalgebra::{Vector2, Vector3};
 use super::{
     Command, Event, Fix, HuntConfig, HuntError, LearnedReceiver, Track, TrackStep,
     cloud::{LOGGED_PLACES, cloud},
-    flight::{Flight, Recall},
-    outbox::Outbox,
+    flight::{Flight, Outbox, Recall},
 };
 
 mod resume;

@@ -1,7 +1,6 @@
 //! The hunt: sweeps and receptions go in, corrections, goals and events come out.
 
 mod cloud;
-mod command;
 mod config;
 mod drive;
 mod error;
@@ -9,24 +8,18 @@ mod event;
 mod flight;
 mod learned;
 mod machine;
-mod outbox;
-mod place_estimate;
-mod tapped;
 
-pub use cloud::cloud;
-pub use command::Command;
+pub use cloud::{PlaceEstimate, cloud};
 pub use config::HuntConfig;
 pub use drive::{
     Agenda, BoxedDrone, BoxedSource, BoxedVehicle, DeviceError, Devices, DriveError, Drone, Erased,
-    boxed_source, drive,
+    Tap, Tapped, boxed_source, drive,
 };
 pub use error::HuntError;
-pub use event::{Event, Fix, FlightStage};
+pub use event::{Command, Event, Fix, FlightStage};
 pub use foxhunt_estimators::{
     Components, FoundTransmitter, LearnedReceiver, TimeStep, Track, TrackConfig, TrackError,
     TrackStep, WithoutBearing,
 };
 pub use learned::remarks_of_receivers;
 pub use machine::{Believed, Hunt, Parts, Search, Tracks};
-pub use place_estimate::PlaceEstimate;
-pub use tapped::{Tap, Tapped};

@@ -1,15 +1,36 @@
+//! The entries of the registry, and the field that planners are made for.
+
 use std::{borrow::Cow, fmt, sync::Arc};
 
 use foxhunt_core::{BeaconId, BearingExtractor, EstimatorError, FormationPlanner, Quantity};
 use foxhunt_sim::{SimError, World};
 use nalgebra::Vector3;
 
-use super::{Field, RegistryError};
+use super::RegistryError;
 use crate::{
     config::{EstimatorConfig, ExtractorConfig, PlannerConfig, PulseModel, ReceiverModel},
-    hunt::{BoxedSource, Components, Search, Track},
+    hunt::{BoxedSource, Components, HuntConfig, Search, Track},
     locate::Locator,
 };
+
+/// Conditions of a hunt that planners need for their settings.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Field {
+    /// The planner that the scenario or the flight brings.
+    pub planner: PlannerConfig,
+    /// The path-loss exponent that the estimators take.
+    pub exponent: f64,
+    /// Speed of the drones, in metres per second, if known.
+    pub speed_mps: Option<f64>,
+    /// Speed of their climb, in metres per second, if known.
+    pub climb_mps: Option<f64>,
+    /// Duration of the slowest turn, in seconds, if known.
+    pub turn_s: Option<f64>,
+    /// Prior, airspace and distances.
+    pub hunt: HuntConfig,
+    /// Places where the drones begin: East, North and Up in metres.
+    pub drones_m: Vec<Vector3<f64>>,
+}
 
 /// Way to build something that has a name: by settings that may stand in files, or by code of its
 /// own.

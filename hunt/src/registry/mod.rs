@@ -7,9 +7,7 @@ mod combined;
 mod entries;
 mod estimators;
 mod extractors;
-mod field;
 mod locators;
-mod menu;
 mod parts;
 mod planners;
 mod recalled_grid;
@@ -17,12 +15,11 @@ mod stream;
 
 pub use crate::config::RegistryError;
 pub use entries::{
-    EstimatorEntry, ExtractorEntry, MakeExtractor, MakePlanner, MakeSource, MakeTrack, Need, Needs,
-    PlannerEntry, Recipe, SourceEntry, TrackRequest, beacon_seed,
+    EstimatorEntry, ExtractorEntry, Field, MakeExtractor, MakePlanner, MakeSource, MakeTrack, Need,
+    Needs, PlannerEntry, Recipe, SourceEntry, TrackRequest, beacon_seed,
 };
 pub use estimators::DEFAULT_ESTIMATOR;
 pub use extractors::{RECOMMENDED_EXTRACTOR, antenna_named};
-pub use field::Field;
 pub use parts::{HuntExtractor, HuntParts, PartsError};
 
 use foxhunt_core::{BearingExtractor, FormationPlanner};
@@ -46,7 +43,7 @@ impl Registry {
     #[must_use]
     pub fn builtin() -> Self {
         Self {
-            estimators: menu::with_menu(estimators::builtin()),
+            estimators: estimators::builtin(),
             extractors: extractors::builtin(),
             planners: planners::builtin(),
             sources: Vec::new(),
@@ -100,7 +97,7 @@ impl Registry {
     #[must_use]
     pub fn menu(&self) -> Vec<&EstimatorEntry> {
         let mut menu: Vec<_> = self.estimators.iter().filter(|e| e.when().is_some()).collect();
-        menu.sort_by_key(|entry| menu::place(&entry.name));
+        menu.sort_by_key(|entry| estimators::menu_place(&entry.name));
         menu
     }
 

@@ -1,4 +1,11 @@
-use super::Scenario;
+//! The built-in scenarios, and how a scenario is found by its name or file.
+
+use std::{fs, path::Path};
+
+use super::{
+    Scenario, ScenarioError,
+    random_fleet::{random_fleet, seed_in},
+};
 
 /// The scenario that is flown when none is named.
 pub const DEFAULT_SCENARIO: &str = "pritzl-6.1";
@@ -30,6 +37,37 @@ const TEXTS: [(&str, &str); 24] = [
     ("several-transmitters", include_str!("../../scenarios/several-transmitters.toml")),
     ("tdoa", include_str!("../../scenarios/tdoa.toml")),
 ];
+
+impl Scenario {
+    /// The scenario of a built-in name or of a [`random_fleet`], or else of a TOML file.
+    ///
+    /// # Errors
+    ///
+    /// [`ScenarioError`] names the file, the line and the field.
+    #[inline]
+    pub fn find(name_or_path: &str) -> Result<Self, ScenarioError> {
+        if let Some(text) = builtin_text(name_or_path) {
+            return Self::parse(text, name_or_path);
+        }
+        if let Some(seed) = seed_in(name_or_path) {
+            return Ok(random_fleet(seed));
+        }
+        let path = Path::new(name_or_path);
+        if !path.exists() {
+            let known = builtin_scenarios().into_iter().map(|s| s.name).collect();
+            return Err(ScenarioError::Unknown { name: name_or_path.to_owned(), known });
+        }
+        let text = fs::read_to_string(path)
+            .map_err(|source| ScenarioError::Read { file: name_or_path.to_owned(), source })?;
+        let mut scenario = Self::parse(&text, name_or_path)?;
+        if let Some(folder) = path.parent() {
+            let terrain = scenario.world.terrain.take();
+            scenario.world.terrain = terrain.map(|terrain| terrain.in_folder(folder));
+            scenario.model = scenario.model.in_folder(folder);
+        }
+        Ok(scenario)
+    }
+}
 
 /// Returns the file of a built-in scenario, as TOML.
 #[must_use]

@@ -3,13 +3,10 @@
 mod builtin;
 mod calibrated;
 mod definition;
-mod error;
-mod find;
 mod keys;
 mod random_fleet;
 
 pub use builtin::{DEFAULT_SCENARIO, builtin_scenarios, builtin_text};
-pub use definition::{Scenario, SimulationConfig, SourcesError};
-pub use error::ScenarioError;
+pub use definition::{Scenario, ScenarioError, SimulationConfig, SourcesError};
 pub use keys::{Key, KeyTable, scenario_keys};
 pub use random_fleet::random_fleet;

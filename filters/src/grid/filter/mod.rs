@@ -1,7 +1,6 @@
 //! The grid filter: its state, its making and what it shows.
 
 mod estimator;
-mod smoothing;
 
 use alloc::vec::Vec;
 

@@ -1,3 +1,5 @@
+//! Planners that need an estimator of their own.
+
 use std::fmt;
 
 use foxhunt_core::{
