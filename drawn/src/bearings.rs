@@ -15,7 +15,7 @@ use crate::{
 };
 
 /// Classes, in the order of tables.
-pub(crate) const CLASSES: [Class; 15] = [
+pub const CLASSES: [Class; 15] = [
     Class::rows("bearings", "3 to 12 bearings", good),
     Class::rows("bearings-back", "1 or 2 of 5 to 10 point back", back),
     Class::rows("bearings-diverge", "two that point back", diverging),

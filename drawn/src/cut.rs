@@ -9,7 +9,7 @@ use crate::{
 };
 
 /// Classes, in the order of tables.
-pub(crate) const CLASSES: [Class; 21] = [
+pub const CLASSES: [Class; 21] = [
     Class::cut("afar", "AERPAW rover, a part", rover_part),
     Class::cut("afar-thin", "AERPAW rover, 5 to 50 % of rows", rover_thinned),
     Class::cut("afar-outside", "AERPAW rover beside the flight", rover_outside),

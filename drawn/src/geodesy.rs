@@ -8,7 +8,7 @@ const ECCENTRICITY_2: f64 = 6.694_379_990_141e-3;
 
 /// The place where the zero of local metres is, in degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Origin {
+pub struct Origin {
     pub lat_deg: f64,
     pub lon_deg: f64,
 }
@@ -16,7 +16,7 @@ pub(crate) struct Origin {
 impl Origin {
     /// Converts East and North in metres to latitude and longitude in degrees, along the meridian
     /// and the parallel of the origin: exact to centimetres over a kilometre.
-    pub(crate) fn degrees(self, [east_m, north_m]: [f64; 2]) -> [f64; 2] {
+    pub fn degrees(self, [east_m, north_m]: [f64; 2]) -> [f64; 2] {
         let (sin, cos) = self.lat_deg.to_radians().sin_cos();
         let bulge = 1.0 - ECCENTRICITY_2 * sin * sin;
         let meridian_m = EQUATOR_M * (1.0 - ECCENTRICITY_2) / bulge.powf(1.5);
@@ -28,7 +28,7 @@ impl Origin {
 
 /// Returns the direction from one place to another, in degrees clockwise from North at the first:
 /// of the plane section, which differs from the geodesic's by less than 0.01° over 300 km.
-pub(crate) fn azimuth_deg(from_deg: [f64; 2], to_deg: [f64; 2]) -> f64 {
+pub fn azimuth_deg(from_deg: [f64; 2], to_deg: [f64; 2]) -> f64 {
     let from = centred(from_deg);
     let to = centred(to_deg);
     let way = [to[0] - from[0], to[1] - from[1], to[2] - from[2]];

@@ -10,7 +10,7 @@ use crate::{
 };
 
 /// Classes, in the order of tables.
-pub(crate) const CLASSES: [Class; 22] = [
+pub const CLASSES: [Class; 22] = [
     Class::rows("lanes", "a field in lanes, shadowed", lanes),
     Class::rows("lanes-white", "a field in lanes, independent errors", white),
     Class::rows("lanes-long", "kilometres of lanes, independent errors", long),
@@ -36,7 +36,7 @@ pub(crate) const CLASSES: [Class; 22] = [
 ];
 
 /// The class whose recordings are so large that it runs on request alone.
-pub(crate) const LARGE: Class = Class::rows(LARGE_NAME, "100,000 to 2,000,000 rows", large);
+pub const LARGE: Class = Class::rows(LARGE_NAME, "100,000 to 2,000,000 rows", large);
 
 /// Receives along a path with a receiver without faults.
 fn received(random: &mut Random, path: &[Step], from: At, radio: &Radio) -> Scene {

@@ -7,6 +7,8 @@
 //! their models or the simulated world (`tests/layering.rs` sees to that): a mistake of theirs is
 //! none of the judge's. One class in four cuts and thins real recordings, whose places are known.
 
+#![expect(unreachable_pub, reason = "what draws share is no library but for the names below")]
+
 mod bearings;
 mod bound;
 mod cut;

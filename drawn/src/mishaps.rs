@@ -9,7 +9,7 @@ use crate::{
 };
 
 /// Classes, in the order of tables.
-pub(crate) const CLASSES: [Class; 13] = [
+pub const CLASSES: [Class; 13] = [
     Class::rows("unsigned", "levels without their minus", unsigned),
     Class::rows("comma", "semicolons and decimal commas", comma),
     Class::rows("app", "an app's export with jumps, half with a preamble", app),

@@ -9,7 +9,7 @@ use crate::{
 };
 
 /// Classes, in the order of tables.
-pub(crate) const CLASSES: [Class; 3] = [
+pub const CLASSES: [Class; 3] = [
     Class::rows("track-network", "a tag among 4 to 8 towers, levels", network),
     Class::rows("track-towers", "a tag among 2 to 4 towers, bearings too", towers),
     Class::rows("track-one", "a tag and one tower", one_tower),

@@ -19,7 +19,7 @@ const WAVELENGTH_M: f64 = 0.69;
 
 /// A place of a receiver at a time.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Step {
+pub struct Step {
     pub time_s: f64,
     pub at: At,
     /// Number of the receiver.
@@ -29,7 +29,7 @@ pub(crate) struct Step {
 /// A way from a transmitter to receivers: two slopes that meet at a distance, walls, a field of
 /// shadowing over the plane, and a reflection from the ground.
 #[derive(Clone, Debug)]
-pub(crate) struct Radio {
+pub struct Radio {
     /// Level at one metre in dBm.
     pub power_dbm: f64,
     /// Exponent up to [`bend_m`](Self::bend_m).
@@ -53,14 +53,14 @@ pub(crate) struct Radio {
 /// Shadowing over the plane: a sum of waves in random directions (Rice 1944), whose correlation
 /// falls to about 1/e over the length. It is the same wherever one passes again.
 #[derive(Clone, Debug)]
-pub(crate) struct Field {
+pub struct Field {
     waves: Vec<[f64; 3]>,
     amplitude_db: f64,
 }
 
 /// A wall between two places, from the floor to the ceiling of all storeys.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Wall {
+pub struct Wall {
     pub from: [f64; 2],
     pub to: [f64; 2],
     pub loss_db: f64,
@@ -99,7 +99,7 @@ impl Wall {
 
 impl Radio {
     /// A single slope with independent errors.
-    pub(crate) fn white(random: &mut Random, sigma_db: f64) -> Self {
+    pub fn white(random: &mut Random, sigma_db: f64) -> Self {
         let exponent = random.between(2.0, 3.2);
         Self {
             power_dbm: random.between(-45.0, -15.0),
@@ -116,7 +116,7 @@ impl Radio {
     }
 
     /// Open country or a suburb: two slopes, and shadowing over 10 to 60 m.
-    pub(crate) fn usual(random: &mut Random) -> Self {
+    pub fn usual(random: &mut Random) -> Self {
         let noise_db = random.between(1.0, 2.5);
         let sigma_db = random.between(2.5, 6.0);
         let length_m = random.log_between(10.0, 60.0);
@@ -130,7 +130,7 @@ impl Radio {
     }
 
     /// Level without the reading's own error, in dBm.
-    pub(crate) fn level(&self, from: At, at: At) -> f64 {
+    pub fn level(&self, from: At, at: At) -> f64 {
         let ground_m = (at[0] - from[0]).hypot(at[1] - from[1]);
         let distance_m = ground_m.hypot(at[2] - from[2]).max(0.3);
         let near_m = distance_m.min(self.bend_m);
@@ -156,7 +156,7 @@ impl Radio {
     }
 
     /// σ of a reading's own error at a distance.
-    pub(crate) fn sigma_db(&self, from: At, at: At) -> f64 {
+    pub fn sigma_db(&self, from: At, at: At) -> f64 {
         let distance_m = (at[0] - from[0]).hypot(at[1] - from[1]).max(10.0);
         (self.noise_db + self.growth_db * (distance_m / 10.0).log10()).max(0.1)
     }
@@ -164,7 +164,7 @@ impl Radio {
 
 /// A receiver, and what it makes of levels.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Receiver {
+pub struct Receiver {
     /// Level of its own noise.
     pub floor: Floor,
     /// Largest level that it shows.
@@ -179,7 +179,7 @@ pub(crate) struct Receiver {
 
 /// Fate of levels below the receiver's noise.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Floor {
+pub enum Floor {
     /// There is no noise.
     Absent,
     /// The noise stands for the level, and the recording has its level in `floor_dbm`.
@@ -210,13 +210,7 @@ impl Receiver {
     }
 
     /// Receives a transmitter along a path.
-    pub(crate) fn receive(
-        &self,
-        random: &mut Random,
-        path: &[Step],
-        from: At,
-        radio: &Radio,
-    ) -> Vec<Row> {
+    pub fn receive(&self, random: &mut Random, path: &[Step], from: At, radio: &Radio) -> Vec<Row> {
         let receivers = path.iter().map(|step| step.receiver).max().unwrap_or(0);
         let offsets: Vec<f64> = (0..=receivers).map(|_| random.normal(self.offset_db)).collect();
         // The error of GNSS places wanders: it keeps 0.95 of itself from row to row.
@@ -262,7 +256,7 @@ fn timed(places: impl IntoIterator<Item = At>, speed_mps: f64) -> Vec<Step> {
 }
 
 /// A lawnmower's lanes over a rectangle with a corner at the origin.
-pub(crate) fn lanes(length_m: f64, width_m: f64, lanes: u32, step_m: f64, up_m: f64) -> Vec<Step> {
+pub fn lanes(length_m: f64, width_m: f64, lanes: u32, step_m: f64, up_m: f64) -> Vec<Step> {
     let apart_m = width_m / f64::from(lanes.saturating_sub(1).max(1));
     let along = whole(length_m / step_m);
     let place = |lane: u32, step: u32| {
@@ -274,7 +268,7 @@ pub(crate) fn lanes(length_m: f64, width_m: f64, lanes: u32, step_m: f64, up_m: 
 }
 
 /// A drive on a grid of streets.
-pub(crate) fn streets(random: &mut Random, length_m: f64, block_m: f64, step_m: f64) -> Vec<Step> {
+pub fn streets(random: &mut Random, length_m: f64, block_m: f64, step_m: f64) -> Vec<Step> {
     let mut at = [0.0, 0.0];
     let mut heading = f64::from(random.count(0, 3)) * FRAC_PI_2;
     let mut places = vec![[0.0, 0.0, 1.5]];
@@ -298,7 +292,7 @@ pub(crate) fn streets(random: &mut Random, length_m: f64, block_m: f64, step_m: 
 }
 
 /// A walk that ends at a place, with detours that grow shorter.
-pub(crate) fn home(random: &mut Random, from: [f64; 2], to: [f64; 2], step_m: f64) -> Vec<Step> {
+pub fn home(random: &mut Random, from: [f64; 2], to: [f64; 2], step_m: f64) -> Vec<Step> {
     let length_m = (to[0] - from[0]).hypot(to[1] - from[1]);
     let count = whole(length_m / step_m).max(2);
     let swing_m = random.between(0.05, 0.25) * length_m;
@@ -314,7 +308,7 @@ pub(crate) fn home(random: &mut Random, from: [f64; 2], to: [f64; 2], step_m: f6
 }
 
 /// A loop about a centre.
-pub(crate) fn round(centre: [f64; 2], radius_m: f64, count: u32, up_m: f64) -> Vec<Step> {
+pub fn round(centre: [f64; 2], radius_m: f64, count: u32, up_m: f64) -> Vec<Step> {
     let place = |step: u32| {
         let (sin, cos) = (TAU * f64::from(step) / f64::from(count)).sin_cos();
         [centre[0] + radius_m * cos, centre[1] + radius_m * sin, up_m]
@@ -323,13 +317,13 @@ pub(crate) fn round(centre: [f64; 2], radius_m: f64, count: u32, up_m: f64) -> V
 }
 
 /// A straight line to the East.
-pub(crate) fn straight(length_m: f64, count: u32, up_m: f64) -> Vec<Step> {
+pub fn straight(length_m: f64, count: u32, up_m: f64) -> Vec<Step> {
     let place = |step: u32| [length_m * f64::from(step) / f64::from(count.max(1)), 0.0, up_m];
     timed((0..=count).map(place), 5.0)
 }
 
 /// One place, held to within some metres.
-pub(crate) fn hover(random: &mut Random, at: At, count: u32, wander_m: f64) -> Vec<Step> {
+pub fn hover(random: &mut Random, at: At, count: u32, wander_m: f64) -> Vec<Step> {
     let step = |number: u32| {
         let off = [random.normal(wander_m), random.normal(wander_m)];
         let at = [at[0] + off[0], at[1] + off[1], at[2]];
@@ -339,7 +333,7 @@ pub(crate) fn hover(random: &mut Random, at: At, count: u32, wander_m: f64) -> V
 }
 
 /// Receivers that stay at places over a square, each of which receives `rounds` times.
-pub(crate) fn nodes(random: &mut Random, count: u32, side_m: f64, rounds: u32) -> Vec<Step> {
+pub fn nodes(random: &mut Random, count: u32, side_m: f64, rounds: u32) -> Vec<Step> {
     let places: Vec<At> = (0..count)
         .map(|_| [random.between(0.0, side_m), random.between(0.0, side_m), 3.0])
         .collect();
@@ -347,7 +341,7 @@ pub(crate) fn nodes(random: &mut Random, count: u32, side_m: f64, rounds: u32) -
 }
 
 /// Receivers at given places, each of which receives `rounds` times.
-pub(crate) fn of_places(places: &[At], rounds: u32, every_s: f64) -> Vec<Step> {
+pub fn of_places(places: &[At], rounds: u32, every_s: f64) -> Vec<Step> {
     let of_round = |round: u32| {
         let time_s = every_s * f64::from(round);
         (0..).zip(places).map(move |(receiver, at)| Step { time_s, at: *at, receiver })
@@ -357,7 +351,7 @@ pub(crate) fn of_places(places: &[At], rounds: u32, every_s: f64) -> Vec<Step> {
 
 /// Converts a positive number to a whole one.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below a million")]
-pub(crate) fn whole(value: f64) -> u32 {
+pub fn whole(value: f64) -> u32 {
     value.round().clamp(0.0, 1e7) as u32
 }
 

@@ -2,11 +2,11 @@ use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::{Distribution, StandardNormal};
 
 /// Numbers of one draw, from its class and its seed.
-pub(crate) struct Random(Xoshiro256PlusPlus);
+pub struct Random(Xoshiro256PlusPlus);
 
 impl Random {
     /// Creates the numbers of a draw. A class has its own whatever others there are.
-    pub(crate) fn new(class: &str, seed: u64) -> Self {
+    pub fn new(class: &str, seed: u64) -> Self {
         // The hash of Fowler, Noll & Vo (FNV-1a, 64 bits).
         let hash = class.bytes().fold(0xCBF2_9CE4_8422_2325_u64, |hash, byte| {
             (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3)
@@ -15,43 +15,43 @@ impl Random {
     }
 
     /// Draws evenly between two numbers.
-    pub(crate) fn between(&mut self, least: f64, most: f64) -> f64 {
+    pub fn between(&mut self, least: f64, most: f64) -> f64 {
         least + (most - least) * self.0.random::<f64>()
     }
 
     /// Draws between two positive numbers, evenly in the logarithm.
-    pub(crate) fn log_between(&mut self, least: f64, most: f64) -> f64 {
+    pub fn log_between(&mut self, least: f64, most: f64) -> f64 {
         self.between(least.ln(), most.ln()).exp()
     }
 
     /// Draws a whole number from `least` to `most`.
-    pub(crate) fn count(&mut self, least: u32, most: u32) -> u32 {
+    pub fn count(&mut self, least: u32, most: u32) -> u32 {
         self.0.random_range(least..=most)
     }
 
     /// Draws an index below `end`; 0 where `end` is 0.
-    pub(crate) fn index(&mut self, end: usize) -> usize {
+    pub fn index(&mut self, end: usize) -> usize {
         self.0.random_range(0..end.max(1))
     }
 
     /// Returns true with a probability.
-    pub(crate) fn chance(&mut self, probability: f64) -> bool {
+    pub fn chance(&mut self, probability: f64) -> bool {
         self.0.random::<f64>() < probability
     }
 
     /// Draws from a normal distribution about zero.
-    pub(crate) fn normal(&mut self, sigma: f64) -> f64 {
+    pub fn normal(&mut self, sigma: f64) -> f64 {
         let unit: f64 = StandardNormal.sample(&mut self.0);
         sigma * unit
     }
 
     /// Draws a sign.
-    pub(crate) fn sign(&mut self) -> f64 {
+    pub fn sign(&mut self) -> f64 {
         if self.chance(0.5) { 1.0 } else { -1.0 }
     }
 
     /// Draws distinct indices below `end`, in rising order.
-    pub(crate) fn some_of(&mut self, count: usize, end: usize) -> Vec<usize> {
+    pub fn some_of(&mut self, count: usize, end: usize) -> Vec<usize> {
         let mut all: Vec<usize> = (0..end).collect();
         while all.len() > count {
             let gone = self.index(all.len());

@@ -7,7 +7,7 @@ use super::{
 };
 
 /// Classes, in the order of tables.
-pub(crate) const CLASSES: [Class; 8] = [
+pub const CLASSES: [Class; 8] = [
     Class::rows("ranges", "4 to 10 ranges", good),
     Class::rows("ranges-offset", "an offset and a scale in common", offset),
     Class::rows("ranges-corner", "a third go round a corner", cornered),

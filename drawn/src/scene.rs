@@ -5,17 +5,17 @@ use std::{io, path::Path};
 use crate::{bound::Bound, geodesy::Origin, random::Random};
 
 /// Name of the class whose recordings are so large that it runs on request alone.
-pub(crate) const LARGE_NAME: &str = "large";
+pub const LARGE_NAME: &str = "large";
 
 /// Names of the classes whose recordings leave the place open.
-pub(crate) const OPEN: [&str; 4] = ["hover", "jitter", "never-there", "bearings-place"];
+pub const OPEN: [&str; 4] = ["hover", "jitter", "never-there", "bearings-place"];
 
 /// East, North and Up in metres.
-pub(crate) type At = [f64; 3];
+pub type At = [f64; 3];
 
 /// A row of a recording: who received what, where and when.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Row {
+pub struct Row {
     /// Number of the transmitter, where the recording names them.
     pub beacon: Option<u32>,
     /// Number of the receiver, where there are several.
@@ -31,18 +31,18 @@ pub(crate) struct Row {
 
 impl Row {
     /// Creates a row without values.
-    pub(crate) fn new(time_s: f64, at: At, truth: At) -> Self {
+    pub fn new(time_s: f64, at: At, truth: At) -> Self {
         Self { time_s, at, truth: Some([truth[0], truth[1]]), ..Self::default() }
     }
 
     /// Sets the value of a column.
-    pub(crate) fn with(mut self, column: &'static str, value: f64) -> Self {
+    pub fn with(mut self, column: &'static str, value: f64) -> Self {
         self.set(column, value);
         self
     }
 
     /// Sets the value of a column.
-    pub(crate) fn set(&mut self, column: &'static str, value: f64) {
+    pub fn set(&mut self, column: &'static str, value: f64) {
         match self.values.iter_mut().find(|(name, _)| *name == column) {
             Some(known) => known.1 = value,
             None => self.values.push((column, value)),
@@ -50,12 +50,12 @@ impl Row {
     }
 
     /// Returns the value of a column.
-    pub(crate) fn get(&self, column: &str) -> Option<f64> {
+    pub fn get(&self, column: &str) -> Option<f64> {
         self.values.iter().find(|(name, _)| *name == column).map(|(_, value)| *value)
     }
 
     /// Replaces the value of a column, where there is one.
-    pub(crate) fn change(&mut self, column: &'static str, change: impl FnOnce(f64) -> f64) {
+    pub fn change(&mut self, column: &'static str, change: impl FnOnce(f64) -> f64) {
         if let Some(value) = self.get(column) {
             self.set(column, change(value));
         }
@@ -64,7 +64,7 @@ impl Row {
 
 /// Separators of cells and decimals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) enum Spelling {
+pub enum Spelling {
     /// Commas between cells, decimal points.
     #[default]
     Point,
@@ -74,7 +74,7 @@ pub(crate) enum Spelling {
 
 /// All of a drawn recording before it becomes text.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Scene {
+pub struct Scene {
     pub rows: Vec<Row>,
     /// Places are written in degrees from here, and in metres without.
     pub origin: Option<Origin>,
@@ -95,18 +95,18 @@ pub(crate) struct Scene {
 
 impl Scene {
     /// Creates a scene of rows in metres.
-    pub(crate) fn of(rows: Vec<Row>) -> Self {
+    pub fn of(rows: Vec<Row>) -> Self {
         Self { rows, ..Self::default() }
     }
 
     /// Adds a flag with its value.
-    pub(crate) fn with_flag(mut self, flag: &str, value: impl ToString) -> Self {
+    pub fn with_flag(mut self, flag: &str, value: impl ToString) -> Self {
         self.flags.push(format!("{flag}={}", value.to_string()));
         self
     }
 
     /// Writes places in degrees.
-    pub(crate) fn in_degrees(mut self, lat_deg: f64, lon_deg: f64) -> Self {
+    pub fn in_degrees(mut self, lat_deg: f64, lon_deg: f64) -> Self {
         self.origin = Some(Origin { lat_deg, lon_deg });
         self
     }
