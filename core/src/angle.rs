@@ -31,6 +31,22 @@ pub fn distance(a: f64, b: f64) -> f64 {
     libm::fabs(wrap(a - b))
 }
 
+/// The position, of `positions` at equal angles in a turn, that is nearest to an angle in radians;
+/// the first is at 0.
+///
+/// ```
+/// use foxhunt_core::angle::nearest_position;
+/// assert_eq!(nearest_position(-0.3, 4), 0);
+/// assert_eq!(nearest_position(-1.4, 4), 3);
+/// ```
+#[must_use]
+pub fn nearest_position(angle: f64, positions: u16) -> u16 {
+    let steps = libm::round(wrap(angle) / TAU * f64::from(positions));
+    #[expect(clippy::cast_possible_truncation, reason = "half a turn of at most u16::MAX steps")]
+    let steps = (steps as i32).rem_euclid(i32::from(positions.max(1)));
+    u16::try_from(steps).unwrap_or(0)
+}
+
 /// The weighted resultant of directions: where they point, and how well they agree
 /// (Mardia & Jupp 2000, §2.2).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -111,6 +127,19 @@ mod tests {
         assert_abs_diff_eq!(wrap(-PI), -PI, epsilon = 1e-15);
         assert_abs_diff_eq!(wrap(PI - 1e-9), PI - 1e-9, epsilon = 1e-15);
         assert_abs_diff_eq!(wrap(100.0), -0.530_964_914_873_376, epsilon = 1e-12);
+    }
+
+    #[test]
+    fn the_nearest_position_goes_round() {
+        for (degrees, expected) in
+            [(0.0, 0), (44.9, 0), (45.1, 1), (-44.9, 0), (-45.1, 3), (180.0, 2), (359.0, 0)]
+        {
+            let position = nearest_position(f64::to_radians(degrees), 4);
+            assert_eq!(position, expected, "{degrees}°");
+        }
+        assert_eq!(nearest_position(-0.01, 65_535), 65_431);
+        assert_eq!(nearest_position(3.0, 1), 0);
+        assert_eq!(nearest_position(3.0, 0), 0, "a turn without positions");
     }
 
     #[test]

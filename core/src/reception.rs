@@ -2,12 +2,12 @@
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
-#[cfg(feature = "alloc")]
-use crate::Measured;
 use crate::{
     BeaconId, Bearing, BearingModes, MeasuredList, Observation, ObservationError, Pose, Quantity,
     Reading, Sweep,
 };
+#[cfg(feature = "alloc")]
+use crate::{Measured, Sample};
 
 /// σ of a boresight in radians: that of a compass that is well calibrated, 1°.
 #[cfg(feature = "alloc")]
@@ -57,19 +57,20 @@ impl Reception {
         }
     }
 
-    /// Each sample of a sweep, one level along one boresight, and each question without an answer where the receiver's floor is
-    /// known, as a reception of its own: a level, or a silence, with σ `sigma_db` in dB, and
-    /// where the antenna looked ([`Quantity::BORESIGHT`]). In the order of time.
+    /// Each sample of a sweep, one level along one boresight, and each question without an answer
+    /// where the receiver's floor is known, as a reception of its own: a level, or a silence, with
+    /// σ [`Sample::SIGMA_DB`], and where the antenna looked ([`Quantity::BORESIGHT`]). In the
+    /// order of time.
     #[cfg(feature = "alloc")]
     #[must_use]
-    pub fn of_samples(sweep: &Sweep<'_>, sigma_db: f64) -> alloc::vec::Vec<Self> {
+    pub fn of_samples(sweep: &Sweep<'_>) -> alloc::vec::Vec<Self> {
         let whole = Self { measured: MeasuredList::default(), ..Self::without_pattern(sweep) };
         let along = |boresight: f64| {
             // The list has room for one value; a direction that is not finite makes no observation.
             let direction = Measured::new(Quantity::BORESIGHT, boresight, BORESIGHT_SIGMA);
             direction.and_then(|direction| MeasuredList::new(&[direction])).unwrap_or_default()
         };
-        let level = |rss_dbm| Some(Level { rss_dbm, sigma_db });
+        let level = |rss_dbm| Some(Level { rss_dbm, sigma_db: Sample::SIGMA_DB });
         let samples = sweep.samples.iter().map(|sample| Self {
             time: sample.time,
             receiver: sample.receiver,
@@ -325,7 +326,7 @@ mod tests {
         let unanswered = [Unanswered { time: 2.0, boresight: 1.0, position: 0 }];
         let sweep = Sweep { samples: &samples, unanswered: &unanswered, ..Sweep::default() };
         let known = Sweep { floor_dbm: Some(-90.0), ..sweep };
-        let receptions = Reception::of_samples(&known, 2.0);
+        let receptions = Reception::of_samples(&known);
         let boresight = |r: &Reception| r.measured.get(Quantity::BORESIGHT).map(|m| m.value);
         assert_eq!(
             receptions.iter().map(boresight).collect::<alloc::vec::Vec<_>>(),
@@ -336,7 +337,7 @@ mod tests {
         assert_eq!(receptions[1].silence, Some(Level { rss_dbm: -90.0, sigma_db: 2.0 }));
         assert!(receptions[1].level.is_none());
         // Where the floor is not known, a miss may have any reason.
-        assert_eq!(Reception::of_samples(&sweep, 2.0).len(), 2);
+        assert_eq!(Reception::of_samples(&sweep).len(), 2);
     }
 
     #[cfg(feature = "serde")]

@@ -22,6 +22,12 @@ pub struct Sample {
     pub rss_dbm: f64,
 }
 
+impl Sample {
+    /// σ of a sample's level in dB, where neither a turn nor a setting shows it: receivers report
+    /// whole decibels, and a level fluctuates by one or two.
+    pub const SIGMA_DB: f64 = 2.0;
+}
+
 /// A question that stayed without an answer: it was lost, or too weak to be received.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unanswered {

@@ -4,6 +4,8 @@ use core::{fmt, fmt::Debug};
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
 
+use crate::angle::Resultant;
+
 /// A drone's place and attitude in the local East-North-Up frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -34,6 +36,45 @@ impl Pose {
     #[must_use]
     pub fn level(position: Vector3<f64>, heading: f64) -> Self {
         Self { position, heading, ..Self::default() }
+    }
+
+    /// The mean of poses, [`None`] of none: with a velocity where all of them have one, and level
+    /// where the body turned meanwhile. Of headings that cancel the last one stands.
+    #[must_use]
+    pub fn mean<'p>(poses: impl IntoIterator<Item = &'p Self>) -> Option<Self> {
+        let mut last = None;
+        let mut heading = Resultant::default();
+        let mut sum = Self { velocity: Some(Vector3::zeros()), ..Self::default() };
+        let mut count = 0.0;
+        // A drone that hovers has one heading for all poses.
+        let mut held = f64::NAN;
+        let mut unit = Resultant::default();
+        for pose in poses {
+            if pose.heading.to_bits() != held.to_bits() {
+                held = pose.heading;
+                unit = Resultant::from_iter([held]);
+            }
+            heading += unit;
+            sum.position += pose.position;
+            sum.pitch += pose.pitch;
+            sum.roll += pose.roll;
+            sum.velocity = sum.velocity.zip(pose.velocity).map(|(sum, velocity)| sum + velocity);
+            count += 1.0;
+            last = Some(pose.heading);
+        }
+        let last = last?;
+        // The attitude of a body that turned meanwhile is that of no one heading.
+        if heading.length() < HELD {
+            sum.pitch = 0.0;
+            sum.roll = 0.0;
+        }
+        Some(Self {
+            position: sum.position / count,
+            heading: heading.direction(1e-9).unwrap_or(last),
+            pitch: sum.pitch / count,
+            roll: sum.roll / count,
+            velocity: sum.velocity.map(|sum| sum / count),
+        })
     }
 
     /// A direction of the world frame in the body's own: forward, left and up along its axes.
@@ -92,6 +133,9 @@ impl Pose {
         (zero(position) + angles + velocity.as_ref().map_or(0.0, zero)).is_finite()
     }
 }
+
+/// Headings whose mean resultant is shorter than this, which is a spread of 8°, did not hold.
+const HELD: f64 = 0.99;
 
 /// A place to fly to, East, North and Up in metres.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -254,6 +298,32 @@ mod tests {
     use core::f64::consts::FRAC_PI_2;
 
     use super::*;
+
+    #[test]
+    fn a_mean_pose_has_the_mean_velocity_where_all_have_one() {
+        let with = [1.0, 2.0, 6.0].map(|east| {
+            let velocity = Some(Vector3::new(east, -east, 0.0));
+            Pose { velocity, pitch: 0.1 * east, ..Pose::at(east, 2.0, 3.0) }
+        });
+        let mean = Pose::mean(&with).expect("there are three");
+        assert_eq!(mean.velocity, Some(Vector3::new(3.0, -3.0, 0.0)));
+        assert!((mean.position - Vector3::new(3.0, 2.0, 3.0)).norm() < 1e-15);
+        assert!((mean.pitch - 0.3).abs() < 1e-15, "{}", mean.pitch);
+        let one_without = [with[0], Pose::default(), with[1]];
+        assert_eq!(Pose::mean(&one_without).map(|pose| pose.velocity), Some(None));
+        assert_eq!(Pose::mean(&[]), None);
+    }
+
+    #[test]
+    fn a_mean_pose_of_a_turn_is_level_and_has_its_last_heading() {
+        let turn = [0.0, FRAC_PI_2, -core::f64::consts::PI, -FRAC_PI_2].map(|heading| Pose {
+            pitch: 0.2,
+            roll: -0.1,
+            ..Pose::level(Vector3::zeros(), heading)
+        });
+        let mean = Pose::mean(&turn).expect("there are four");
+        assert_eq!([mean.heading, mean.pitch, mean.roll], [-FRAC_PI_2, 0.0, 0.0]);
+    }
 
     #[test]
     fn nose_and_right_side_follow_the_angles() {

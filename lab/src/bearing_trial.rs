@@ -112,7 +112,7 @@ impl Turn {
                     time: f64::from(index),
                     receiver: Pose { heading, ..Pose::default() },
                     boresight,
-                    position: nearest(turned),
+                    position: angle::nearest_position(turned, BearingCase::POSITIONS),
                     rss_dbm: power_dbm + BearingCase::SIGMA_DB * noise,
                 });
             }
@@ -354,15 +354,6 @@ fn bound(slopes: &[f64]) -> f64 {
     let mean = slopes.iter().sum::<f64>() / count;
     let squares: f64 = slopes.iter().map(|slope| (slope - mean) * (slope - mean)).sum();
     BearingCase::SIGMA_DB.powi(2) / (f64::from(BearingCase::READINGS) * squares)
-}
-
-/// The position that a boresight is sorted into, by its angle from the nose.
-fn nearest(turned: f64) -> u16 {
-    let place = turned / TAU * f64::from(BearingCase::POSITIONS);
-    #[expect(clippy::cast_possible_truncation, reason = "it lies between 0 and 128")]
-    #[expect(clippy::cast_sign_loss, reason = "as above")]
-    let position = place.round() as u16;
-    position % BearingCase::POSITIONS
 }
 
 /// Draws turns of a case through an antenna, which those extractors are given that take one, and

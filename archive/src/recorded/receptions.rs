@@ -213,9 +213,6 @@ impl Extend<RecordedReception> for RecordedReceptions {
     }
 }
 
-/// σ in dB that stands for a single sample; the estimators of samples have their own.
-const SAMPLE_SIGMA_DB: f64 = 2.0;
-
 /// The receptions of one beacon: level and bearing of each turn of a directional antenna, the level
 /// of each row of an omnidirectional one (a silence at the receiver's floor and below), ready-made
 /// bearings, ranges and differences. One drone after the other, each in the order of time, so that
@@ -314,7 +311,7 @@ pub fn recorded_receptions(
                 return Err(no_place(sweep.line));
             }
             let drone: Arc<str> = sweep.drone.as_str().into();
-            for reception in Reception::of_samples(&sweep.as_sweep(BeaconId(0)), SAMPLE_SIGMA_DB) {
+            for reception in Reception::of_samples(&sweep.as_sweep(BeaconId(0))) {
                 check(&reception, file, sweep.line)?;
                 let drone = Arc::clone(&drone);
                 rows.push(RecordedReception { line: sweep.line, drone, reception });

@@ -36,6 +36,10 @@ pub enum Column {
     ReceiverSigmaM,
     /// `heading_deg_compass`: the drone's nose.
     HeadingDegCompass,
+    /// `pitch_deg`: the angle of the drone's nose above the horizon.
+    PitchDeg,
+    /// `roll_deg`: the angle of the drone's right side below its left.
+    RollDeg,
     /// `antenna_deg`: the antenna's boresight, clockwise from the nose.
     AntennaDeg,
     /// `boresight_deg_compass`: the antenna's boresight.
@@ -108,7 +112,7 @@ const LEAST_SIGMA: f64 = 1e-6;
 
 impl Column {
     /// Every column.
-    pub const ALL: [Self; 36] = [
+    pub const ALL: [Self; 38] = [
         Self::Beacon,
         Self::Drone,
         Self::TimeS,
@@ -122,6 +126,8 @@ impl Column {
         Self::UpM,
         Self::ReceiverSigmaM,
         Self::HeadingDegCompass,
+        Self::PitchDeg,
+        Self::RollDeg,
         Self::AntennaDeg,
         Self::BoresightDegCompass,
         Self::Position,
@@ -205,6 +211,8 @@ impl Column {
             Self::UpM => ("up_m", Kind::Number(-1e5, 1e5)),
             Self::ReceiverSigmaM => ("receiver_sigma_m", Kind::Number(-FAR, FAR)),
             Self::HeadingDegCompass => ("heading_deg_compass", Kind::Number(-360.0, 360.0)),
+            Self::PitchDeg => ("pitch_deg", Kind::Number(-90.0, 90.0)),
+            Self::RollDeg => ("roll_deg", Kind::Number(-180.0, 180.0)),
             // A stepper counts on past the full turn.
             Self::AntennaDeg => ("antenna_deg", Kind::Number(-36_000.0, 36_000.0)),
             Self::BoresightDegCompass => ("boresight_deg_compass", Kind::Number(-360.0, 360.0)),

@@ -10,7 +10,7 @@ use super::{Column, Record, Recording, RecordingError};
 type Cell = fn(&Record, &Recording) -> Option<String>;
 
 /// The columns of a converted recording. A number comes first: a name may begin like a comment.
-const CELLS: [(Column, Cell); 29] = [
+const CELLS: [(Column, Cell); 31] = [
     (Column::TimeS, |record, of| shown(record.time.filter(|_| !of.is_in_utc()))),
     (Column::TimeUtc, |record, of| shown(record.time.filter(|_| of.is_in_utc()))),
     (Column::Turn, |record, _| shown(record.turn)),
@@ -26,6 +26,8 @@ const CELLS: [(Column, Cell); 29] = [
     (Column::HeadingDegCompass, |record, of| {
         compass(record, of, record.receiver().map(|r| r.heading))
     }),
+    (Column::PitchDeg, |record, _| shown(record.tilted.map(|pose| pose.pitch.to_degrees()))),
+    (Column::RollDeg, |record, _| shown(record.tilted.map(|pose| pose.roll.to_degrees()))),
     (Column::BoresightDegCompass, |record, of| compass(record, of, record.boresight)),
     (Column::Position, |record, _| shown(record.position)),
     (Column::RssDbm, |record, of| shown(record.rss_dbm.filter(|_| of.is_calibrated()))),

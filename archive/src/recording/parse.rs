@@ -1,4 +1,4 @@
-use foxhunt_core::{Measured, MeasuredList, Quantity};
+use foxhunt_core::{Measured, MeasuredList, Pose, Quantity};
 use foxhunt_wire::{
     declination::declination_deg,
     geodesy::{Geodetic, LocalFrame, compass_deg_to_radians, grid_convergence_deg},
@@ -102,6 +102,9 @@ impl Reader<'_> {
             }
         };
         let drone = self.text(Column::Drone)?;
+        let [pitch, roll] = [self.number(Column::PitchDeg)?, self.number(Column::RollDeg)?]
+            .map(|deg| deg.unwrap_or(0.0).to_radians());
+        let pose = position.map(|position| Pose { pitch, roll, ..Pose::level(position, heading) });
         let details = Details {
             beacon: self.text(Column::Beacon)?.map(|name| self.shared.name(&name)),
             drone: self.shared.name(drone.as_deref().unwrap_or(self.stem)),
@@ -119,7 +122,7 @@ impl Reader<'_> {
                 self.number(Column::RangeM)?
             },
             truth: self.truth(frame)?,
-            tilted: None,
+            tilted: pose.filter(|pose| *pose != Pose::level(pose.position, heading)),
         };
         Ok(Ok(Record {
             line: self.row.line(),

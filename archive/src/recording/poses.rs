@@ -12,7 +12,7 @@ use super::{
 };
 
 /// Columns that a pose may have besides its time.
-const COLUMNS: [Column; 10] = [
+const COLUMNS: [Column; 12] = [
     Column::LatDeg,
     Column::LonDeg,
     Column::AltM,
@@ -21,6 +21,8 @@ const COLUMNS: [Column; 10] = [
     Column::NorthM,
     Column::UpM,
     Column::HeadingDegCompass,
+    Column::PitchDeg,
+    Column::RollDeg,
     Column::BoresightDegCompass,
     Column::AntennaDeg,
 ];

@@ -8,11 +8,10 @@ use std::{
 
 use foxhunt_core::{
     BeaconId, OwnedSweep, PatternSource, Pose, Sample, Sweep, Unanswered,
-    angle::{self, Resultant},
+    angle::{self, nearest_position},
     parameter::at_least_one,
 };
 use foxhunt_wire::geodesy::radians_to_compass_deg;
-use nalgebra::Vector3;
 
 use super::{Column, Record, Recording, RecordingError, Turns};
 
@@ -105,7 +104,7 @@ impl Recording {
                 _ => self.turns.cut(&group, step),
             };
             for turn in turns {
-                sweeps.push(self.sweep(turn, positions, step)?);
+                sweeps.push(self.sweep(turn, positions)?);
             }
         }
         sweeps.sort_by(|a: &RecordedSweep, b| a.sweep.time.total_cmp(&b.sweep.time));
@@ -142,18 +141,11 @@ impl Recording {
         &self,
         levels: &[LevelRow<'_>],
         positions: u16,
-        step: f64,
     ) -> Result<RecordedSweep, RecordingError> {
         let mut samples = Vec::with_capacity(levels.len());
-        let mut count = 0.0;
-        let mut place = Vector3::zeros();
-        let mut heading = Resultant::default();
         for one in levels {
             let receiver = one.record.receiver().unwrap_or_default();
-            let position = self.position(one.record, one.boresight, positions, step)?;
-            count += 1.0;
-            place += (receiver.position - place) / count;
-            heading.add(receiver.heading, 1.0);
+            let position = self.position(one.record, one.boresight, positions)?;
             samples.push(Sample {
                 time: one.time,
                 receiver,
@@ -165,9 +157,7 @@ impl Recording {
         let records = || levels.iter().map(|one| one.record);
         let first = records().min_by_key(|record| record.line);
         let last = records().map(|record| record.line).max();
-        let unanswered = self.unanswered(first, last, positions, step)?;
-        // Below this length the headings cancel: the body itself turned.
-        let heading = heading.direction(1e-9).unwrap_or(0.0);
+        let unanswered = self.unanswered(first, last, positions)?;
         Ok(RecordedSweep {
             beacon_name: first.and_then(|record| record.beacon.as_deref()).map(str::to_owned),
             drone: first.map(|record| record.drone.to_string()).unwrap_or_default(),
@@ -176,7 +166,8 @@ impl Recording {
             located: first.is_some_and(|record| record.receiver().is_some()),
             sweep: OwnedSweep {
                 time: samples.last().map_or(0.0, |sample| sample.time),
-                receiver: Pose::level(place, heading),
+                receiver: Pose::mean(samples.iter().map(|sample| &sample.receiver))
+                    .unwrap_or_default(),
                 positions,
                 samples,
                 unanswered,
@@ -192,7 +183,6 @@ impl Recording {
         first: Option<&Record>,
         last: Option<u64>,
         positions: u16,
-        step: f64,
     ) -> Result<Vec<Unanswered>, RecordingError> {
         let (Some(first), Some(last)) = (first, last) else { return Ok(Vec::new()) };
         let of_turn = |(_, record): &(f64, &Record)| {
@@ -204,7 +194,7 @@ impl Recording {
         let unanswered = |(order, record): (f64, &Record)| {
             let boresight = record.boresight?;
             let time = record.time.unwrap_or(order);
-            let position = self.position(record, boresight, positions, step);
+            let position = self.position(record, boresight, positions);
             Some(position.map(|position| Unanswered { time, boresight, position }))
         };
         let orders = std::iter::successors(Some(1.0), |order| Some(order + 1.0));
@@ -216,14 +206,13 @@ impl Recording {
         record: &Record,
         boresight: f64,
         positions: u16,
-        step: f64,
     ) -> Result<u16, RecordingError> {
         match record.position {
             Some(given) if given >= positions => {
                 Err(self.no_such_position(record, given, positions))
             }
             Some(given) => Ok(given),
-            None => Ok(nearest(boresight, positions, step)),
+            None => Ok(nearest_position(boresight, positions)),
         }
     }
 
@@ -236,14 +225,6 @@ impl Recording {
             problem: super::FieldProblem::NotWhole { max: f64::from(positions - 1) },
         }
     }
-}
-
-/// The position whose nominal angle is nearest.
-#[expect(clippy::cast_possible_truncation, reason = "it lies between 0 and `positions`")]
-fn nearest(boresight: f64, positions: u16, step: f64) -> u16 {
-    let index = (foxhunt_core::angle::wrap(boresight) / step).round();
-    let up = if index < 0.0 { index + f64::from(positions) } else { index };
-    up as u16 % positions
 }
 
 /// A pattern source that replays the turns of a recording instead of turning an antenna: for each
@@ -310,7 +291,7 @@ pub struct RecordingEnded {
 }
 
 /// The columns of a written recording. A number comes first: a name may begin like a comment.
-const COLUMNS: [Column; 11] = [
+const COLUMNS: [Column; 13] = [
     Column::Turn,
     Column::Drone,
     Column::Beacon,
@@ -319,6 +300,8 @@ const COLUMNS: [Column; 11] = [
     Column::NorthM,
     Column::UpM,
     Column::HeadingDegCompass,
+    Column::PitchDeg,
+    Column::RollDeg,
     Column::BoresightDegCompass,
     Column::Position,
     Column::RssDbm,
@@ -380,6 +363,8 @@ impl<W: Write> SweepWriter<W> {
                 receiver.position.y.to_string(),
                 receiver.position.z.to_string(),
                 radians_to_compass_deg(receiver.heading).to_string(),
+                receiver.pitch.to_degrees().to_string(),
+                receiver.roll.to_degrees().to_string(),
                 radians_to_compass_deg(sample.boresight).to_string(),
                 sample.position.to_string(),
                 sample.rss_dbm.to_string(),
@@ -413,6 +398,8 @@ fn check(index: usize, sample: &Sample) -> Result<(), RecordingError> {
         (Column::EastM, place.x),
         (Column::NorthM, place.y),
         (Column::UpM, place.z),
+        (Column::PitchDeg, sample.receiver.pitch.to_degrees()),
+        (Column::RollDeg, sample.receiver.roll.to_degrees()),
         (Column::RssDbm, sample.rss_dbm),
     ];
     for (column, value) in bounded {
@@ -424,22 +411,5 @@ fn check(index: usize, sample: &Sample) -> Result<(), RecordingError> {
     match angles.into_iter().find(|(_, angle)| !angle.is_finite()) {
         Some((field, value)) => Err(RecordingError::Sample { index, field, value }),
         None => Ok(()),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_nearest_position_goes_round() {
-        for (degrees, expected) in
-            [(0.0, 0), (44.9, 0), (45.1, 1), (-44.9, 0), (-45.1, 3), (180.0, 2), (359.0, 0)]
-        {
-            let position = nearest(f64::to_radians(degrees), 4, TAU / 4.0);
-            assert_eq!(position, expected, "{degrees}°");
-        }
-        assert_eq!(nearest(-0.01, 65_535, TAU / 65_535.0), 65_431);
-        assert_eq!(nearest(3.0, 1, TAU), 0);
     }
 }

@@ -62,7 +62,7 @@ pub struct Args {
 #[command(next_help_heading = "Pulses")]
 struct Posing {
     /// Places of the receiver and directions of its antenna: CSV with time_s or time_utc, places,
-    /// heading_deg_compass, boresight_deg_compass
+    /// heading_deg_compass, pitch_deg, roll_deg, boresight_deg_compass
     #[arg(long, value_name = "FILE", conflicts_with_all = ["pose_topic", "rssi_topic"])]
     poses: Option<PathBuf>,
     /// Seconds by which the clock of the poses is ahead of that of the pulses, or the time in UTC

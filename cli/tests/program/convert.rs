@@ -44,6 +44,30 @@ fn what_is_converted_is_located_at_the_same_place() {
     foxhunt(["convert", no_bag]).failed(2, &["2 values"]);
 }
 
+#[test]
+fn attitudes_are_kept() {
+    let folder = folder("convert-attitude");
+    let path = |name: &str| folder.join(name).to_str().expect("UTF-8").to_owned();
+    let [tilted, out] = ["tilted.csv", "out.csv"].map(path);
+    let header = "time_s,east_m,north_m,heading_deg_compass,pitch_deg,roll_deg,\
+                  boresight_deg_compass,rss_dbm";
+    let rows = "0,0,0,90,-5.5,12.25,0,-60\n1,0,0,90,0,0,90,-61\n";
+    fs::write(&tilted, format!("{header}\n{rows}")).expect("a file");
+    assert_eq!(foxhunt(["--json", "convert", &tilted, &out]).json()["rows"], 2);
+    let text = fs::read_to_string(&out).expect("it was written");
+    let mut table = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let names = table.next().expect("a header");
+    let of = |row: &[&str], name: &str| {
+        let column = names.iter().position(|known| *known == name).expect(name);
+        row[column].parse::<f64>().unwrap_or(0.0)
+    };
+    let attitudes: Vec<_> =
+        table.map(|row| [of(&row, "pitch_deg"), of(&row, "roll_deg")]).collect();
+    let close = |a: f64, b: f64| abs_diff_eq!(a, b, epsilon = 1e-12);
+    assert!(close(attitudes[0][0], -5.5) && close(attitudes[0][1], 12.25), "{attitudes:?}");
+    assert!(close(attitudes[1][0], 0.0) && close(attitudes[1][1], 0.0), "{attitudes:?}");
+}
+
 /// Pulses whose clock is 2.3 s behind that of an antenna that turns unevenly, heard at one place.
 #[test]
 fn pulses_are_joined_with_poses_of_another_clock() {

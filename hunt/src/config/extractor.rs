@@ -1,5 +1,5 @@
 use foxhunt_core::{
-    BearingExtractor,
+    BearingExtractor, Sample,
     parameter::{ParameterError, positive},
 };
 use foxhunt_sensors::{
@@ -91,7 +91,7 @@ impl Default for KnownAntennaConfig {
             antenna: AntennaConfig::default(),
             elevation_deg: 0.0,
             steepest_deg: None,
-            sample_sigma_db: 2.0,
+            sample_sigma_db: Sample::SIGMA_DB,
             misfit_sigma_db: 0.0,
             rss_sigma_db: 7.9,
             max_sigma_deg: 57.0,

@@ -103,9 +103,6 @@ impl fmt::Debug for Parts {
     }
 }
 
-/// σ in dB that stands in the log for a single sample; the estimators of samples have their own.
-const SAMPLE_SIGMA_DB: f64 = 2.0;
-
 /// A hunt for one beacon after the other with a formation of drones; where turns are
 /// [shared](HuntConfig::shared_turns), every turn measures all of them, and the planner may weigh
 /// them.
@@ -562,7 +559,7 @@ impl Hunt {
 
     /// Takes the samples of a sweep, and what was missed, one by one.
     fn samples(&mut self, time: f64, drone: usize, sweep: &Sweep<'_>) {
-        let receptions = Reception::of_samples(sweep, SAMPLE_SIGMA_DB);
+        let receptions = Reception::of_samples(sweep);
         if receptions.is_empty() {
             let reason = NoReading::Empty.to_string();
             return self.nothing_received(time, drone, sweep.beacon, sweep.time, reason);

@@ -13,7 +13,7 @@ use core::{f64::consts::TAU, fmt};
 
 use foxhunt_core::{
     BeaconId, BearingExtractor, OwnedSweep, Pose, Radio, Sample, Sweep, Unanswered,
-    angle::{self, Resultant},
+    angle::{self, nearest_position},
     parameter::{FieldError, in_range, positive},
 };
 use nalgebra::Vector3;
@@ -22,9 +22,6 @@ use crate::Antenna;
 
 /// Largest delay of a pulse that still counts as the due pulse, as a share of the interval.
 const LATE: f64 = 0.02;
-
-/// Headings whose mean resultant is shorter than this, which is a spread of 8°, did not hold.
-const HELD: f64 = 0.99;
 
 /// Timing of interrogations, and attribution of answers to time and place.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -230,7 +227,8 @@ impl TurnRecorder {
         self.sweeps.iter().zip(&mut self.judged).all(|(sweep, judged)| {
             // What did not come teaches too little to be worth a fit of its own.
             if judged.0 != sweep.samples.len() {
-                let receiver = mean_pose(&sweep.samples).unwrap_or_default();
+                let receiver = Pose::mean(sweep.samples.iter().map(|sample| &sample.receiver))
+                    .unwrap_or_default();
                 let mut record = sweep.clone();
                 for unanswered in record.unanswered.iter_mut().filter(|_| from_nose) {
                     unanswered.boresight = angle::wrap(receiver.heading + unanswered.boresight);
@@ -265,7 +263,8 @@ impl TurnRecorder {
         self.lent += 1;
         Some(Sweep {
             time,
-            receiver: mean_pose(&sweep.samples).unwrap_or(fallback),
+            receiver: Pose::mean(sweep.samples.iter().map(|sample| &sample.receiver))
+                .unwrap_or(fallback),
             positions,
             floor_dbm,
             receiver_sigma_m: self.place_sigma,
@@ -424,77 +423,8 @@ fn between(from: &Pose, to: &Pose, share: f64) -> Pose {
     }
 }
 
-/// The mean pose of the samples' receivers; with a velocity where all of them have one.
-fn mean_pose(samples: &[Sample]) -> Option<Pose> {
-    let last = samples.last()?;
-    let mut heading = Resultant::default();
-    let mut position = Vector3::zeros();
-    let mut pitch = 0.0;
-    let mut roll = 0.0;
-    let mut count = 0.0;
-    // A drone that hovers has one heading for all samples.
-    let mut held = f64::NAN;
-    let mut unit = Resultant::default();
-    for Sample { receiver, .. } in samples {
-        if receiver.heading.to_bits() != held.to_bits() {
-            held = receiver.heading;
-            unit = Resultant::from_iter([held]);
-        }
-        heading += unit;
-        position += receiver.position;
-        pitch += receiver.pitch;
-        roll += receiver.roll;
-        count += 1.0;
-    }
-    let velocities = samples.iter().map(|sample| sample.receiver.velocity);
-    let velocity = velocities.sum::<Option<Vector3<f64>>>();
-    // The attitude of a body that turned meanwhile is that of no one heading.
-    if heading.length() < HELD {
-        pitch = 0.0;
-        roll = 0.0;
-    }
-    // Headings that cancel have no mean; then the last one is as good as any.
-    let heading = heading.direction(1e-9).unwrap_or(last.receiver.heading);
-    Some(Pose {
-        position: position / count,
-        heading,
-        pitch: pitch / count,
-        roll: roll / count,
-        velocity: velocity.map(|sum| sum / count),
-    })
-}
-
-/// The nominal position, of `positions` in a turn, that is nearest to a boresight's angle in
-/// radians: a motor that is stuck does not fill positions that it never reached.
-fn nearest_position(angle: f64, positions: u16) -> u16 {
-    let steps = libm::round(angle::wrap(angle) / TAU * f64::from(positions));
-    #[expect(clippy::cast_possible_truncation, reason = "within a turn of at most u16::MAX steps")]
-    let steps = (steps as i32).rem_euclid(i32::from(positions));
-    u16::try_from(steps).unwrap_or(0)
-}
-
 /// Offset of the boresights of a stepper's round from the first round's, as a share of a step:
 /// halves, then quarters, then eighths (van der Corput 1935), and after eight rounds again.
 fn between_steps(round: u32) -> f64 {
     f64::from((round % 8).reverse_bits() >> 29) / 8.0
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn sample(velocity: Option<Vector3<f64>>) -> Sample {
-        let receiver = Pose { velocity, ..Pose::at(1.0, 2.0, 3.0) };
-        Sample { time: 0.0, receiver, boresight: 0.0, position: 0, rss_dbm: -60.0 }
-    }
-
-    #[test]
-    fn a_mean_pose_has_the_mean_velocity_where_all_samples_have_one() {
-        let with = [1.0, 2.0, 6.0].map(|east| sample(Some(Vector3::new(east, -east, 0.0))));
-        let mean = mean_pose(&with).and_then(|pose| pose.velocity);
-        assert_eq!(mean, Some(Vector3::new(3.0, -3.0, 0.0)));
-        let one_without = [with[0], sample(None), with[1]];
-        assert_eq!(mean_pose(&one_without).map(|pose| pose.velocity), Some(None));
-        assert_eq!(mean_pose(&[]), None);
-    }
 }

@@ -29,10 +29,11 @@ prop_compose! {
     fn sample()(
         // So near that a receiver may have moved from any place to any other.
         time in -1e9..1e9f64, east in -25.0..25.0f64, north in -25.0..25.0f64, up in 0.0..500.0f64,
-        heading in -20.0..20.0f64, boresight in -20.0..20.0f64, position in 0u16..128,
-        rss_dbm in -140.0..0.0f64,
+        heading in -20.0..20.0f64, pitch in -1.5..1.5f64, roll in -3.0..3.0f64,
+        boresight in -20.0..20.0f64, position in 0u16..128, rss_dbm in -140.0..0.0f64,
     ) -> Sample {
-        let receiver = Pose::level(Vector3::new(east, north, up), heading);
+        let level = Pose::level(Vector3::new(east, north, up), heading);
+        let receiver = Pose { pitch, roll, ..level };
         Sample { time, receiver, boresight, position, rss_dbm }
     }
 }
@@ -68,7 +69,13 @@ proptest! {
                 // Degrees and back: a few roundings of a number below 360.
                 prop_assert!(angle::distance(a.boresight, b.boresight) < 1e-13);
                 prop_assert!(angle::distance(a.receiver.heading, b.receiver.heading) < 1e-13);
+                prop_assert!((a.receiver.pitch - b.receiver.pitch).abs() < 1e-13);
+                prop_assert!((a.receiver.roll - b.receiver.roll).abs() < 1e-13);
             }
+            let poses = || written.iter().map(|sample| &sample.receiver);
+            let mean = Pose::mean(poses()).expect("there are samples");
+            prop_assert!((read.sweep.receiver.pitch - mean.pitch).abs() < 1e-12);
+            prop_assert!((read.sweep.receiver.roll - mean.roll).abs() < 1e-12);
         }
     }
 
@@ -150,6 +157,8 @@ fn what_would_not_read_back_is_not_written() {
         Sample { rss_dbm: 400.0, ..good },
         Sample { boresight: f64::INFINITY, ..good },
         Sample { time: f64::NAN, ..good },
+        Sample { receiver: Pose { pitch: 1.6, ..good.receiver }, ..good },
+        Sample { receiver: Pose { roll: f64::NAN, ..good.receiver }, ..good },
     ];
     for sample in bad {
         let message = writer.write("a", "b", &sweep(&[good, sample])).expect_err("not a number");

@@ -4,7 +4,7 @@ use alloc::vec::Vec;
 use core::f64::consts::{FRAC_PI_4, TAU};
 
 use foxhunt_core::{
-    Bearing, BearingExtractor, BearingModes, NoBearing, NoReading, Reading, Sweep,
+    Bearing, BearingExtractor, BearingModes, NoBearing, NoReading, Reading, Sample, Sweep,
     angle::{self, Resultant},
     parameter::{ParameterError, positive, require},
 };
@@ -125,7 +125,12 @@ pub struct FirstHarmonic {
 /// dB, bearings up to 1 rad of σ.
 impl Default for FirstHarmonic {
     fn default() -> Self {
-        Self { decibels: false, sample_sigma_db: 2.0, rss_sigma_db: 7.9, max_sigma: 1.0 }
+        Self {
+            decibels: false,
+            sample_sigma_db: Sample::SIGMA_DB,
+            rss_sigma_db: 7.9,
+            max_sigma: 1.0,
+        }
     }
 }
 
@@ -255,7 +260,7 @@ pub struct MainLobeFit {
 impl Default for MainLobeFit {
     fn default() -> Self {
         let half_width = 40.0_f64.to_radians();
-        Self { half_width, sample_sigma_db: 2.0, rss_sigma_db: 7.9, max_sigma: 1.0 }
+        Self { half_width, sample_sigma_db: Sample::SIGMA_DB, rss_sigma_db: 7.9, max_sigma: 1.0 }
     }
 }
 

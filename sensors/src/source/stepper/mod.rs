@@ -8,10 +8,11 @@ use alloc::{vec, vec::Vec};
 use core::f64::consts::TAU;
 
 use foxhunt_core::{
-    BeaconId, Clock, PatternSource, Pose, Radio, Rotator, Sample, Sweep, Unanswered, Vehicle, angle,
+    BeaconId, Clock, PatternSource, Pose, Radio, Rotator, Sample, Sweep, Unanswered, Vehicle,
+    angle::{self, nearest_position},
 };
 
-use super::{TurnGoal, TurnRecorder, between_steps, mean_pose, nearest_position};
+use super::{TurnGoal, TurnRecorder, between_steps};
 
 /// Maximum number of samples of each beacon that a turn begins with room for; it may have more.
 const MOST_RESERVED: usize = 4096;
@@ -343,7 +344,9 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> PatternSource for StepperSource
             for sweep in self.recorder.beacons_mut().filter(|sweep| !sweep.unanswered.is_empty()) {
                 // Until now they were from the nose, whose heading is not known where no answer
                 // came.
-                let heading = mean_pose(&sweep.samples).unwrap_or(self.last_pose).heading;
+                let heading = Pose::mean(sweep.samples.iter().map(|sample| &sample.receiver))
+                    .unwrap_or(self.last_pose)
+                    .heading;
                 for unanswered in &mut sweep.unanswered {
                     unanswered.boresight = angle::wrap(heading + unanswered.boresight);
                 }

@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 
 use foxhunt_core::{
-    BearingExtractor, NoReading, Reading, Sweep, angle,
+    BearingExtractor, NoReading, Reading, Sample, Sweep, angle,
     parameter::{ParameterError, not_negative, positive, require},
 };
 
@@ -22,7 +22,6 @@ const RATIOS: [f64; 5] = [0.05, 0.1, 0.2, 0.35, 0.6];
 
 /// Degrees of freedom from which the scatter of a turn's readings outweighs the assumed one.
 const PRIOR_FREEDOM: f64 = 4.0;
-const SAMPLE_SIGMA_DB: f64 = 2.0;
 const FITTED: f64 = 2.0;
 
 /// The model of the residuals that a fitted pattern leaves.
@@ -96,7 +95,7 @@ impl<A: Antenna> MaximumLikelihood<A> {
             antenna,
             table,
             steeper: Vec::new(),
-            sample_sigma_db: 2.0,
+            sample_sigma_db: Sample::SIGMA_DB,
             misfit_sigma_db: 0.0,
             limits: Limits::default(),
             residuals: Residuals::Gaussian,
@@ -301,7 +300,7 @@ impl<A: Antenna> CrossCorrelation<A> {
 impl<A: Antenna> BearingExtractor for CrossCorrelation<A> {
     fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading> {
         let looks = Looks::new(sweep)?;
-        let noise = looks.sample_variance(SAMPLE_SIGMA_DB, PRIOR_FREEDOM);
+        let noise = looks.sample_variance(Sample::SIGMA_DB, PRIOR_FREEDOM);
         let fit = Fit::new(&self.antenna, &self.table, looks, sweep, noise, 0.0);
         let (mean, _) = fit.looks.spread();
         let mut gains = Vec::new();
