@@ -322,7 +322,7 @@ mod tests {
             ..Pose::level(Vector3::zeros(), heading)
         });
         let mean = Pose::mean(&turn).expect("there are four");
-        assert_eq!([mean.heading, mean.pitch, mean.roll], [-FRAC_PI_2, 0.0, 0.0]);
+        assert_eq!(mean, Pose::level(Vector3::zeros(), -FRAC_PI_2));
     }
 
     #[test]
