@@ -1,5 +1,5 @@
 use foxhunt_core::{
-    Pose,
+    Pose, Sample,
     parameter::{ParameterError, in_range, positive},
 };
 use foxhunt_filters::DirectionalGridConfig;
@@ -26,16 +26,16 @@ pub struct PulseLevelConfig {
 }
 
 impl Default for PulseLevelConfig {
-    /// 2 dB a pulse, 3 dB and 6° a site, 10 dB of power, one pulse in twenty lost, one in fifty
-    /// false.
+    /// 2 dB a pulse and 6° a site; the rest as in the default of [`DirectionalGridConfig`].
     fn default() -> Self {
+        let grid = DirectionalGridConfig::default();
         Self {
-            sigma_db: 2.0,
-            site_sigma_db: 3.0,
+            sigma_db: Sample::SIGMA_DB,
+            site_sigma_db: grid.site_sigma_db,
             site_sigma_deg: 6.0,
-            power_sigma_db: 10.0,
-            lost_probability: 0.05,
-            false_share: 0.02,
+            power_sigma_db: grid.power_sigma_db,
+            lost_probability: grid.lost_probability,
+            false_share: grid.false_share,
         }
     }
 }
