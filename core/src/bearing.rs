@@ -44,6 +44,12 @@ pub struct Reading {
     pub modes: BearingModes,
 }
 
+impl Reading {
+    /// σ in dB of a level about a path-loss law over a wooded site, in the field of the reference
+    /// (Pritzl 2018, §7.5).
+    pub const RSS_SIGMA_DB: f64 = 7.9;
+}
+
 /// A direction of arrival and how well it is known.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

@@ -2,7 +2,8 @@ use std::mem;
 
 use foxhunt_core::{
     BearingModes, Belief, ByQuantity, Correction, Estimate, Estimator, EstimatorError, Intake,
-    MeasurementModel, ObservationError, Quantity, Reception, Smooth, parameter::ParameterError,
+    MeasurementModel, ObservationError, Quantity, Reading, Reception, Smooth,
+    parameter::ParameterError,
 };
 use foxhunt_filters::{
     Remembering,
@@ -41,7 +42,7 @@ impl TrackConfig {
         Self {
             time_step: TimeStep::PerReception,
             first_position_rss_sigma_db: Some(1000.0),
-            rss_sigma_db: Some(7.9),
+            rss_sigma_db: Some(Reading::RSS_SIGMA_DB),
             without_bearing: WithoutBearing::Discard,
             components: Components::Both,
         }

@@ -1,5 +1,5 @@
 use foxhunt_core::{
-    BearingExtractor, Sample,
+    BearingExtractor, Reading, Sample,
     parameter::{ParameterError, positive},
 };
 use foxhunt_sensors::{
@@ -53,7 +53,7 @@ pub struct LobeConfig {
 impl Default for LobeConfig {
     /// 7.9 dB, as the reference has it.
     fn default() -> Self {
-        Self { rss_sigma_db: 7.9 }
+        Self { rss_sigma_db: Reading::RSS_SIGMA_DB }
     }
 }
 
@@ -93,7 +93,7 @@ impl Default for KnownAntennaConfig {
             steepest_deg: None,
             sample_sigma_db: Sample::SIGMA_DB,
             misfit_sigma_db: 0.0,
-            rss_sigma_db: 7.9,
+            rss_sigma_db: Reading::RSS_SIGMA_DB,
             max_sigma_deg: 57.0,
             min_positions: 8,
             degrees: 4.0,

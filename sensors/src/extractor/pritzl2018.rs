@@ -33,7 +33,7 @@ impl Default for Pritzl2018 {
     fn default() -> Self {
         Self {
             window: 7,
-            rss_sigma_db: 7.9,
+            rss_sigma_db: Reading::RSS_SIGMA_DB,
             width_db: 2.0,
             max_sigma: 3.0,
             min_sigma: 0.05,

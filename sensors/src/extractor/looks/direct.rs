@@ -46,7 +46,7 @@ pub struct Maximum {
 /// A level's σ of 7.9 dB.
 impl Default for Maximum {
     fn default() -> Self {
-        Self { rss_sigma_db: 7.9 }
+        Self { rss_sigma_db: Reading::RSS_SIGMA_DB }
     }
 }
 
@@ -128,7 +128,7 @@ impl Default for FirstHarmonic {
         Self {
             decibels: false,
             sample_sigma_db: Sample::SIGMA_DB,
-            rss_sigma_db: 7.9,
+            rss_sigma_db: Reading::RSS_SIGMA_DB,
             max_sigma: 1.0,
         }
     }
@@ -260,7 +260,12 @@ pub struct MainLobeFit {
 impl Default for MainLobeFit {
     fn default() -> Self {
         let half_width = 40.0_f64.to_radians();
-        Self { half_width, sample_sigma_db: Sample::SIGMA_DB, rss_sigma_db: 7.9, max_sigma: 1.0 }
+        Self {
+            half_width,
+            sample_sigma_db: Sample::SIGMA_DB,
+            rss_sigma_db: Reading::RSS_SIGMA_DB,
+            max_sigma: 1.0,
+        }
     }
 }
 

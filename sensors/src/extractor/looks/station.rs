@@ -12,10 +12,6 @@ use foxhunt_core::{
 use super::{Node, Peak, normal_cdf, peaks, summit};
 use crate::extractor::pattern::check;
 
-/// σ of a level along a path-loss law over a wooded site, in dB, as the reference has it in its
-/// field (Pritzl 2018, §7.5).
-const RSS_SIGMA_DB: f64 = 7.9;
-
 /// Number of equal steps from East at which directions are reckoned.
 const NODES: u16 = 180;
 
@@ -163,7 +159,7 @@ impl StationPattern {
             residual_db: 6.0,
             floor: None,
             max_sigma: 1.7,
-            level_sigma_db: RSS_SIGMA_DB,
+            level_sigma_db: Reading::RSS_SIGMA_DB,
             gains,
             mean_db,
         })

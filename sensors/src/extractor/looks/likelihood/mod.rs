@@ -249,7 +249,7 @@ struct Limits {
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { rss_sigma_db: 7.9, max_sigma: 1.0, min_positions: 8 }
+        Self { rss_sigma_db: Reading::RSS_SIGMA_DB, max_sigma: 1.0, min_positions: 8 }
     }
 }
 
