@@ -1357,7 +1357,7 @@ def convert(
         most_gap_s: Greatest time between the places before and after a level or pulse, in
             seconds [default: 2]
         poses: Places of the receiver and directions of its antenna: CSV with time_s or time_utc,
-            places, heading_deg_compass, boresight_deg_compass
+            places, heading_deg_compass, pitch_deg, roll_deg, boresight_deg_compass
         clock_offset: Seconds by which the clock of the poses is ahead of that of the pulses, or
             the time in UTC at which the pulses' clock showed 0 [default: 0]
         clock_within_s: Find the clocks' offset from levels and boresights, within this many
