@@ -23,8 +23,7 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// σ of a sample's level in dB, where neither a turn nor a setting shows it: receivers report
-    /// whole decibels, and a level fluctuates by one or two.
+    /// σ of a sample's level in dB, where neither a turn nor a setting shows it.
     pub const SIGMA_DB: f64 = 2.0;
 }
 
