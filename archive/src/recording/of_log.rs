@@ -2,7 +2,9 @@ use foxhunt_core::Pose;
 use foxhunt_hunt::{hunt::Event, log::Log};
 
 use super::{
-    Details, North, Record, RecordedBearing, Recording, Turns, record::Place, row::Shared,
+    Details, North, Record, RecordedBearing, Recording, Turns,
+    record::{Place, beyond_place},
+    row::Shared,
 };
 
 impl Recording {
@@ -21,7 +23,6 @@ impl Recording {
                 let beacon = log.header.beacons.get(usize::from(reception.beacon.0));
                 let bearing = reception.bearing;
                 let Pose { position, heading, .. } = reception.receiver;
-                let is_level = reception.receiver == Pose::level(position, heading);
                 let details = Details {
                     beacon: beacon.map(|beacon| beacon.name.as_str().into()),
                     drone: drone.to_string().into(),
@@ -34,7 +35,7 @@ impl Recording {
                     }),
                     measured: reception.measured,
                     truth: beacon.and_then(|beacon| beacon.place_at(reception.time)),
-                    tilted: (!is_level).then_some(reception.receiver),
+                    tilted: beyond_place(reception.receiver),
                     ..Details::default()
                 };
                 Some(Record {

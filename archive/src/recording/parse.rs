@@ -7,7 +7,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::{
     Column, Details, FieldProblem, North, Record, RecordedBearing, RecordingError, Rover,
-    record::Place,
+    record::{Place, beyond_place},
     row::{Reader, whole},
 };
 
@@ -122,7 +122,7 @@ impl Reader<'_> {
                 self.number(Column::RangeM)?
             },
             truth: self.truth(frame)?,
-            tilted: pose.filter(|pose| *pose != Pose::level(pose.position, heading)),
+            tilted: pose.and_then(beyond_place),
         };
         Ok(Ok(Record {
             line: self.row.line(),

@@ -31,6 +31,11 @@ pub(super) struct Place {
     pub heading: f64,
 }
 
+/// The pose of a receiver that is more than a [`Place`]: tilted, or of a known velocity.
+pub(super) fn beyond_place(pose: Pose) -> Option<Pose> {
+    (pose != Pose::level(pose.position, pose.heading)).then_some(pose)
+}
+
 impl Record {
     /// Returns the receiver's pose. All rows of a file have it, or no row. Up is above the ground
     /// (or the frame's origin for `alt_m`), 0 where the height is not known; the heading is 0
