@@ -27,6 +27,9 @@ pub const LOG_VERSION: u32 = 7;
 /// version 7 the health of drones, their heights above the ground, and models over terrain.
 pub const OLDEST_LOG_VERSION: u32 = 2;
 
+/// The first bytes of a log of any version.
+pub const LOG_BEGIN: &[u8] = b"{\"foxhunt_log\"";
+
 /// The first line of a log: how the estimates came about.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

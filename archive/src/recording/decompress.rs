@@ -12,6 +12,7 @@ use flate2::{
     Crc,
     read::{DeflateDecoder, MultiGzDecoder},
 };
+use foxhunt_hunt::log::LOG_BEGIN;
 
 use super::{RecordingError, flight_log::Kind};
 
@@ -20,7 +21,7 @@ const LOOKED_AT: usize = 4096;
 
 /// Contents that are no table, by their first bytes: the name, and the command that would work,
 /// in which `{}` is the file.
-const CONTENTS: [(&[u8], &str, &str); 14] = [
+const CONTENTS: [(&[u8], &str, &str); 15] = [
     (b"SQLite format 3\0", "an SQLite database", BAG),
     (b"\x89MCAP", "a bag of ROS 2", BAG),
     (b"PK\x03\x04", "a spreadsheet or another ZIP archive", SPREADSHEET),
@@ -33,6 +34,7 @@ const CONTENTS: [(&[u8], &str, &str); 14] = [
     (b"<gpx", "a GPX track", TRACK),
     (b"<kml", "a KML file", TRACK),
     (b"%PDF", "a PDF document", NOTHING),
+    (LOG_BEGIN, "the log of a hunt", LOG),
     (b"\x89PNG", "a picture", NOTHING),
     (b"\xff\xd8\xff", "a picture", NOTHING),
 ];
@@ -46,6 +48,7 @@ const SPREADSHEET: &str = "a build with the feature `spreadsheets` reads .xlsx, 
 const SAMPLES: &str = "it becomes a table of pulses with: foxhunt pulses {} --csv";
 const TRACK: &str = "a path alone locates nothing; give it beside a table of levels with their \
                      times: foxhunt locate {} LEVELS.csv";
+const LOG: &str = "its receptions are located again with: foxhunt replay {}";
 const NOTHING: &str = "a recording is a CSV file whose first line names the columns";
 
 /// Refuses a file that is no text, and names what it is.

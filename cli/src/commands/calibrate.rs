@@ -12,7 +12,7 @@ use foxhunt::{
     },
     config::BoxedExtractor,
     core::BearingExtractor,
-    log::Log,
+    log::{LOG_BEGIN, Log},
     recorded::{
         CalibrateConfig, StationConfig, calibrate, calibrate_array, calibrate_bearings,
         fit_boresights, has_several_beacons, is_fixed_array, station_boresights,
@@ -159,7 +159,7 @@ fn is_hunt(path: &Path) -> bool {
     let Ok(file) = fs::File::open(path) else { return false };
     let mut begin = Vec::new();
     let read = file.take(64).read_to_end(&mut begin);
-    read.is_ok() && begin.starts_with(b"{\"foxhunt_log\"")
+    read.is_ok() && begin.starts_with(LOG_BEGIN)
 }
 
 /// Fits the deviations of arrays to the bearings of all beacons; an error if no array is found.

@@ -1,5 +1,7 @@
 //! The program as its users meet it: what it prints, where, and how it ends.
 
+#[cfg(feature = "batch")]
+mod answers;
 mod antenna;
 mod calibration;
 mod campaign;

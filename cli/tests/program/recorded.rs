@@ -249,6 +249,21 @@ fn a_path_loss_is_fitted() {
 }
 
 #[test]
+fn files_of_other_kinds_are_named_with_the_command_that_takes_them() {
+    let folder = folder("other_kinds");
+    for (name, begin, says) in [
+        ("hunt.jsonl", "{\"foxhunt_log\":7}\n", ["the log of a hunt", "foxhunt replay"]),
+        ("bag.db3", "SQLite format 3\0", ["an SQLite database", "foxhunt convert"]),
+        ("tag.wav", "RIFF", ["a file of samples", "foxhunt pulses"]),
+        ("way.kml", "<?xml version='1.0'?><kml>", ["a KML file", "LEVELS.csv"]),
+        ("notes.pdf", "%PDF-1.7", ["a PDF document", "a CSV file"]),
+        ("disk.img", "ab\0cd", ["a binary file", "a CSV file"]),
+    ] {
+        foxhunt(["locate", &write(&folder, name, begin)]).failed(2, &[name, says[0], says[1]]);
+    }
+}
+
+#[test]
 fn a_bad_cell_is_named_with_file_line_column_and_value() {
     let folder = folder("bad_cells");
     let file = write(&folder, "bad.csv", "east_m,north_m,rss_dbm\n0,0,-60\n1,0,loud\n");

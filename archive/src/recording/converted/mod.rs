@@ -17,6 +17,8 @@ mod xctu;
 
 pub(super) use rows::{Converted, Made, Rows};
 
+use foxhunt_hunt::log::LOG_BEGIN;
+
 use self::rows::{RowsWriter, not_written};
 use super::{
     RecordingError, Rover,
@@ -57,6 +59,9 @@ pub(super) fn convert(
     #[cfg(feature = "sqlite")]
     if let Some(converted) = sqlite::convert_df_aggregator(bytes, file)? {
         return Ok(Some(converted));
+    }
+    if bytes.starts_with(LOG_BEGIN) {
+        return Ok(None);
     }
     if let Some(rows) = json::convert(bytes, file)? {
         return Ok(Some(Converted { table: Made::Rows(rows), what: String::new() }));
