@@ -134,6 +134,9 @@ fn a_state_with_an_angle_stays_on_the_circle() {
             assert!((-core::f64::consts::PI..core::f64::consts::PI).contains(&angle), "{name}");
         }
     }
+    // The last of them is the cloud, which goes round as its mean does.
+    let [.., (_, cloud)] = &filters;
+    cloud.visit_samples(&mut |state, _| assert!(state[1].abs() <= core::f64::consts::PI));
 }
 
 #[test]

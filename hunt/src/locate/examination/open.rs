@@ -52,10 +52,7 @@ pub(super) fn one_place(
              no path, as errors of GNSS do (--receiver-sigma-m, if they are better known)"
         )
     };
-    let rays = data.iter().filter(|datum| datum.kind == Kind::Bearing).map(|datum| {
-        Vector2::new(libm::cos(datum.value), libm::sin(datum.value)) / datum.sigma.powi(2)
-    });
-    let mean: Vector2<f64> = rays.sum();
+    let mean = ray(data.iter().filter(|datum| datum.kind == Kind::Bearing));
     let known = if mean.norm() > 0.0 {
         let compass = radians_to_compass_deg(libm::atan2(mean.y, mean.x));
         format!("only the direction is known, {compass:.0}°")
@@ -140,6 +137,11 @@ pub(super) fn range_open(
     })
 }
 
+/// The sum of unit vectors along bearings, each over its variance: it points where most of them do.
+fn ray<'a>(bearings: impl Iterator<Item = &'a Datum>) -> Vector2<f64> {
+    bearings.map(|d| Vector2::new(libm::cos(d.value), libm::sin(d.value)) / d.sigma.powi(2)).sum()
+}
+
 /// Returns a remark if bearings fit a transmitter at infinity nearly as well as any place.
 fn bearings_open(data: &[Datum], config: &LocateConfig) -> Option<Remark> {
     let up = config.target_up_m;
@@ -150,9 +152,7 @@ fn bearings_open(data: &[Datum], config: &LocateConfig) -> Option<Remark> {
     let widened =
         |datum: &Datum| 2.0 * libm::log(datum.sigma_towards(&best.place, up) / datum.sigma);
     let most = best.misfit + data.iter().map(widened).sum::<f64>() + LIKELY * square;
-    let mean: Vector2<f64> = (data.iter())
-        .map(|d| Vector2::new(libm::cos(d.value), libm::sin(d.value)) / d.sigma.powi(2))
-        .sum();
+    let mean = ray(data.iter());
     let direction = libm::atan2(mean.y, mean.x);
     let middle = centre(data)?;
     let at_infinity: f64 = (data.iter())
