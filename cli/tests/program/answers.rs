@@ -1,6 +1,6 @@
 //! The numbers of many answers against what they were: recordings of most formats, hunts of most
-//! scenarios, comparisons and pictures. A change of an engine changes some of them with intent; no
-//! other change may.
+//! scenarios, comparisons and pictures. A change of an engine or of a format changes some of them
+//! with intent; no other change may.
 //!
 //! A file in `answers` holds commands, and below each what it answered: a line for each part, with
 //! the count of its numbers and their weighted sum. With `FOXHUNT_RENEW_ANSWERS=1` the files are
@@ -10,12 +10,11 @@ use std::{
     collections::{BTreeMap, BTreeSet},
     env, fs,
     path::Path,
-    process::Command,
 };
 
 use serde_json::Value;
 
-use crate::support::folder;
+use crate::support::{folder, foxhunt_in};
 
 /// The share of a sum by which machines differ.
 const TOLERANCE: f64 = 1e-8;
@@ -72,7 +71,7 @@ fn printed(text: &str) -> BTreeMap<String, Sum> {
     parts
 }
 
-/// What the program wrote to a file. Of a report its data count; the rest is the page's own.
+/// Numbers of a file that the program wrote: of a report those of its data, not the page's own.
 fn written(text: &str) -> Sum {
     let mut sum = Sum::default();
     let (_, data) =
@@ -85,8 +84,8 @@ fn written(text: &str) -> Sum {
     sum
 }
 
-/// What a command answers; files that it writes to `out` are parts of the answer. `known` has those
-/// that lie there already.
+/// Parts of a command's answer: what it prints, its exit code, and the files that it writes to
+/// `out`. `known` has the files that lie there already.
 fn answer(
     command: &str,
     out: &Path,
@@ -94,16 +93,11 @@ fn answer(
 ) -> BTreeMap<String, Sum> {
     let data = concat!(env!("CARGO_MANIFEST_DIR"), "/../archive/tests/data");
     let path = out.to_str().expect("UTF-8");
-    let ran = Command::new(env!("CARGO_BIN_EXE_foxhunt"))
-        .args(command.split_whitespace().map(|word| word.replace("OUT", path)))
-        .current_dir(data)
-        .env_remove("FOXHUNT_DATA")
-        .output()
-        .expect("the program was built for this test");
+    let ran = foxhunt_in(data, command.split_whitespace().map(|word| word.replace("OUT", path)));
     // Where the folder lies is no part of the answer.
-    let mut answered = printed(&String::from_utf8_lossy(&ran.stdout).replace(path, "OUT"));
+    let mut answered = printed(&ran.stdout.replace(path, "OUT"));
     let mut exit = Sum::default();
-    exit.add(ran.status.code().map_or(f64::NAN, f64::from));
+    exit.add(ran.code.into());
     answered.insert("exit".into(), exit);
     let files = fs::read_dir(out).expect("the folder was made").filter_map(Result::ok);
     for file in files {
@@ -151,7 +145,7 @@ fn hold(name: &str) {
         }
     }
     if env::var_os("FOXHUNT_RENEW_ANSWERS").is_some() {
-        fs::write(&file, renewed).expect("the sources can be written to");
+        return fs::write(&file, renewed).expect("the sources can be written to");
     }
     assert!(wrong.is_empty(), "{} lines differ from {file}:\n{}", wrong.len(), wrong.join("\n"));
 }

@@ -1,6 +1,6 @@
 //! The program as its users meet it: what it prints, where, and how it ends.
 
-#[cfg(feature = "batch")]
+#[cfg(all(feature = "batch", feature = "maps"))]
 mod answers;
 mod antenna;
 mod calibration;

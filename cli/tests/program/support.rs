@@ -16,8 +16,17 @@ pub(crate) struct Ran {
 }
 
 pub(crate) fn foxhunt<A: AsRef<OsStr>>(args: impl IntoIterator<Item = A>) -> Ran {
+    foxhunt_in(".", args)
+}
+
+/// A call of the program in a folder.
+pub(crate) fn foxhunt_in<A: AsRef<OsStr>>(
+    folder: impl AsRef<Path>,
+    args: impl IntoIterator<Item = A>,
+) -> Ran {
     let Output { status, stdout, stderr } = Command::new(env!("CARGO_BIN_EXE_foxhunt"))
         .args(args)
+        .current_dir(folder)
         // Recordings of the machine would change what a test draws.
         .env_remove("FOXHUNT_DATA")
         .output()
