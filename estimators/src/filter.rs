@@ -167,23 +167,36 @@ pub enum FilterConfig {
         level_noise_spread: Option<f64>,
     },
     /// The particle filter: bootstrap proposals, regularised resampling.
-    Particle {
-        /// Number of particles; the maximum where the number adapts.
-        count: usize,
-        /// Side of the bins, in the state's units: the number of particles follows from how many
-        /// bins the belief occupies. Fixed where absent.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        adaptive_bin: Option<f64>,
-        /// True if particles are resampled at every step, multinomially, and not spread (Gordon,
-        /// Salmond & Smith 1993), instead of when few of them count.
-        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-        every_step: bool,
-    },
+    Particle(ParticleConfig),
     /// A cloud of places, each with a Gaussian of the reference power, which has to be unknown.
     RaoBlackwellised {
         /// Number of particles.
         count: usize,
     },
+}
+
+/// Settings of a particle filter.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ParticleConfig {
+    /// Number of particles; the maximum where the number adapts.
+    pub count: usize,
+    /// Side of the bins, in the state's units: the number of particles follows from how many bins
+    /// the belief occupies. Fixed where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub adaptive_bin: Option<f64>,
+    /// True if particles are resampled at every step, multinomially, and not spread (Gordon,
+    /// Salmond & Smith 1993), instead of when few of them count.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub every_step: bool,
+}
+
+impl ParticleConfig {
+    /// A fixed number of particles, resampled when few of them count.
+    #[must_use]
+    pub const fn of(count: usize) -> Self {
+        Self { count, adaptive_bin: None, every_step: false }
+    }
 }
 
 /// The default of `iterations`.
@@ -374,7 +387,7 @@ impl FilterConfig {
                 let config = grid_config(side, level_noise_spread)?;
                 Box::new(GridFilter::new(motion, model, moments, config)?)
             }
-            Self::Particle { count, adaptive_bin, every_step } => {
+            Self::Particle(ParticleConfig { count, adaptive_bin, every_step }) => {
                 let mut rng = generator(count, seed)?;
                 let cloud = if prior.is_gaussian() {
                     ParticleFilter::new(motion, model, moments, count, rng)?
@@ -430,7 +443,9 @@ impl FilterConfig {
     /// Sets the number of particles, where the filter has particles.
     #[must_use]
     pub fn with_particles(mut self, particles: usize) -> Self {
-        if let Self::Particle { count, .. } | Self::RaoBlackwellised { count } = &mut self {
+        if let Self::Particle(ParticleConfig { count, .. }) | Self::RaoBlackwellised { count } =
+            &mut self
+        {
             *count = particles;
         }
         self

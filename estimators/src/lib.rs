@@ -17,7 +17,9 @@ use std::any::Any;
 use foxhunt_core::{Estimator, EstimatorError, Smooth};
 
 pub use estimator::{EstimatorConfig, MovingConfig, ReceiverModel};
-pub use filter::{AnyModel, AnyMotion, FilterConfig, FilterOf, GateConfig, OutlierConfig, Prior};
+pub use filter::{
+    AnyModel, AnyMotion, FilterConfig, FilterOf, GateConfig, OutlierConfig, ParticleConfig, Prior,
+};
 pub use several::SeveralConfig;
 pub use team::{LearnedReceiver, MOST_RECEIVERS, ReceiversConfig};
 pub use track::{

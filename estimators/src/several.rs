@@ -156,17 +156,14 @@ impl Fed for Several {
         self.intake.quantities().to_vec()
     }
 
-    fn check(&self, reception: &Reception) -> Result<(), ObservationError> {
-        self.scan(reception).map(|_| ())
-    }
-
-    fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
-        self.prior.predict(dt)?;
-        self.filter.predict(dt)
-    }
-
-    fn update(&mut self, reception: &Reception) -> Result<(Correction, usize), TrackError> {
+    fn update(
+        &mut self,
+        dt: f64,
+        reception: &Reception,
+    ) -> Result<(Correction, usize), TrackError> {
         let scan = self.scan(reception)?;
+        self.prior.predict(dt)?;
+        self.filter.predict(dt)?;
         if scan.is_empty() {
             return Ok((Correction::Empty, 0));
         }

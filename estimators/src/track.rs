@@ -278,15 +278,16 @@ impl Track {
             return Ok(TrackStep::Skipped);
         }
         let used = self.config.apply_to(reception, first_position);
-        self.estimator.check(&used)?;
         let now = self.time.map_or(used.time, |before| before.max(used.time));
         let dt = match self.config.time_step {
             TimeStep::PerReception => 1.0,
             TimeStep::Elapsed => now - self.time.unwrap_or(now),
         };
-        self.estimator.predict(dt)?;
-        self.time = Some(now);
-        let (correction, degrees) = self.estimator.update(&used)?;
+        let taken = self.estimator.update(dt, &used);
+        if !matches!(taken, Err(TrackError::Observation(_))) {
+            self.time = Some(now);
+        }
+        let (correction, degrees) = taken?;
         self.steps += u32::from(correction != Correction::Empty);
         if let Some(last) = self.estimator.remembered().checked_sub(1) {
             self.remembered.push((used.time, last));
@@ -412,13 +413,11 @@ pub enum TrackError {
 pub(crate) trait Fed: Belief {
     fn quantities(&self) -> Vec<Quantity>;
 
-    /// Refuses a reception that no observation can be made of, before anything is predicted.
-    fn check(&self, reception: &Reception) -> Result<(), ObservationError>;
-
-    fn predict(&mut self, dt: f64) -> Result<(), EstimatorError>;
-
-    /// Updates the estimator, and returns the correction and its degrees of freedom.
-    fn update(&mut self, reception: &Reception) -> Result<(Correction, usize), TrackError>;
+    /// Predicts over some time and updates the estimator; returns the correction and its degrees of
+    /// freedom. A reception that no observation can be made of is refused before anything is
+    /// predicted.
+    fn update(&mut self, dt: f64, reception: &Reception)
+    -> Result<(Correction, usize), TrackError>;
 
     fn as_belief(&self) -> &dyn Belief;
 
@@ -487,16 +486,14 @@ where
         self.intake.quantities().to_vec()
     }
 
-    fn check(&self, reception: &Reception) -> Result<(), ObservationError> {
-        self.intake.observation(reception).map(|_| ())
-    }
-
-    fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
-        self.estimator.predict(dt)
-    }
-
-    fn update(&mut self, reception: &Reception) -> Result<(Correction, usize), TrackError> {
-        let Some(observation) = self.intake.observation(reception)? else {
+    fn update(
+        &mut self,
+        dt: f64,
+        reception: &Reception,
+    ) -> Result<(Correction, usize), TrackError> {
+        let observation = self.intake.observation(reception)?;
+        self.estimator.predict(dt)?;
+        let Some(observation) = observation else {
             return Ok((Correction::Empty, 0));
         };
         let useless = |component: usize| {
@@ -548,16 +545,12 @@ where
         self.0.quantities()
     }
 
-    fn check(&self, reception: &Reception) -> Result<(), ObservationError> {
-        self.0.check(reception)
-    }
-
-    fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
-        self.0.predict(dt)
-    }
-
-    fn update(&mut self, reception: &Reception) -> Result<(Correction, usize), TrackError> {
-        self.0.update(reception)
+    fn update(
+        &mut self,
+        dt: f64,
+        reception: &Reception,
+    ) -> Result<(Correction, usize), TrackError> {
+        self.0.update(dt, reception)
     }
 
     fn as_belief(&self) -> &dyn Belief {
@@ -596,16 +589,12 @@ where
         self.0.quantities()
     }
 
-    fn check(&self, reception: &Reception) -> Result<(), ObservationError> {
-        self.0.check(reception)
-    }
-
-    fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
-        self.0.predict(dt)
-    }
-
-    fn update(&mut self, reception: &Reception) -> Result<(Correction, usize), TrackError> {
-        self.0.update(reception)
+    fn update(
+        &mut self,
+        dt: f64,
+        reception: &Reception,
+    ) -> Result<(Correction, usize), TrackError> {
+        self.0.update(dt, reception)
     }
 
     fn as_belief(&self) -> &dyn Belief {

@@ -8,7 +8,7 @@ use foxhunt_core::{
 };
 use foxhunt_estimators::{
     BoxedEstimator, Components, EstimatorConfig, FilterConfig, GateConfig, LearnedReceiver,
-    MovingConfig, ReceiversConfig, SeveralConfig, TrackConfig, TrackStep,
+    MovingConfig, ParticleConfig, ReceiversConfig, SeveralConfig, TrackConfig, TrackStep,
 };
 use foxhunt_sensors::{LogDistance, RssBearing};
 use nalgebra::{Matrix2, Vector2, Vector3};
@@ -64,7 +64,7 @@ const IMM: FilterConfig =
     FilterConfig::Imm { sojourn_s: [30.0, 30.0], still_drift: 0.02, iterations: 1 };
 
 fn cloud(count: usize) -> FilterConfig {
-    FilterConfig::Particle { count, adaptive_bin: None, every_step: false }
+    FilterConfig::Particle(ParticleConfig::of(count))
 }
 
 /// Receivers of different makes.
@@ -86,9 +86,12 @@ fn every_filter_of_settings_keeps_the_laws() {
     let often = FilterConfig::Cubature { gate: OPEN, outliers: None, iterations: 10 };
     let power = |filter| EstimatorConfig { power_sigma_db: Some(2.0), ..of(filter) };
     let exponent = |filter| EstimatorConfig { exponent_sigma: Some(0.1), ..power(filter) };
-    let every_step = FilterConfig::Particle { count: 2000, adaptive_bin: None, every_step: true };
-    let adaptive =
-        FilterConfig::Particle { count: 2000, adaptive_bin: Some(1.0), every_step: false };
+    let every_step =
+        FilterConfig::Particle(ParticleConfig { every_step: true, ..ParticleConfig::of(2000) });
+    let adaptive = FilterConfig::Particle(ParticleConfig {
+        adaptive_bin: Some(1.0),
+        ..ParticleConfig::of(2000)
+    });
     let doubtful = FilterConfig::Grid { side: 48, level_noise_spread: Some(0.5) };
     for (config, tolerance, nis) in [
         (of(EKF), 1e-6, true),
@@ -153,7 +156,10 @@ fn filters_of_settings_have_smoothers_or_say_so() {
         (
             EstimatorConfig {
                 drift: 0.0,
-                ..of(FilterConfig::Particle { count: 50, adaptive_bin: None, every_step: true })
+                ..of(FilterConfig::Particle(ParticleConfig {
+                    every_step: true,
+                    ..ParticleConfig::of(50)
+                }))
             },
             "smoothing a plain cloud whose motion has no noise in some component of the state is \
              not supported",

@@ -68,15 +68,16 @@ pub use calibration::{
 pub use extractor::{Cell, Pattern, Pritzl2018, resultant_confidence};
 #[cfg(feature = "alloc")]
 pub use extractor::{
-    CrossCorrelation, FirstHarmonic, MainLobeFit, Maximum, MaximumLikelihood, Residuals,
+    CrossCorrelation, CrossCorrelationConfig, FirstHarmonic, MainLobeFit, Maximum,
+    MaximumLikelihood, MaximumLikelihoodConfig, Residuals,
 };
 #[cfg(feature = "alloc")]
 pub use extractor::{StationAntenna, StationModel, StationPattern};
 pub use foxhunt_core::parameter::ParameterError;
 pub use models::{
-    BearingMixture, BearingOnly, Censored, DifferentialRss, FreePathLoss, FreePathLossRssBearing,
-    FreePower, FreePowerRssBearing, LevelBearing, LevelLaw, MagneticDipole, OverTerrain,
-    RangeDifference, Rss, RssBearing, Stacked,
+    BearingMixture, BearingOnly, Censored, ChangedLevel, DifferentialRss, FreePathLoss,
+    FreePathLossRssBearing, FreePower, FreePowerRssBearing, LevelBearing, LevelChange, LevelLaw,
+    MagneticDipole, OverTerrain, RangeDifference, Rss, RssBearing, Stacked,
 };
 #[cfg(feature = "alloc")]
 pub use models::{DirectionalLevel, WithElevationPattern};

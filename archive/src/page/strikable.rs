@@ -1,5 +1,5 @@
 use foxhunt_hunt::{
-    config::{EstimatorConfig, FilterConfig},
+    config::{EstimatorConfig, FilterConfig, ParticleConfig},
     document,
     hunt::Event,
     log::LogHeader,
@@ -157,7 +157,7 @@ fn seconds(settings: &EstimatorConfig, received: usize) -> f64 {
     let received = count(received);
     let each = match settings.filter {
         FilterConfig::Grid { side, .. } => 4e-6 * count(side).powi(2),
-        FilterConfig::Particle { count: particles, .. }
+        FilterConfig::Particle(ParticleConfig { count: particles, .. })
         | FilterConfig::RaoBlackwellised { count: particles } => 4e-6 * count(particles),
         FilterConfig::GaussianSum { parts, .. } => 1e-4 * count(parts).powi(2),
         // Those that solve over all receptions after each.
@@ -232,8 +232,7 @@ mod tests {
         let put: LogHeader = serde_json::from_str(header_line).expect("a header");
         assert_eq!(put.estimator.as_ref(), particle.settings());
         let many = particle.with_settings("count", |settings| {
-            settings.filter =
-                FilterConfig::Particle { count: 1_000_000, adaptive_bin: None, every_step: false };
+            settings.filter = FilterConfig::Particle(ParticleConfig::of(1_000_000));
         });
         let heavy = PageLog::live(&header, many.ok().as_ref()).expect_err("it takes half an hour");
         assert!(matches!(heavy, NotStrikable::TooHeavy { .. }), "{heavy}");

@@ -1,10 +1,7 @@
-use foxhunt_core::{
-    BearingExtractor, Reading, Sample,
-    parameter::{ParameterError, positive},
-};
+use foxhunt_core::{BearingExtractor, Reading, parameter::ParameterError};
 use foxhunt_sensors::{
-    AntennaConfig, AntennaError, CrossCorrelation, FirstHarmonic, MainLobeFit, Maximum,
-    MaximumLikelihood, Pritzl2018, Residuals,
+    AntennaConfig, AntennaError, CrossCorrelation, CrossCorrelationConfig, FirstHarmonic,
+    MainLobeFit, Maximum, MaximumLikelihood, MaximumLikelihoodConfig, Pritzl2018, Residuals,
 };
 use serde::{Deserialize, Serialize};
 
@@ -26,15 +23,15 @@ pub enum ExtractorConfig {
     /// [`MainLobeFit`].
     MainLobe(LobeConfig),
     /// [`CrossCorrelation`].
-    CrossCorrelation(KnownAntennaConfig),
+    CrossCorrelation(CrossCorrelationConfig<AntennaConfig>),
     /// [`MaximumLikelihood`] with [`Residuals::Gaussian`].
-    MaximumLikelihood(KnownAntennaConfig),
+    MaximumLikelihood(MaximumLikelihoodConfig<AntennaConfig>),
     /// [`MaximumLikelihood`] with [`Residuals::StudentT`].
-    MaximumLikelihoodT(KnownAntennaConfig),
+    MaximumLikelihoodT(MaximumLikelihoodConfig<AntennaConfig>),
     /// [`MaximumLikelihood`] with [`Residuals::Reflection`].
-    MaximumLikelihoodReflection(KnownAntennaConfig),
+    MaximumLikelihoodReflection(MaximumLikelihoodConfig<AntennaConfig>),
     /// [`MaximumLikelihood`] with [`Residuals::Superposed`].
-    MaximumLikelihoodSeveral(KnownAntennaConfig),
+    MaximumLikelihoodSeveral(MaximumLikelihoodConfig<AntennaConfig>),
     /// One that a [`Registry`](crate::registry::Registry) knows by a name.
     Registered {
         /// The name.
@@ -56,53 +53,6 @@ impl Default for LobeConfig {
         Self { rss_sigma_db: Reading::RSS_SIGMA_DB }
     }
 }
-
-/// Settings of an extractor that knows the antenna.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct KnownAntennaConfig {
-    /// The antenna.
-    pub antenna: AntennaConfig,
-    /// Elevation of beacons above the horizon, in degrees; below it where negative.
-    pub elevation_deg: f64,
-    /// Beacons may be anywhere from there to so far above the horizon, in degrees, for
-    /// `maximum-likelihood`; absent where they are at that elevation.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub steepest_deg: Option<f64>,
-    /// σ of a reading in dB, where a turn does not show it.
-    pub sample_sigma_db: f64,
-    /// σ in dB of what the pattern leaves of a boresight's mean, whatever the number of readings.
-    pub misfit_sigma_db: f64,
-    /// σ of the level against a path-loss law, in dB.
-    pub rss_sigma_db: f64,
-    /// Largest σ of a bearing, in degrees; turns with a larger one have no bearing.
-    pub max_sigma_deg: f64,
-    /// Turns in which fewer boresights hold a reading have no bearing.
-    pub min_positions: u16,
-    /// The degrees of freedom of Student's t, for the extractor that has them.
-    pub degrees: f64,
-}
-
-impl Default for KnownAntennaConfig {
-    /// The reference patch, beacons on the horizon alone, readings of 2 dB, no misfit, 7.9 dB for
-    /// the level, bearings up to 57° from 8 boresights on, 4 degrees of freedom.
-    fn default() -> Self {
-        Self {
-            antenna: AntennaConfig::default(),
-            elevation_deg: 0.0,
-            steepest_deg: None,
-            sample_sigma_db: Sample::SIGMA_DB,
-            misfit_sigma_db: 0.0,
-            rss_sigma_db: Reading::RSS_SIGMA_DB,
-            max_sigma_deg: 57.0,
-            min_positions: 8,
-            degrees: 4.0,
-        }
-    }
-}
-
-/// Requirement of a setting of another extractor.
-const UNUSED: &str = "left out: this extractor does not use it";
 
 /// Reason why there is no extractor.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -146,31 +96,13 @@ impl ExtractorConfig {
             Self::MainLobe(c) => {
                 Box::new(MainLobeFit::default().with_rss_sigma_db(c.rss_sigma_db)?)
             }
-            Self::CrossCorrelation(c) => {
-                c.refuse(&["elevation_deg", "steepest_deg", "sample_sigma_db"])?;
-                c.refuse(&["misfit_sigma_db", "min_positions", "degrees"])?;
-                Box::new(
-                    CrossCorrelation::new(c.antenna.build()?)
-                        .with_rss_sigma_db(c.rss_sigma_db)?
-                        .with_max_sigma(c.max_sigma_deg.to_radians())?,
-                )
+            Self::CrossCorrelation(config) => {
+                Box::new(CrossCorrelation::with_config(config.through(config.antenna.build()?))?)
             }
-            Self::MaximumLikelihood(c) => {
-                c.refuse(&["degrees"])?;
-                c.likelihood(Residuals::Gaussian)?
-            }
-            Self::MaximumLikelihoodT(c) => {
-                c.refuse(&["steepest_deg"])?;
-                c.likelihood(Residuals::StudentT { degrees: c.degrees })?
-            }
-            Self::MaximumLikelihoodReflection(c) => {
-                c.refuse(&["steepest_deg", "degrees"])?;
-                c.likelihood(Residuals::Reflection)?
-            }
-            Self::MaximumLikelihoodSeveral(c) => {
-                c.refuse(&["steepest_deg", "degrees"])?;
-                c.likelihood(Residuals::Superposed)?
-            }
+            Self::MaximumLikelihood(config) => likelihood(config, Residuals::Gaussian)?,
+            Self::MaximumLikelihoodT(config) => likelihood(config, Residuals::StudentT)?,
+            Self::MaximumLikelihoodReflection(config) => likelihood(config, Residuals::Reflection)?,
+            Self::MaximumLikelihoodSeveral(config) => likelihood(config, Residuals::Superposed)?,
             Self::Registered { name } => {
                 return Err(ExtractorConfigError::Circle { name: name.clone() });
             }
@@ -182,12 +114,12 @@ impl ExtractorConfig {
     #[must_use]
     pub fn known_antenna(&self) -> Option<(&AntennaConfig, f64)> {
         match self {
-            Self::CrossCorrelation(known)
-            | Self::MaximumLikelihood(known)
-            | Self::MaximumLikelihoodT(known)
-            | Self::MaximumLikelihoodReflection(known)
-            | Self::MaximumLikelihoodSeveral(known) => {
-                Some((&known.antenna, known.elevation_deg.to_radians()))
+            Self::CrossCorrelation(config) => Some((&config.antenna, 0.0)),
+            Self::MaximumLikelihood(config)
+            | Self::MaximumLikelihoodT(config)
+            | Self::MaximumLikelihoodReflection(config)
+            | Self::MaximumLikelihoodSeveral(config) => {
+                Some((&config.antenna, config.elevation_deg.to_radians()))
             }
             _ => None,
         }
@@ -208,52 +140,14 @@ impl ExtractorConfig {
     #[must_use]
     pub fn with_antenna(mut self, antenna: &AntennaConfig) -> Option<Self> {
         match &mut self {
-            Self::CrossCorrelation(known)
-            | Self::MaximumLikelihood(known)
-            | Self::MaximumLikelihoodT(known)
-            | Self::MaximumLikelihoodReflection(known)
-            | Self::MaximumLikelihoodSeveral(known) => known.antenna = antenna.clone(),
+            Self::CrossCorrelation(config) => config.antenna = antenna.clone(),
+            Self::MaximumLikelihood(config)
+            | Self::MaximumLikelihoodT(config)
+            | Self::MaximumLikelihoodReflection(config)
+            | Self::MaximumLikelihoodSeveral(config) => config.antenna = antenna.clone(),
             _ => return None,
         }
         Some(self)
-    }
-}
-
-impl KnownAntennaConfig {
-    /// Refuses each of the named settings that differs from its default, because the extractor does
-    /// not use it.
-    fn refuse(&self, unused: &[&str]) -> Result<(), ParameterError> {
-        let default = Self::default();
-        let settings = [
-            ("elevation_deg", Some(self.elevation_deg), Some(default.elevation_deg)),
-            ("steepest_deg", self.steepest_deg, default.steepest_deg),
-            ("sample_sigma_db", Some(self.sample_sigma_db), Some(default.sample_sigma_db)),
-            ("misfit_sigma_db", Some(self.misfit_sigma_db), Some(default.misfit_sigma_db)),
-            ("min_positions", Some(self.min_positions.into()), Some(default.min_positions.into())),
-            ("degrees", Some(self.degrees), Some(default.degrees)),
-        ];
-        for (name, value, default) in settings {
-            if unused.contains(&name) && value != default {
-                let value = value.unwrap_or(f64::NAN);
-                return Err(ParameterError { name, value, requirement: UNUSED });
-            }
-        }
-        Ok(())
-    }
-
-    fn likelihood(&self, residuals: Residuals) -> Result<BoxedExtractor, ExtractorConfigError> {
-        positive("degrees", self.degrees)?;
-        let extractor = MaximumLikelihood::new(self.antenna.build()?)
-            .with_elevation(self.elevation_deg.to_radians())?
-            .with_sample_sigma_db(self.sample_sigma_db)?
-            .with_misfit_sigma_db(self.misfit_sigma_db)?
-            .with_rss_sigma_db(self.rss_sigma_db)?
-            .with_max_sigma(self.max_sigma_deg.to_radians())?
-            .with_min_positions(self.min_positions)?;
-        Ok(Box::new(match self.steepest_deg {
-            Some(steepest) => extractor.with_steepest(steepest.to_radians())?,
-            None => extractor.with_residuals(residuals),
-        }))
     }
 }
 
@@ -262,4 +156,12 @@ impl Default for ExtractorConfig {
     fn default() -> Self {
         Self::Pritzl2018(Pritzl2018::default())
     }
+}
+
+fn likelihood(
+    config: &MaximumLikelihoodConfig<AntennaConfig>,
+    residuals: Residuals,
+) -> Result<BoxedExtractor, ExtractorConfigError> {
+    let config = config.through(config.antenna.build()?);
+    Ok(Box::new(MaximumLikelihood::with_config(config, residuals)?))
 }

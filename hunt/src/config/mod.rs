@@ -9,12 +9,11 @@ mod shape;
 mod source;
 mod terrain;
 
-pub use extractor::{
-    BoxedExtractor, ExtractorConfig, ExtractorConfigError, KnownAntennaConfig, LobeConfig,
-};
+pub use extractor::{BoxedExtractor, ExtractorConfig, ExtractorConfigError, LobeConfig};
 pub use foxhunt_estimators::{
     AnyModel, AnyMotion, BoxedEstimator, CloneEstimator, EstimatorConfig, FilterConfig, FilterOf,
-    GateConfig, MovingConfig, OutlierConfig, Prior, ReceiverModel, ReceiversConfig, SeveralConfig,
+    GateConfig, MovingConfig, OutlierConfig, ParticleConfig, Prior, ReceiverModel, ReceiversConfig,
+    SeveralConfig,
 };
 pub(crate) use model::FREQUENCY_MHZ;
 pub use model::{ModelConfig, ModelError};

@@ -6,7 +6,7 @@ use foxhunt_core::{
     ConstantVelocity, Estimate, EstimatorError, Intake, MeasurementModel, Observation,
     ObservationError, Pose, Quantity, Reception, Role,
 };
-use foxhunt_estimators::{AnyModel, FilterConfig, FilterOf, Prior};
+use foxhunt_estimators::{AnyModel, FilterConfig, FilterOf, ParticleConfig, Prior};
 use foxhunt_filters::{DirectionalGrid, MomentGrid};
 use foxhunt_sensors::{
     BearingMixture, BearingOnly, DifferentialRss, MagneticDipole, RangeDifference, Stacked,
@@ -109,8 +109,10 @@ const ISAACS_PARTICLES: usize = 2000;
 fn isaacs2014(request: &TrackRequest<'_>) -> Result<Track, EstimatorError> {
     let motion = ConstantVelocity { spectral_density: SPECTRAL_DENSITY };
     let model = BearingOnly::isaacs2014();
-    let filter =
-        FilterConfig::Particle { count: ISAACS_PARTICLES, adaptive_bin: None, every_step: true };
+    let filter = FilterConfig::Particle(ParticleConfig {
+        every_step: true,
+        ..ParticleConfig::of(ISAACS_PARTICLES)
+    });
     let room = Room::new(&request.search.prior)?;
     let filter = filter.build(Arc::new(motion), Arc::new(model), &room, request.seed)?;
     let config = TrackConfig { without_bearing: WithoutBearing::Discard, ..TrackConfig::default() };

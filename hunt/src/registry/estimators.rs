@@ -8,8 +8,8 @@ use foxhunt_filters::Loss;
 use super::{EstimatorEntry, combined, locators};
 use crate::{
     config::{
-        EstimatorConfig, FilterConfig, GateConfig, MovingConfig, OutlierConfig, ReceiversConfig,
-        SeveralConfig,
+        EstimatorConfig, FilterConfig, GateConfig, MovingConfig, OutlierConfig, ParticleConfig,
+        ReceiversConfig, SeveralConfig,
     },
     hunt::{Components, TimeStep, TrackConfig, WithoutBearing},
 };
@@ -146,8 +146,7 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
         kappa: 1.0,
         iterations: 1,
     };
-    let bearing_cloud =
-        FilterConfig::Particle { count: 2000, adaptive_bin: None, every_step: false };
+    let bearing_cloud = FilterConfig::Particle(ParticleConfig::of(2000));
     let mut entries = vec![
         EstimatorEntry::of_settings(
             DEFAULT_ESTIMATOR,
@@ -287,17 +286,16 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
             "particle",
             "particle filter, 5000 particles, regularised systematic resampling",
             "Gordon, Salmond & Smith 1993; Liu & West 2001",
-            as_read(FilterConfig::Particle { count: 5000, adaptive_bin: None, every_step: false }),
+            as_read(FilterConfig::Particle(ParticleConfig::of(5000))),
         ),
         EstimatorEntry::of_settings(
             "particle-adaptive",
             "particle filter with 500 to 20 000 particles, as many as the belief is wide",
             "Fox 2003",
-            as_read(FilterConfig::Particle {
-                count: 20_000,
+            as_read(FilterConfig::Particle(ParticleConfig {
                 adaptive_bin: Some(0.5),
-                every_step: false,
-            }),
+                ..ParticleConfig::of(20_000)
+            })),
         ),
         EstimatorEntry::of_settings(
             "particle-rao-blackwellised",
@@ -323,11 +321,7 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
             EstimatorConfig {
                 moving: Some(MovingConfig { spectral_density: 2.5e-5, speed_sigma: 0.05 }),
                 track: BEARING_ONLY,
-                ..as_read(FilterConfig::Particle {
-                    count: 5000,
-                    adaptive_bin: None,
-                    every_step: false,
-                })
+                ..as_read(FilterConfig::Particle(ParticleConfig::of(5000)))
             },
         ),
         EstimatorEntry::of_settings(

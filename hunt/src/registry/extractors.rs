@@ -1,7 +1,7 @@
-use foxhunt_sensors::{AntennaConfig, Pritzl2018};
+use foxhunt_sensors::{AntennaConfig, MaximumLikelihoodConfig, Pritzl2018};
 
 use super::{ExtractorEntry, Recipe};
-use crate::config::{ExtractorConfig, KnownAntennaConfig, LobeConfig};
+use crate::config::{ExtractorConfig, LobeConfig};
 
 /// The extractor that is best wherever the antenna is known.
 pub const RECOMMENDED_EXTRACTOR: &str = "maximum-likelihood-reflection";
@@ -9,7 +9,7 @@ pub const RECOMMENDED_EXTRACTOR: &str = "maximum-likelihood-reflection";
 /// Every extractor that has a name.
 pub(super) fn builtin() -> Vec<ExtractorEntry> {
     let lobe = LobeConfig::default();
-    let known = KnownAntennaConfig::default;
+    let known = MaximumLikelihoodConfig::default;
     let named = |name: &'static str, about: &'static str, source: &'static str, config| {
         let recipe = Recipe::Settings(config);
         ExtractorEntry { name: name.into(), about: about.into(), source: source.into(), recipe }
@@ -49,7 +49,7 @@ pub(super) fn builtin() -> Vec<ExtractorEntry> {
             "cross-correlation",
             "correlation with the known antenna's gain in dB",
             "cited in Isaacs et al. 2014, §II",
-            ExtractorConfig::CrossCorrelation(known()),
+            ExtractorConfig::CrossCorrelation(Default::default()),
         ),
         named(
             "maximum-likelihood",

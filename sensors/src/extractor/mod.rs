@@ -7,8 +7,9 @@ mod pritzl2018;
 
 #[cfg(feature = "alloc")]
 pub use looks::{
-    CrossCorrelation, FirstHarmonic, MainLobeFit, Maximum, MaximumLikelihood, Residuals,
-    StationAntenna, StationModel, StationPattern,
+    CrossCorrelation, CrossCorrelationConfig, FirstHarmonic, MainLobeFit, Maximum,
+    MaximumLikelihood, MaximumLikelihoodConfig, Residuals, StationAntenna, StationModel,
+    StationPattern,
 };
 pub use pattern::{Cell, Pattern, resultant_confidence};
 pub use pritzl2018::Pritzl2018;

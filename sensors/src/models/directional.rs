@@ -3,13 +3,12 @@
 use alloc::sync::Arc;
 
 use foxhunt_core::{
-    MeasurementModel, Observation, Pose, Quantity, State, angle, columns, gaussian_log_likelihood,
-    log_likelihoods_one_by_one,
+    Pose, angle,
     parameter::{self, ParameterError},
 };
-use nalgebra::{SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Vector2, Vector3};
 
-use super::differences;
+use super::{ChangedLevel, LevelChange, OverTerrain};
 use crate::{Antenna, ElevationPattern, Propagation};
 
 /// Nearer than this to the body's vertical axis, in metres, an elevation has no slope.
@@ -20,8 +19,7 @@ const OVERHEAD: f64 = 1e-3;
 ///
 /// The model inside expects the level at the horizon in its first component, in dB; to that the
 /// [`ElevationPattern`] is added; without one it is the model inside. The elevation follows from
-/// the target's place and height and from the receiver's place and attitude. The noise is
-/// Gaussian; a [`Censored`](crate::Censored) model goes round this one, not into it.
+/// the target's place and height and from the receiver's place and attitude.
 ///
 /// ```
 /// use foxhunt_core::{MeasurementModel, Pose, nalgebra::{Vector1, Vector2}};
@@ -33,159 +31,47 @@ const OVERHEAD: f64 = 1e-3;
 ///     [model.expected(&below, &drone), rss.expected(&below, &drone)];
 /// assert!(through[0] < without[0] - 15.0);
 /// ```
-#[derive(Clone, Debug, PartialEq)]
-pub struct WithElevationPattern<H> {
-    model: H,
-    pattern: Option<Arc<ElevationPattern>>,
-    target_up: f64,
-}
+pub type WithElevationPattern<H> = ChangedLevel<H, Arc<ElevationPattern>>;
 
 impl<H> WithElevationPattern<H> {
     /// The model for a target on the ground, Up = 0.
     #[must_use]
     pub fn new(model: H, pattern: impl Into<Arc<ElevationPattern>>) -> Self {
-        Self { model, pattern: Some(pattern.into()), target_up: 0.0 }
-    }
-
-    /// The model inside.
-    #[must_use]
-    pub fn model(&self) -> &H {
-        &self.model
-    }
-
-    /// Another model inside, with the same pattern and the same target's height.
-    #[must_use]
-    pub fn map<G>(self, change: impl FnOnce(H) -> G) -> WithElevationPattern<G> {
-        let Self { model, pattern, target_up } = self;
-        WithElevationPattern { model: change(model), pattern, target_up }
-    }
-
-    /// Sets the height of the target, in metres, as the model inside has it.
-    ///
-    /// # Errors
-    ///
-    /// If the height is not finite.
-    pub fn with_target_up(self, target_up: f64) -> Result<Self, ParameterError> {
-        Ok(Self { target_up: parameter::finite("target_up", target_up)?, ..self })
-    }
-
-    /// The target as the body sees it: forward, left, up.
-    fn sight<const N: usize>(&self, state: &State<N>, receiver: &Pose) -> Vector3<f64> {
-        const { assert!(N >= 2, "a state holds East and North") };
-        let target = Vector3::new(state[0], state[1], self.target_up);
-        receiver.to_body(&(target - receiver.position))
+        Self::changed(model, pattern.into())
     }
 }
 
-/// Without a pattern: the level is the same at every elevation.
-impl<H> From<H> for WithElevationPattern<H> {
+/// Without terrain and without an antenna's vertical pattern.
+impl<H, G> From<H> for OverTerrain<WithElevationPattern<H>, G> {
     fn from(model: H) -> Self {
-        Self { model, pattern: None, target_up: 0.0 }
+        WithElevationPattern::from(model).into()
     }
 }
 
-impl<H, const N: usize, const M: usize> MeasurementModel<N, M> for WithElevationPattern<H>
-where
-    H: MeasurementModel<N, M>,
-{
-    fn quantities(&self) -> [Quantity; M] {
-        self.model.quantities()
-    }
-
-    fn expected(&self, state: &State<N>, receiver: &Pose) -> SVector<f64, M> {
-        let mut expected = self.model.expected(state, receiver);
-        let Some(pattern) = &self.pattern else { return expected };
-        let (elevation, _) = elevation(&self.sight(state, receiver));
+impl LevelChange for Arc<ElevationPattern> {
+    fn change_db(&self, target: &Vector3<f64>, receiver: &Pose) -> f64 {
+        let (elevation, _) = elevation(&receiver.to_body(&(target - receiver.position)));
         // Beyond the largest numbers the elevation is not finite.
-        if elevation.is_finite() {
-            expected[0] += pattern.gain_db(elevation);
-        }
-        expected
+        if elevation.is_finite() { self.gain_db(elevation) } else { 0.0 }
     }
 
-    fn residual(&self, z: &SVector<f64, M>, expected: &SVector<f64, M>) -> SVector<f64, M> {
-        self.model.residual(z, expected)
-    }
-
-    fn expected_change(
-        &self,
-        state: &State<N>,
-        expected: &SVector<f64, M>,
-        offset: &State<N>,
-        receiver: &Pose,
-    ) -> SVector<f64, M> {
-        match &self.pattern {
-            Some(_) => self.residual(&self.expected(&(state + offset), receiver), expected),
-            None => self.model.expected_change(state, expected, offset, receiver),
-        }
-    }
-
-    fn expected_parts(
-        &self,
-        state: &State<N>,
-        expected: &SVector<f64, M>,
-        offset: &State<N>,
-        receiver: &Pose,
-    ) -> [SVector<f64, M>; 2] {
-        match &self.pattern {
-            Some(_) => differences(self, *state, *expected, *offset, receiver),
-            None => self.model.expected_parts(state, expected, offset, receiver),
-        }
-    }
-
-    fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, M, N> {
-        let mut jacobian = self.model.jacobian(state, receiver);
-        let Some(pattern) = &self.pattern else { return jacobian };
-        let sight = self.sight(state, receiver);
+    fn slope_db_per_m(&self, target: &Vector3<f64>, receiver: &Pose) -> Vector2<f64> {
+        let sight = receiver.to_body(&(target - receiver.position));
         let ((elevation, level), range) = (elevation(&sight), sight.norm());
-        if level >= OVERHEAD && range.is_finite() {
-            let slope = pattern.slope(elevation);
-            // ∂e/∂(forward, left, up), then over East and North.
-            let rise = sight.z / range;
-            let run = level / range;
-            let gradient = Vector3::new(
-                -rise * (sight.x / level) / range,
-                -rise * (sight.y / level) / range,
-                run / range,
-            );
-            for (column, axis) in [Vector3::x(), Vector3::y()].iter().enumerate() {
-                jacobian[(0, column)] += slope * gradient.dot(&receiver.to_body(axis));
-            }
+        if !(level >= OVERHEAD && range.is_finite()) {
+            return Vector2::zeros();
         }
-        jacobian
-    }
-
-    fn log_likelihood(&self, state: &State<N>, observation: &Observation<M>) -> f64 {
-        match &self.pattern {
-            Some(_) => gaussian_log_likelihood(self, state, observation),
-            None => self.model.log_likelihood(state, observation),
-        }
-    }
-
-    fn log_likelihoods(&self, columns: [&[f64]; N], observation: &Observation<M>, out: &mut [f64]) {
-        match &self.pattern {
-            Some(_) => log_likelihoods_one_by_one(self, columns, observation, out),
-            None => self.model.log_likelihoods(columns, observation, out),
-        }
-    }
-
-    fn residuals(
-        &self,
-        columns: [&[f64]; N],
-        z: &SVector<f64, M>,
-        receiver: &Pose,
-        out: [&mut [f64]; M],
-    ) {
-        let mut out = out;
-        self.model.residuals(columns, z, receiver, columns::slices_mut(&mut out));
-        let Some(pattern) = &self.pattern else { return };
-        for (i, level) in out[0].iter_mut().enumerate() {
-            let state = State::<N>::from_fn(|row, _| columns[row][i]);
-            let (angle, _) = elevation(&self.sight(&state, receiver));
-            if angle.is_finite() {
-                *level -= pattern.gain_db(angle);
-            }
-        }
+        let slope = self.slope(elevation);
+        // ∂e/∂(forward, left, up), then over East and North.
+        let rise = sight.z / range;
+        let run = level / range;
+        let gradient = Vector3::new(
+            -rise * (sight.x / level) / range,
+            -rise * (sight.y / level) / range,
+            run / range,
+        );
+        let along = |axis| slope * gradient.dot(&receiver.to_body(&axis));
+        Vector2::new(along(Vector3::x()), along(Vector3::y()))
     }
 }
 

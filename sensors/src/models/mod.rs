@@ -1,6 +1,7 @@
 //! Measurement models: what a receiver at a known pose measures of a target in a given state.
 
 mod bearing;
+mod changed_level;
 mod combined;
 mod difference;
 #[cfg(feature = "alloc")]
@@ -8,9 +9,9 @@ mod directional;
 mod level;
 mod level_law;
 mod magnetic_dipole;
-mod over_terrain;
 
 pub use bearing::{BearingMixture, BearingOnly};
+pub use changed_level::{ChangedLevel, LevelChange, OverTerrain};
 pub use combined::{Censored, Stacked};
 pub use difference::{DifferentialRss, RangeDifference};
 #[cfg(feature = "alloc")]
@@ -18,7 +19,6 @@ pub use directional::{DirectionalLevel, WithElevationPattern};
 pub use level::{FreePathLossRssBearing, FreePowerRssBearing, LevelBearing, Rss, RssBearing};
 pub use level_law::{FreePathLoss, FreePower, LevelLaw};
 pub use magnetic_dipole::MagneticDipole;
-pub use over_terrain::OverTerrain;
 
 use core::f64::consts::{PI, TAU};
 

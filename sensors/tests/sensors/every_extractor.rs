@@ -6,8 +6,8 @@ use foxhunt_core::{
     BearingExtractor, BearingMode, NoReading, Pose, Reading, Sample, Sweep, angle, laws,
 };
 use foxhunt_sensors::{
-    Antenna, CrossCorrelation, FirstHarmonic, Isotropic, MainLobeFit, Maximum, MaximumLikelihood,
-    PatternTable, Pritzl2018, Residuals, Yagi,
+    Antenna, CrossCorrelation, CrossCorrelationConfig, FirstHarmonic, Isotropic, MainLobeFit,
+    Maximum, MaximumLikelihood, MaximumLikelihoodConfig, PatternTable, Pritzl2018, Residuals, Yagi,
 };
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
@@ -25,7 +25,8 @@ impl BearingExtractor for Boxed {
 }
 
 fn likelihood(residuals: Residuals) -> MaximumLikelihood<PatternTable> {
-    MaximumLikelihood::new(PatternTable::reference_patch()).with_residuals(residuals)
+    let patch = MaximumLikelihood::new(PatternTable::reference_patch());
+    patch.with_residuals(residuals).expect("defaults")
 }
 
 fn all() -> Vec<(&'static str, Boxed)> {
@@ -40,7 +41,7 @@ fn all() -> Vec<(&'static str, Boxed)> {
             Boxed(Box::new(CrossCorrelation::new(PatternTable::reference_patch()))),
         ),
         ("Gaussian", Boxed(Box::new(likelihood(Residuals::Gaussian)))),
-        ("t", Boxed(Box::new(likelihood(Residuals::StudentT { degrees: 4.0 })))),
+        ("t", Boxed(Box::new(likelihood(Residuals::StudentT)))),
         ("reflection", Boxed(Box::new(likelihood(Residuals::Reflection)))),
         ("several", Boxed(Box::new(likelihood(Residuals::Superposed)))),
     ]
@@ -287,15 +288,47 @@ fn settings_are_checked() {
     assert!(FirstHarmonic::default().with_rss_sigma_db(-1.0).is_err());
     assert!(MainLobeFit::default().with_half_width(PI).is_err());
     assert!(MainLobeFit::default().with_max_sigma(0.0).is_err());
-    assert!(CrossCorrelation::new(patch()).with_max_sigma(0.0).is_err());
-    let ml = || MaximumLikelihood::new(patch());
-    assert!(ml().with_elevation(2.0).is_err());
-    assert!(ml().with_sample_sigma_db(0.0).is_err());
-    assert!(ml().with_misfit_sigma_db(-1.0).is_err());
-    assert!(ml().with_min_positions(2).is_err());
-    assert!(ml().with_max_sigma(f64::INFINITY).is_err());
-    assert!(ml().with_rss_sigma_db(-0.1).is_err());
+    let correlation =
+        CrossCorrelationConfig { max_sigma_deg: 0.0, ..CrossCorrelationConfig::of(patch()) };
+    assert!(CrossCorrelation::with_config(correlation).is_err());
     assert!(patch().gain_dbi(0.0, 0.0).is_finite());
+}
+
+/// Each setting of a likelihood is refused by its own name, where it is out of its range and where
+/// the residuals do not use it.
+#[test]
+fn settings_of_a_likelihood_are_refused_by_name() {
+    let of = || MaximumLikelihoodConfig::of(PatternTable::reference_patch());
+    let refused = |residuals, config| match MaximumLikelihood::with_config(config, residuals) {
+        Ok(_) => "none",
+        Err(error) => error.name,
+    };
+    let gaussian = |config| refused(Residuals::Gaussian, config);
+    assert_eq!(gaussian(of()), "none");
+    let config = MaximumLikelihoodConfig { elevation_deg: 90.0, ..of() };
+    assert_eq!(gaussian(config), "elevation_deg");
+    let config = MaximumLikelihoodConfig { steepest_deg: Some(-90.0), ..of() };
+    assert_eq!(gaussian(config), "steepest_deg");
+    let config = MaximumLikelihoodConfig { sample_sigma_db: 0.0, ..of() };
+    assert_eq!(gaussian(config), "sample_sigma_db");
+    let config = MaximumLikelihoodConfig { misfit_sigma_db: -1.0, ..of() };
+    assert_eq!(gaussian(config), "misfit_sigma_db");
+    let config = MaximumLikelihoodConfig { rss_sigma_db: -0.1, ..of() };
+    assert_eq!(gaussian(config), "rss_sigma_db");
+    let config = MaximumLikelihoodConfig { max_sigma_deg: f64::INFINITY, ..of() };
+    assert_eq!(gaussian(config), "max_sigma_deg");
+    let config = MaximumLikelihoodConfig { min_positions: 2, ..of() };
+    assert_eq!(gaussian(config), "min_positions");
+    let degrees = || MaximumLikelihoodConfig { degrees: 3.0, ..of() };
+    assert_eq!(refused(Residuals::StudentT, degrees()), "none");
+    let steepest = || MaximumLikelihoodConfig { steepest_deg: Some(-75.0), ..of() };
+    assert_eq!(gaussian(steepest()), "none");
+    for residuals in [Residuals::Gaussian, Residuals::Reflection, Residuals::Superposed] {
+        assert_eq!(refused(residuals, degrees()), "degrees", "{residuals:?}");
+    }
+    for residuals in [Residuals::StudentT, Residuals::Reflection, Residuals::Superposed] {
+        assert_eq!(refused(residuals, steepest()), "steepest_deg", "{residuals:?}");
+    }
 }
 
 #[test]
@@ -303,11 +336,12 @@ fn an_antenna_that_is_flat_all_round_gives_no_direction() {
     let conditions = Conditions { bearing: 1.0, ..Conditions::default() };
     let samples = simulate(&conditions, &PatternTable::reference_patch(), 5);
     let sweep = sweep_of(&samples);
-    let flat = |residuals| MaximumLikelihood::new(Isotropic).with_residuals(residuals);
+    let flat =
+        |residuals| MaximumLikelihood::new(Isotropic).with_residuals(residuals).expect("defaults");
     let readings = [
         CrossCorrelation::new(Isotropic).extract(&sweep),
         flat(Residuals::Gaussian).extract(&sweep),
-        flat(Residuals::StudentT { degrees: 4.0 }).extract(&sweep),
+        flat(Residuals::StudentT).extract(&sweep),
         flat(Residuals::Reflection).extract(&sweep),
     ];
     for reading in readings {
@@ -332,8 +366,10 @@ fn an_elevation_goes_through_all_that_is_made_of_the_antenna() {
         sample.rss_dbm = -60.0 + 20.0 * sum.log10() - mean;
     }
     let extractor = |elevation: f64| {
-        let likelihood = MaximumLikelihood::new(yagi).with_residuals(Residuals::Reflection);
-        likelihood.with_elevation(elevation).expect("in range").extract(&sweep_of(&samples))
+        let elevation_deg = elevation.to_degrees();
+        let config = MaximumLikelihoodConfig { elevation_deg, ..MaximumLikelihoodConfig::of(yagi) };
+        let likelihood = MaximumLikelihood::with_config(config, Residuals::Reflection);
+        likelihood.expect("in range").extract(&sweep_of(&samples))
     };
     let reported = extractor(elevation).expect("a full turn").bearing.expect("a main lobe");
     assert!(angle::distance(reported.angle, bearing) < 0.01, "{reported:?}");

@@ -6,7 +6,9 @@ use core::f64::consts::{PI, TAU};
 use foxhunt_core::{
     BeaconId, BearingExtractor, NoBearing, Pose, Reading, Sample, Sweep, Unanswered, angle, laws,
 };
-use foxhunt_sensors::{Antenna, MaximumLikelihood, PatternTable, Residuals};
+use foxhunt_sensors::{
+    Antenna, MaximumLikelihood, MaximumLikelihoodConfig, PatternTable, Residuals,
+};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::{Distribution, Normal};
@@ -84,10 +86,12 @@ fn station(boresights: &[f64], received: impl Fn(f64) -> f64) -> Vec<Sample> {
 fn four_antennas_are_a_coarse_pattern() {
     let boresights = [4.27, 2.7, 1.13, 5.85];
     let antenna = PatternTable::reference_patch();
-    let extractor = MaximumLikelihood::new(&antenna)
-        .with_misfit_sigma_db(4.0)
-        .and_then(|ml| ml.with_min_positions(3))
-        .expect("in range");
+    let config = MaximumLikelihoodConfig {
+        misfit_sigma_db: 4.0,
+        min_positions: 3,
+        ..MaximumLikelihoodConfig::of(&antenna)
+    };
+    let extractor = MaximumLikelihood::with_config(config, Residuals::Gaussian).expect("in range");
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(7);
     let misfit = Normal::new(0.0, 4.0).expect("a standard deviation");
     let (mut inside, mut found) = (0.0, 0.0);
@@ -137,7 +141,7 @@ fn what_lies_below_the_floor_is_no_gap() {
 /// No second path is fitted: what is received near the floor is stronger than expected anyway.
 #[test]
 fn what_lies_below_the_floor_is_no_reflection() {
-    below_the_floor(&patch().with_residuals(Residuals::Reflection));
+    below_the_floor(&patch().with_residuals(Residuals::Reflection).expect("defaults"));
 }
 
 fn below_the_floor(extractor: &impl BearingExtractor) {
@@ -199,7 +203,9 @@ fn a_tilted_antenna_is_taken_as_such() {
         })
         .collect();
     let sweep = Sweep { positions: 64, samples: &samples, ..Sweep::default() };
-    let extractor = MaximumLikelihood::new(Beam).with_sample_sigma_db(0.1).expect("positive");
+    let config =
+        MaximumLikelihoodConfig { sample_sigma_db: 0.1, ..MaximumLikelihoodConfig::of(Beam) };
+    let extractor = MaximumLikelihood::with_config(config, Residuals::Gaussian).expect("positive");
     let reading = extractor.extract(&sweep).expect("a turn");
     let found = reading.bearing.expect("one lobe");
     assert!(angle::distance(found.angle, bearing) < 1e-3, "{}", found.angle);

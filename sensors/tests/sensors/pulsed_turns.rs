@@ -4,7 +4,9 @@
 use core::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 
 use foxhunt_core::{BeaconId, BearingExtractor, Pose, Sample, Sweep, Unanswered, angle};
-use foxhunt_sensors::{Antenna, MaximumLikelihood, PatternTable, Yagi};
+use foxhunt_sensors::{
+    Antenna, MaximumLikelihood, MaximumLikelihoodConfig, PatternTable, Residuals, Yagi,
+};
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::{Distribution, Normal};
 
@@ -60,9 +62,11 @@ fn bound(antenna: &PatternTable, boresights: &[f64], bearing: f64, level: f64, f
 /// Over some turns: the rms error over that of the bound, and the sum of squares of error over σ.
 fn measured(turn: Turn, turns: u16, seed: u64) -> (f64, f64) {
     let antenna = PatternTable::reference_patch();
-    let extractor = MaximumLikelihood::new(PatternTable::reference_patch())
-        .with_min_positions(5)
-        .expect("enough");
+    let config = MaximumLikelihoodConfig {
+        min_positions: 5,
+        ..MaximumLikelihoodConfig::of(PatternTable::reference_patch())
+    };
+    let extractor = MaximumLikelihood::with_config(config, Residuals::Gaussian).expect("enough");
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
     let noise = Normal::new(0.0, SIGMA_DB).expect("a standard deviation");
     let level = LEVEL_DBM - antenna.mean_gain_db(0.0);
@@ -143,7 +147,9 @@ fn a_tag_far_below_keeps_its_direction() {
     let yagi = Yagi::new(5, 0.25, 20.0).expect("in range");
     let noise = Normal::new(0.0, SIGMA_DB).expect("positive");
     let level = MaximumLikelihood::new(yagi);
-    let steep = level.clone().with_steepest(-75_f64.to_radians()).expect("in range");
+    let config =
+        MaximumLikelihoodConfig { steepest_deg: Some(-75.0), ..MaximumLikelihoodConfig::of(yagi) };
+    let steep = MaximumLikelihood::with_config(config, Residuals::Gaussian).expect("in range");
     for (below_deg, least) in [(0.0_f64, 0), (20.0, 0), (40.0, 40), (55.0, 40)] {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(20);
         let mut astray = [0_u32; 2];

@@ -1,7 +1,7 @@
 //! Settings of estimators, as logs hold them.
 
 use foxhunt::{
-    config::{EstimatorConfig, FilterConfig},
+    config::{EstimatorConfig, FilterConfig, ParticleConfig},
     core::{
         Bearing, BearingMode, BearingModes, Estimate, Level, MeasurementModel, Pose, Reception,
     },
@@ -65,7 +65,7 @@ fn every_setting_of_every_estimator_changes_something_or_is_refused() {
         let Some(mut settings) = named.settings().copied() else { continue };
         // Small ones, as quick as can be.
         match &mut settings.filter {
-            FilterConfig::Particle { count, adaptive_bin: None, .. }
+            FilterConfig::Particle(ParticleConfig { count, adaptive_bin: None, .. })
             | FilterConfig::RaoBlackwellised { count } => {
                 *count = 200;
             }

@@ -7,7 +7,7 @@ use foxhunt::sensors::{LogDistance, RssBearing};
 use nalgebra::Vector2;
 
 use foxhunt::{
-    config::{EstimatorConfig, FilterConfig},
+    config::{EstimatorConfig, FilterConfig, ParticleConfig},
     registry::{DEFAULT_ESTIMATOR, EstimatorEntry, Registry},
     scenario::builtin_scenarios,
 };
@@ -33,7 +33,7 @@ fn an_entry_of_ones_own_is_added_or_replaces() {
         *registry.estimator(name).expect("known").settings().expect("settings")
     };
     let mut small = settings(&Registry::builtin(), "particle");
-    small.filter = FilterConfig::Particle { count: 100, adaptive_bin: None, every_step: false };
+    small.filter = FilterConfig::Particle(ParticleConfig::of(100));
     let own =
         |name: &str| EstimatorEntry::of_settings(name.to_owned(), "a small cloud", "none", small);
     let registry = Registry::builtin().with_estimator(own("tiny")).with_estimator(own("ukf"));

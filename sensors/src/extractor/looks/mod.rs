@@ -5,7 +5,9 @@ mod likelihood;
 mod station;
 
 pub use direct::{FirstHarmonic, MainLobeFit, Maximum};
-pub use likelihood::{CrossCorrelation, MaximumLikelihood, Residuals};
+pub use likelihood::{
+    CrossCorrelation, CrossCorrelationConfig, MaximumLikelihood, MaximumLikelihoodConfig, Residuals,
+};
 pub use station::{StationAntenna, StationModel, StationPattern};
 
 pub(crate) use station::{LOST, TAIL, lobe_db, log_student};

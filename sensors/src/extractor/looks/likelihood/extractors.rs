@@ -32,14 +32,9 @@ pub enum Residuals {
     /// are.
     #[default]
     Gaussian,
-    /// As noise with Student's t: a part of the pattern that does not fit loses its weight
-    /// (Lange, Little & Taylor 1989).
-    StudentT {
-        /// The degrees of freedom; the fewer, the less weight. A number that is not positive counts
-        /// as
-        /// 1.
-        degrees: f64,
-    },
+    /// As noise with Student's t, of [`degrees`](MaximumLikelihoodConfig::degrees) of freedom: a
+    /// part of the pattern that does not fit loses its weight (Lange, Little & Taylor 1989).
+    StudentT,
     /// As Gaussian noise about one path or two: a reflection of unknown direction, strength and
     /// phase may add its amplitude to the direct wave's, with a probability of 0.2 before the turn.
     /// The residuals of two paths are diffuse fading, Rician, so that the pattern's back weighs
@@ -50,6 +45,126 @@ pub enum Residuals {
     /// [`modes`](Reading::modes), each with its share of the power for a weight, and the level is
     /// that of the sum. What was not received counts where there is one transmitter alone.
     Superposed,
+}
+
+/// Largest σ of a bearing where nobody says, in degrees.
+const MAX_SIGMA_DEG: f64 = 57.0;
+
+/// Least number of boresights with a reading where nobody says.
+const MIN_POSITIONS: u16 = 8;
+
+/// Degrees of freedom of Student's t where nobody says.
+const DEGREES: f64 = 4.0;
+
+/// Requirement of a setting that the chosen residuals do not use.
+const UNUSED: &str = "left out: this extractor does not use it";
+
+/// The antenna that [`MaximumLikelihood`] knows, and its other settings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+pub struct MaximumLikelihoodConfig<A> {
+    /// The antenna.
+    pub antenna: A,
+    /// Elevation of beacons above the horizon, in degrees; below it where negative.
+    pub elevation_deg: f64,
+    /// Beacons may be anywhere from there to so far above the horizon, in degrees: the posterior is
+    /// over elevations in equal steps of at most 5° too, each as likely before the turn. A pattern
+    /// looked at from far above the beacon has other lobes, which at the horizon would stand for
+    /// another direction. With [`Residuals::Gaussian`] alone; absent where beacons are at that
+    /// elevation.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub steepest_deg: Option<f64>,
+    /// σ of a reading in dB: it counts like four readings about their mean, and alone where no
+    /// boresight has two readings.
+    pub sample_sigma_db: f64,
+    /// σ in dB of the residuals between the antenna's gain and each boresight's mean, whatever the
+    /// number of readings: the effect of multipath on a handful of fixed antennas.
+    pub misfit_sigma_db: f64,
+    /// σ of the level against a path-loss law, in dB: it is added to that of the fit.
+    pub rss_sigma_db: f64,
+    /// Largest σ of a bearing, in degrees; turns with a larger one have no bearing.
+    pub max_sigma_deg: f64,
+    /// Turns in which fewer boresights hold a reading have no bearing.
+    pub min_positions: u16,
+    /// The degrees of freedom of [`Residuals::StudentT`], and of these alone.
+    pub degrees: f64,
+}
+
+impl<A> MaximumLikelihoodConfig<A> {
+    /// Readings with σ of about 2 dB through `antenna` by beacons on the horizon, no misfit, 7.9 dB
+    /// for the level, bearings up to 57° of σ, from 8 boresights on, 4 degrees of freedom.
+    #[must_use]
+    pub fn of(antenna: A) -> Self {
+        Self {
+            antenna,
+            elevation_deg: 0.0,
+            steepest_deg: None,
+            sample_sigma_db: Sample::SIGMA_DB,
+            misfit_sigma_db: 0.0,
+            rss_sigma_db: Reading::RSS_SIGMA_DB,
+            max_sigma_deg: MAX_SIGMA_DEG,
+            min_positions: MIN_POSITIONS,
+            degrees: DEGREES,
+        }
+    }
+
+    /// The settings with another antenna.
+    #[must_use]
+    pub fn through<B>(&self, antenna: B) -> MaximumLikelihoodConfig<B> {
+        let Self { antenna: _, elevation_deg, steepest_deg, sample_sigma_db, .. } = *self;
+        let Self { misfit_sigma_db, rss_sigma_db, max_sigma_deg, min_positions, degrees, .. } =
+            *self;
+        MaximumLikelihoodConfig {
+            antenna,
+            elevation_deg,
+            steepest_deg,
+            sample_sigma_db,
+            misfit_sigma_db,
+            rss_sigma_db,
+            max_sigma_deg,
+            min_positions,
+            degrees,
+        }
+    }
+
+    /// Checks the settings for a model of residuals.
+    fn check(&self, residuals: Residuals) -> Result<(), ParameterError> {
+        let unused = |name, value| Err(ParameterError { name, value, requirement: UNUSED });
+        let quarter = |name, elevation: f64| {
+            require(elevation.abs() < 90.0, name, elevation, "between −90 and 90")
+        };
+        quarter("elevation_deg", self.elevation_deg)?;
+        if let Some(steepest) = self.steepest_deg {
+            if residuals != Residuals::Gaussian {
+                return unused("steepest_deg", steepest);
+            }
+            quarter("steepest_deg", steepest)?;
+        }
+        positive("sample_sigma_db", self.sample_sigma_db)?;
+        not_negative("misfit_sigma_db", self.misfit_sigma_db)?;
+        not_negative("rss_sigma_db", self.rss_sigma_db)?;
+        positive("max_sigma_deg", self.max_sigma_deg)?;
+        // A level and a bearing leave nothing of two.
+        let positions = self.min_positions;
+        require(positions >= 3, "min_positions", positions.into(), "at least 3")?;
+        positive("degrees", self.degrees)?;
+        if residuals != Residuals::StudentT && self.degrees.to_bits() != DEGREES.to_bits() {
+            return unused("degrees", self.degrees);
+        }
+        Ok(())
+    }
+
+    fn limits(&self) -> Limits {
+        let max_sigma = self.max_sigma_deg.to_radians();
+        Limits { rss_sigma_db: self.rss_sigma_db, max_sigma, min_positions: self.min_positions }
+    }
+}
+
+impl<A: Default> Default for MaximumLikelihoodConfig<A> {
+    fn default() -> Self {
+        Self::of(A::default())
+    }
 }
 
 /// The bearing and the level under which the readings are most likely, for an antenna whose gain
@@ -66,138 +181,70 @@ pub enum Residuals {
 /// scatter along each boresight; readings in whole dB have no less of it than their rounding. σ
 /// grows with the residuals where they exceed that, and with their correlation around the circle.
 ///
-/// Beacons are at one elevation, or at any of a [range](Self::with_steepest).
+/// Beacons are at one elevation, or at any of a
+/// [range](MaximumLikelihoodConfig::steepest_deg).
 ///
 /// The confidence is [`resultant_confidence`](crate::resultant_confidence).
 #[derive(Clone, Debug)]
 pub struct MaximumLikelihood<A> {
-    antenna: A,
+    config: MaximumLikelihoodConfig<A>,
+    residuals: Residuals,
     table: GainTable,
     /// For beacons at other elevations.
     steeper: Vec<GainTable>,
-    sample_sigma_db: f64,
-    misfit_sigma_db: f64,
-    limits: Limits,
-    residuals: Residuals,
     /// Table of the amplitude, for waves that add up.
     amplitude: AmplitudeTable,
     fadings: Vec<Fading>,
 }
 
 impl<A: Antenna> MaximumLikelihood<A> {
-    /// One for readings with σ of about 2 dB through `antenna`, by beacons on the horizon; a
-    /// level's σ of 7.9 dB about a path-loss law, bearings up to 1 rad of σ, from 8 boresights on.
+    /// One with [Gaussian](Residuals::Gaussian) residuals and the settings of
+    /// [`MaximumLikelihoodConfig::of`].
     #[must_use]
     pub fn new(antenna: A) -> Self {
-        let table = GainTable::new(&antenna, 0.0);
-        let (amplitude, fadings) = of_table(&table);
-        Self {
-            antenna,
-            table,
-            steeper: Vec::new(),
-            sample_sigma_db: Sample::SIGMA_DB,
-            misfit_sigma_db: 0.0,
-            limits: Limits::default(),
-            residuals: Residuals::Gaussian,
-            amplitude,
-            fadings,
-        }
+        Self::checked(MaximumLikelihoodConfig::of(antenna), Residuals::Gaussian)
     }
 
-    /// Replaces the judgement of residuals, for beacons at one elevation.
-    #[must_use]
-    pub fn with_residuals(self, residuals: Residuals) -> Self {
-        Self { residuals, steeper: Vec::new(), ..self }
-    }
-
-    /// Sets the beacons' elevation, in radians above the horizon.
+    /// One with other settings, and a model of the residuals.
     ///
     /// # Errors
     ///
-    /// If it is not within a quarter of a turn.
-    pub fn with_elevation(self, elevation: f64) -> Result<Self, ParameterError> {
-        let holds = elevation.abs() < core::f64::consts::FRAC_PI_2;
-        let elevation = require(holds, "elevation", elevation, "between −π/2 and π/2")?;
-        let table = GainTable::new(&self.antenna, elevation);
-        let (amplitude, fadings) = of_table(&table);
-        Ok(Self { table, steeper: Vec::new(), amplitude, fadings, ..self })
+    /// If a setting is out of its range, or not used with these residuals; the error names it.
+    pub fn with_config(
+        config: MaximumLikelihoodConfig<A>,
+        residuals: Residuals,
+    ) -> Result<Self, ParameterError> {
+        config.check(residuals)?;
+        Ok(Self::checked(config, residuals))
     }
 
-    /// Takes beacons anywhere from its elevation to `steepest`, in radians above the horizon: the
-    /// posterior is over elevations in equal steps of at most 5° too, each as likely before the
-    /// turn. A pattern looked at from far above the beacon has other lobes, which at the horizon
-    /// would stand for another direction. Residuals are Gaussian.
+    /// Sets the model of the residuals.
     ///
     /// # Errors
     ///
-    /// If it is not within a quarter of a turn.
-    pub fn with_steepest(self, steepest: f64) -> Result<Self, ParameterError> {
+    /// If a setting is not used with these residuals; the error names it.
+    pub fn with_residuals(self, residuals: Residuals) -> Result<Self, ParameterError> {
+        Self::with_config(self.config, residuals)
+    }
+
+    fn checked(config: MaximumLikelihoodConfig<A>, residuals: Residuals) -> Self {
+        /// Steps of the elevation are no wider, in radians.
         const STEP: f64 = 0.0873;
-        let holds = steepest.abs() < core::f64::consts::FRAC_PI_2;
-        let steepest = require(holds, "steepest", steepest, "between −π/2 and π/2")?;
-        let from = self.table.elevation();
-        let steps = libm::ceil((steepest - from).abs() / STEP);
+        let elevation = config.elevation_deg.to_radians();
+        let table = GainTable::new(&config.antenna, elevation);
         let mut steeper = Vec::new();
-        let mut step = 1.0;
-        while step <= steps {
-            let elevation = from + (steepest - from) * step / steps;
-            steeper.push(GainTable::new(&self.antenna, elevation));
-            step += 1.0;
+        if let Some(steepest) = config.steepest_deg.map(f64::to_radians) {
+            let steps = libm::ceil((steepest - elevation).abs() / STEP);
+            let mut step = 1.0;
+            while step <= steps {
+                let elevation = elevation + (steepest - elevation) * step / steps;
+                steeper.push(GainTable::new(&config.antenna, elevation));
+                step += 1.0;
+            }
         }
-        Ok(Self { steeper, residuals: Residuals::Gaussian, ..self })
-    }
-
-    /// Sets another σ of a reading, in dB: it counts like four readings about their mean,
-    /// and alone where no boresight has two readings.
-    ///
-    /// # Errors
-    ///
-    /// If it is not a positive number.
-    pub fn with_sample_sigma_db(self, sigma: f64) -> Result<Self, ParameterError> {
-        Ok(Self { sample_sigma_db: positive("sample_sigma_db", sigma)?, ..self })
-    }
-
-    /// Sets σ in dB of the residuals between the antenna's gain and each boresight's mean, whatever
-    /// the number of readings: the effect of multipath on a handful of fixed antennas.
-    ///
-    /// # Errors
-    ///
-    /// If it is negative or not finite.
-    pub fn with_misfit_sigma_db(self, sigma: f64) -> Result<Self, ParameterError> {
-        Ok(Self { misfit_sigma_db: not_negative("misfit_sigma_db", sigma)?, ..self })
-    }
-
-    /// Sets another σ of the level against a path-loss law, in dB: it is added to that of
-    /// the fit.
-    ///
-    /// # Errors
-    ///
-    /// If it is negative or not finite.
-    pub fn with_rss_sigma_db(mut self, sigma: f64) -> Result<Self, ParameterError> {
-        self.limits.rss_sigma_db = not_negative("rss_sigma_db", sigma)?;
-        Ok(self)
-    }
-
-    /// Sets the largest standard deviation of bearings that are used, in radians.
-    ///
-    /// # Errors
-    ///
-    /// If it is not a positive number.
-    pub fn with_max_sigma(mut self, sigma: f64) -> Result<Self, ParameterError> {
-        self.limits.max_sigma = positive("max_sigma", sigma)?;
-        Ok(self)
-    }
-
-    /// Sets the minimum number of received positions for a bearing.
-    ///
-    /// # Errors
-    ///
-    /// If it is below 3: a level and a bearing leave nothing of two.
-    pub fn with_min_positions(mut self, positions: u16) -> Result<Self, ParameterError> {
-        let valid = positions >= 3;
-        require(valid, "min_positions", positions.into(), "at least 3")?;
-        self.limits.min_positions = positions;
-        Ok(self)
+        let amplitude = AmplitudeTable::new(&table);
+        let fadings = RATIOS.iter().map(|ratio| Fading::new(&table, *ratio)).collect();
+        Self { config, residuals, table, steeper, amplitude, fadings }
     }
 }
 
@@ -205,10 +252,11 @@ impl<A: Antenna> MaximumLikelihood<A> {
     /// A turn laid against the antenna, and its judgement.
     fn judged<'s>(&'s self, sweep: &Sweep<'_>) -> Result<(Fit<'s, A>, Judged), NoReading> {
         let looks = Looks::new(sweep)?;
-        let noise = looks.sample_variance(self.sample_sigma_db, PRIOR_FREEDOM);
-        let misfit = self.misfit_sigma_db * self.misfit_sigma_db;
+        let config = &self.config;
+        let noise = looks.sample_variance(config.sample_sigma_db, PRIOR_FREEDOM);
+        let misfit = config.misfit_sigma_db * config.misfit_sigma_db;
         let fit = |table: &'s GainTable| {
-            Fit::new(&self.antenna, table, looks.clone(), sweep, noise, misfit)
+            Fit::new(&config.antenna, table, looks.clone(), sweep, noise, misfit)
         };
         let level = fit(&self.table);
         if !self.steeper.is_empty() {
@@ -216,7 +264,7 @@ impl<A: Antenna> MaximumLikelihood<A> {
         }
         let judged = match self.residuals {
             Residuals::Gaussian => judge::gaussian(&level),
-            Residuals::StudentT { degrees } => judge::student(&level, degrees),
+            Residuals::StudentT => judge::student(&level, config.degrees),
             Residuals::Reflection => judge::reflection(&level, &self.amplitude, &self.fadings),
             Residuals::Superposed => superposed(&level),
         };
@@ -228,7 +276,7 @@ impl<A: Antenna> BearingExtractor for MaximumLikelihood<A> {
     fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading> {
         let (fit, Judged { posterior, residual_db, .. }) = self.judged(sweep)?;
         let peaks = posterior.modes();
-        let mut reading = read_out(sweep, &fit, &peaks, residual_db, &self.limits);
+        let mut reading = read_out(sweep, &fit, &peaks, residual_db, &self.config.limits());
         // The level of a sum is known, though its directions have no common one.
         if let (Residuals::Superposed, Err(_), [peak, _, ..]) =
             (self.residuals, reading.bearing, &peaks[..])
@@ -236,7 +284,7 @@ impl<A: Antenna> BearingExtractor for MaximumLikelihood<A> {
         {
             reading.rss_dbm = peak.level;
             let fitted = libm::sqrt(peak.level_variance);
-            reading.rss_sigma_db = libm::hypot(self.limits.rss_sigma_db, fitted);
+            reading.rss_sigma_db = libm::hypot(self.config.rss_sigma_db, fitted);
         }
         Ok(reading)
     }
@@ -246,10 +294,44 @@ impl<A: Antenna> BearingExtractor for MaximumLikelihood<A> {
     /// how the noise fell, so that a turn does not end as soon as the noise makes a narrow peak.
     fn expected_sigma(&self, sweep: &Sweep<'_>) -> Option<f64> {
         let (fit, Judged { posterior, residual_db, inflation }) = self.judged(sweep).ok()?;
-        let reading = read_out(sweep, &fit, &posterior.modes(), residual_db, &self.limits);
+        let reading = read_out(sweep, &fit, &posterior.modes(), residual_db, &self.config.limits());
         let bearing = reading.bearing.ok()?;
         let bound = fit.bound(angle::wrap(bearing.angle - fit.looks.origin), reading.rss_dbm);
         Some(bearing.sigma.max(libm::sqrt(bound? * inflation)))
+    }
+}
+
+/// The antenna that [`CrossCorrelation`] knows, and its other settings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+pub struct CrossCorrelationConfig<A> {
+    /// The antenna.
+    pub antenna: A,
+    /// σ of the level against a path-loss law, in dB.
+    pub rss_sigma_db: f64,
+    /// Largest σ of a bearing, in degrees; turns with a larger one have no bearing.
+    pub max_sigma_deg: f64,
+}
+
+impl<A> CrossCorrelationConfig<A> {
+    /// A level's σ of 7.9 dB, bearings up to 57° of σ.
+    #[must_use]
+    pub fn of(antenna: A) -> Self {
+        Self { antenna, rss_sigma_db: Reading::RSS_SIGMA_DB, max_sigma_deg: MAX_SIGMA_DEG }
+    }
+
+    /// The settings with another antenna.
+    #[must_use]
+    pub fn through<B>(&self, antenna: B) -> CrossCorrelationConfig<B> {
+        let Self { antenna: _, rss_sigma_db, max_sigma_deg } = *self;
+        CrossCorrelationConfig { antenna, rss_sigma_db, max_sigma_deg }
+    }
+}
+
+impl<A: Default> Default for CrossCorrelationConfig<A> {
+    fn default() -> Self {
+        Self::of(A::default())
     }
 }
 
@@ -262,38 +344,32 @@ impl<A: Antenna> BearingExtractor for MaximumLikelihood<A> {
 /// would have over these boresights. The level is that of the fit.
 #[derive(Clone, Debug)]
 pub struct CrossCorrelation<A> {
-    antenna: A,
+    config: CrossCorrelationConfig<A>,
     table: GainTable,
-    limits: Limits,
 }
 
 impl<A: Antenna> CrossCorrelation<A> {
-    /// One for readings through `antenna` by beacons on the horizon; a level's σ of 7.9 dB,
-    /// bearings up to 1 rad of σ, from 8 boresights on.
+    /// One for readings by beacons on the horizon, from 8 boresights on, with the settings of
+    /// [`CrossCorrelationConfig::of`].
     #[must_use]
     pub fn new(antenna: A) -> Self {
-        let table = GainTable::new(&antenna, 0.0);
-        Self { antenna, table, limits: Limits::default() }
+        Self::checked(CrossCorrelationConfig::of(antenna))
     }
 
-    /// Sets another σ of the level against a path-loss law, in dB.
+    /// One with other settings.
     ///
     /// # Errors
     ///
-    /// If it is negative or not finite.
-    pub fn with_rss_sigma_db(mut self, sigma: f64) -> Result<Self, ParameterError> {
-        self.limits.rss_sigma_db = not_negative("rss_sigma_db", sigma)?;
-        Ok(self)
+    /// If one is out of its range; the error names it.
+    pub fn with_config(config: CrossCorrelationConfig<A>) -> Result<Self, ParameterError> {
+        not_negative("rss_sigma_db", config.rss_sigma_db)?;
+        positive("max_sigma_deg", config.max_sigma_deg)?;
+        Ok(Self::checked(config))
     }
 
-    /// Sets the largest standard deviation of bearings that are used, in radians.
-    ///
-    /// # Errors
-    ///
-    /// If it is not a positive number.
-    pub fn with_max_sigma(mut self, sigma: f64) -> Result<Self, ParameterError> {
-        self.limits.max_sigma = positive("max_sigma", sigma)?;
-        Ok(self)
+    fn checked(config: CrossCorrelationConfig<A>) -> Self {
+        let table = GainTable::new(&config.antenna, 0.0);
+        Self { config, table }
     }
 }
 
@@ -301,7 +377,7 @@ impl<A: Antenna> BearingExtractor for CrossCorrelation<A> {
     fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading> {
         let looks = Looks::new(sweep)?;
         let noise = looks.sample_variance(Sample::SIGMA_DB, PRIOR_FREEDOM);
-        let fit = Fit::new(&self.antenna, &self.table, looks, sweep, noise, 0.0);
+        let fit = Fit::new(&self.config.antenna, &self.table, looks, sweep, noise, 0.0);
         let (mean, _) = fit.looks.spread();
         let mut gains = Vec::new();
         let node = |index| {
@@ -347,12 +423,9 @@ impl<A: Antenna> BearingExtractor for CrossCorrelation<A> {
             level_variance: mean_variance / count * misfit.inflation(),
             covariance: 0.0,
         };
-        Ok(read_out(sweep, &fit, &[peak], misfit.residual_db, &self.limits))
+        let CrossCorrelationConfig { rss_sigma_db, max_sigma_deg, .. } = self.config;
+        let max_sigma = max_sigma_deg.to_radians();
+        let limits = Limits { rss_sigma_db, max_sigma, min_positions: MIN_POSITIONS };
+        Ok(read_out(sweep, &fit, &[peak], misfit.residual_db, &limits))
     }
-}
-
-/// Tables of a gain's amplitude and its fading.
-fn of_table(table: &GainTable) -> (AmplitudeTable, Vec<Fading>) {
-    let fadings = RATIOS.iter().map(|ratio| Fading::new(table, *ratio)).collect();
-    (AmplitudeTable::new(table), fadings)
 }

@@ -7,7 +7,9 @@ mod superposed;
 mod tables;
 mod two_paths;
 
-pub use extractors::{CrossCorrelation, MaximumLikelihood, Residuals};
+pub use extractors::{
+    CrossCorrelation, CrossCorrelationConfig, MaximumLikelihood, MaximumLikelihoodConfig, Residuals,
+};
 
 use alloc::vec::Vec;
 use core::f64::consts::{PI, TAU};
@@ -245,12 +247,6 @@ struct Limits {
     /// Largest σ of a bearing, in radians.
     max_sigma: f64,
     min_positions: u16,
-}
-
-impl Default for Limits {
-    fn default() -> Self {
-        Self { rss_sigma_db: Reading::RSS_SIGMA_DB, max_sigma: 1.0, min_positions: 8 }
-    }
 }
 
 /// Moments of level and bearing over several peaks.

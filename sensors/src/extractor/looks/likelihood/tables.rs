@@ -49,11 +49,6 @@ impl GainTable {
         Self { nodes: by_node(&rows), rows, mean_db, elevation }
     }
 
-    /// Elevation of the beacons above the horizon, in radians.
-    pub(super) fn elevation(&self) -> f64 {
-        self.elevation
-    }
-
     /// The rows of a turn.
     fn rows(&self) -> &[f64] {
         &self.rows[..usize::from(ROWS)]

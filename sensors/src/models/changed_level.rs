@@ -1,23 +1,47 @@
+//! A model of a level with a term more, by terrain or by an antenna's vertical pattern.
+
 use foxhunt_core::{
     MeasurementModel, Observation, Pose, Quantity, State, Terrain, columns,
     gaussian_log_likelihood, log_likelihoods_one_by_one, numeric_jacobian,
     parameter::{self, ParameterError},
 };
-use nalgebra::{SMatrix, SVector, Vector1, Vector3};
+use nalgebra::{SMatrix, SVector, Vector1, Vector2, Vector3};
 
 use super::differences;
 use crate::TerrainLoss;
 
-#[cfg(feature = "alloc")]
-use super::WithElevationPattern;
+/// A term of a level that depends on the places of target and receiver.
+pub trait LevelChange {
+    /// The term in dB, for a target at a place East, North and Up in metres.
+    fn change_db(&self, target: &Vector3<f64>, receiver: &Pose) -> f64;
+
+    /// The slope of the term over the target's East and North, in dB per metre; by differences
+    /// unless it is known better.
+    fn slope_db_per_m(&self, target: &Vector3<f64>, receiver: &Pose) -> Vector2<f64> {
+        let changed = |place: &State<2>| {
+            Vector1::new(self.change_db(&Vector3::new(place.x, place.y, target.z), receiver))
+        };
+        numeric_jacobian(&target.xy(), changed, |a, b| a - b).transpose()
+    }
+}
+
+/// A model of a level to whose first component, in dB, a [`LevelChange`] is added; without one it
+/// is the model inside.
+///
+/// The noise is Gaussian; a [`Censored`](crate::Censored) model goes round this one, not into it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ChangedLevel<H, C> {
+    model: H,
+    change: Option<C>,
+    target_up: f64,
+}
 
 /// A model of a level over terrain: the loss by diffraction over the ground between receiver and
 /// target is subtracted.
 ///
 /// The model inside expects the level over level ground in its first component, in dB; from that
 /// the [`TerrainLoss`] is taken; without one it is the model inside. The receiver's Up, and the
-/// target's height, count from the ground below each. The noise is Gaussian; a
-/// [`Censored`](crate::Censored) model goes round this one, not into it.
+/// target's height, count from the ground below each.
 ///
 /// The level has bends where another hill comes into the way. Grids and particles take them as they
 /// are; a filter that linearises is only as good as that is within its own σ.
@@ -37,18 +61,34 @@ use super::WithElevationPattern;
 /// # Ok(())
 /// # }
 /// ```
-#[derive(Clone, Debug)]
-pub struct OverTerrain<H, G> {
-    model: H,
-    loss: Option<TerrainLoss<G>>,
-    target_up: f64,
-}
+pub type OverTerrain<H, G> = ChangedLevel<H, TerrainLoss<G>>;
 
 impl<H, G> OverTerrain<H, G> {
     /// The model for a target on the ground, Up = 0.
     #[must_use]
     pub fn new(model: H, loss: TerrainLoss<G>) -> Self {
-        Self { model, loss: Some(loss), target_up: 0.0 }
+        Self::changed(model, loss)
+    }
+
+    /// Loss by the terrain; `None` where the ground is taken for level.
+    #[must_use]
+    pub fn loss(&self) -> Option<&TerrainLoss<G>> {
+        self.change.as_ref()
+    }
+}
+
+impl<G: Terrain> LevelChange for TerrainLoss<G> {
+    #[inline(never)]
+    fn change_db(&self, target: &Vector3<f64>, receiver: &Pose) -> f64 {
+        -self.loss_db(&receiver.position, target)
+    }
+}
+
+impl<H, C> ChangedLevel<H, C> {
+    /// The model for a target on the ground, Up = 0.
+    #[must_use]
+    pub fn changed(model: H, change: C) -> Self {
+        Self { model, change: Some(change), target_up: 0.0 }
     }
 
     /// The model inside.
@@ -57,21 +97,15 @@ impl<H, G> OverTerrain<H, G> {
         &self.model
     }
 
-    /// Loss by the terrain; `None` where the ground is taken for level.
+    /// Another model inside, with the same term and the same target's height.
     #[must_use]
-    pub fn loss(&self) -> Option<&TerrainLoss<G>> {
-        self.loss.as_ref()
+    pub fn map<I>(self, other: impl FnOnce(H) -> I) -> ChangedLevel<I, C> {
+        let Self { model, change, target_up } = self;
+        ChangedLevel { model: other(model), change, target_up }
     }
 
-    /// Another model inside, over the same terrain and with the same target's height.
-    #[must_use]
-    pub fn map<I>(self, change: impl FnOnce(H) -> I) -> OverTerrain<I, G> {
-        let Self { model, loss, target_up } = self;
-        OverTerrain { model: change(model), loss, target_up }
-    }
-
-    /// Sets the height of the target above the ground below it, in metres, as the model inside has
-    /// it.
+    /// Sets the height of the target, in metres, as the model inside has it; above the ground
+    /// below it where there is terrain.
     ///
     /// # Errors
     ///
@@ -79,40 +113,24 @@ impl<H, G> OverTerrain<H, G> {
     pub fn with_target_up(self, target_up: f64) -> Result<Self, ParameterError> {
         Ok(Self { target_up: parameter::finite("target_up", target_up)?, ..self })
     }
-}
 
-/// Without terrain: the ground is level.
-impl<H, G> From<H> for OverTerrain<H, G> {
-    fn from(model: H) -> Self {
-        Self { model, loss: None, target_up: 0.0 }
-    }
-}
-
-/// Without terrain and without an antenna's vertical pattern.
-#[cfg(feature = "alloc")]
-impl<H, G> From<H> for OverTerrain<WithElevationPattern<H>, G> {
-    fn from(model: H) -> Self {
-        WithElevationPattern::from(model).into()
-    }
-}
-
-impl<H, G: Terrain> OverTerrain<H, G> {
-    #[inline(never)]
-    fn loss_db<const N: usize>(
-        &self,
-        loss: &TerrainLoss<G>,
-        state: &State<N>,
-        receiver: &Pose,
-    ) -> f64 {
+    fn target<const N: usize>(&self, state: &State<N>) -> Vector3<f64> {
         const { assert!(N >= 2, "a state holds East and North") };
-        loss.loss_db(&receiver.position, &Vector3::new(state[0], state[1], self.target_up))
+        Vector3::new(state[0], state[1], self.target_up)
     }
 }
 
-impl<H, G, const N: usize, const M: usize> MeasurementModel<N, M> for OverTerrain<H, G>
+/// Without a term more.
+impl<H, C> From<H> for ChangedLevel<H, C> {
+    fn from(model: H) -> Self {
+        Self { model, change: None, target_up: 0.0 }
+    }
+}
+
+impl<H, C, const N: usize, const M: usize> MeasurementModel<N, M> for ChangedLevel<H, C>
 where
     H: MeasurementModel<N, M>,
-    G: Terrain,
+    C: LevelChange,
 {
     fn quantities(&self) -> [Quantity; M] {
         self.model.quantities()
@@ -120,9 +138,10 @@ where
 
     #[inline]
     fn expected(&self, state: &State<N>, receiver: &Pose) -> SVector<f64, M> {
-        let Some(loss) = &self.loss else { return self.model.expected(state, receiver) };
         let mut expected = self.model.expected(state, receiver);
-        expected[0] -= self.loss_db(loss, state, receiver);
+        if let Some(change) = &self.change {
+            expected[0] += change.change_db(&self.target(state), receiver);
+        }
         expected
     }
 
@@ -138,7 +157,7 @@ where
         offset: &State<N>,
         receiver: &Pose,
     ) -> SVector<f64, M> {
-        match &self.loss {
+        match &self.change {
             Some(_) => self.residual(&self.expected(&(state + offset), receiver), expected),
             None => self.model.expected_change(state, expected, offset, receiver),
         }
@@ -151,7 +170,7 @@ where
         offset: &State<N>,
         receiver: &Pose,
     ) -> [SVector<f64, M>; 2] {
-        match &self.loss {
+        match &self.change {
             Some(_) => differences(self, *state, *expected, *offset, receiver),
             None => self.model.expected_parts(state, expected, offset, receiver),
         }
@@ -159,26 +178,25 @@ where
 
     #[inline]
     fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, M, N> {
-        let Some(loss) = &self.loss else { return self.model.jacobian(state, receiver) };
         let mut jacobian = self.model.jacobian(state, receiver);
-        let place = state.fixed_rows::<2>(0).into_owned();
-        let lost = |place: &State<2>| Vector1::new(self.loss_db(loss, place, receiver));
-        let slope = numeric_jacobian(&place, lost, |a, b| a - b);
-        for column in 0..2 {
-            jacobian[(0, column)] -= slope[column];
+        if let Some(change) = &self.change {
+            let slope = change.slope_db_per_m(&self.target(state), receiver);
+            for column in 0..2 {
+                jacobian[(0, column)] += slope[column];
+            }
         }
         jacobian
     }
 
     fn log_likelihood(&self, state: &State<N>, observation: &Observation<M>) -> f64 {
-        match &self.loss {
+        match &self.change {
             Some(_) => gaussian_log_likelihood(self, state, observation),
             None => self.model.log_likelihood(state, observation),
         }
     }
 
     fn log_likelihoods(&self, columns: [&[f64]; N], observation: &Observation<M>, out: &mut [f64]) {
-        match &self.loss {
+        match &self.change {
             Some(_) => log_likelihoods_one_by_one(self, columns, observation, out),
             None => self.model.log_likelihoods(columns, observation, out),
         }
@@ -193,10 +211,10 @@ where
     ) {
         let mut out = out;
         self.model.residuals(columns, z, receiver, columns::slices_mut(&mut out));
-        let Some(loss) = &self.loss else { return };
+        let Some(change) = &self.change else { return };
         for (i, level) in out[0].iter_mut().enumerate() {
             let place = State::<2>::new(columns[0][i], columns[1][i]);
-            *level += self.loss_db(loss, &place, receiver);
+            *level -= change.change_db(&self.target(&place), receiver);
         }
     }
 }
