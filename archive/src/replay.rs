@@ -282,7 +282,7 @@ impl<'a> Replayer<'a> {
         let of_beacon = |search: &ReplayedSearch| search.fix.beacon == reception.beacon;
         let number = self.searches.iter().rposition(of_beacon)?;
         let ReplayedSearch { track, fix, receptions } = self.searches.get_mut(number)?;
-        if self.struck.contains(ReceptionId::new(drone, reception)) {
+        if self.struck.contains(&ReceptionId::new(drone, reception)) {
             return Some(Moment { search: number, track, step: None });
         }
         // What the estimator refuses now it refused in flight, or would have.

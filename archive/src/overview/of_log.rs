@@ -296,7 +296,7 @@ impl<'a> OverviewReader<'a> {
             _ => (false, None),
         };
         let id = ReceptionId::new(drone, reception);
-        let struck = self.struck.contains(id);
+        let struck = self.struck.contains(&id);
         // Nothing is believed anew of what is left out.
         self.believe(reception.time, reception.beacon, step.filter(|_| !struck));
         let bearing = reception.bearing.map(|bearing| bearing.angle);

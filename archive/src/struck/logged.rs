@@ -1,15 +1,11 @@
-use std::{collections::BTreeMap, path::Path};
+use std::path::Path;
 
 use foxhunt_hunt::{hunt::Event, log::Log};
 
-use super::{Key, ReceptionId, StruckError, entries, read};
+use super::{ReceptionId, StruckError, StruckList, read};
 
-/// Receptions of a log that are left out of its replay; none by default.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Struck {
-    /// Each with its line in the file.
-    lines: BTreeMap<Key, usize>,
-}
+/// Receptions of a log that are left out of its replay.
+pub type Struck = StruckList<ReceptionId>;
 
 impl Struck {
     /// Reads a file of receptions, each of which is in the log.
@@ -27,39 +23,14 @@ impl Struck {
     ///
     /// [`StruckError`] names the file, the line and the value.
     pub fn parse(text: &str, path: &Path, log: &Log) -> Result<Self, StruckError> {
-        let mut struck = Self::default();
-        let what = "drone, beacon and time of a reception";
-        for (line, reception) in entries::<ReceptionId>(text, path, what)? {
-            let nearest = nearest(reception, log);
-            if nearest.is_none_or(|nearest| nearest.key() != reception.key()) {
-                let path = path.to_owned();
-                return Err(StruckError::NoReception { path, line, reception, nearest });
+        Self::checked(text, path, "drone, beacon and time of a reception", |line, id| {
+            let nearest = nearest(*id, log);
+            if nearest == Some(*id) {
+                return Ok(());
             }
-            if let Some(before) = struck.lines.insert(reception.key(), line) {
-                let path = path.to_owned();
-                let what = reception.to_string();
-                return Err(StruckError::Twice { path, line, what, before });
-            }
-        }
-        Ok(struck)
-    }
-
-    /// Returns true if a reception is left out.
-    #[must_use]
-    pub fn contains(&self, reception: ReceptionId) -> bool {
-        self.lines.contains_key(&reception.key())
-    }
-
-    /// Returns the number of receptions left out.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.lines.len()
-    }
-
-    /// Returns true if no reception is left out.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.lines.is_empty()
+            let path = path.to_owned();
+            Err(StruckError::NoReception { path, line, reception: *id, nearest })
+        })
     }
 }
 

@@ -23,7 +23,9 @@ mod logged;
 pub use logged::Struck;
 
 use std::{
+    cmp::Ordering,
     collections::BTreeMap,
+    fmt::{self, Display},
     fs,
     path::{Path, PathBuf},
 };
@@ -47,8 +49,8 @@ pub enum ReceptionKey {
     Recorded(RowId),
 }
 
-/// Identifies a reception of a log.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// Identifies a reception of a log. Two are equal where their times are, bit by bit.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReceptionId {
     /// Index of the drone, from 0.
@@ -67,19 +69,37 @@ impl ReceptionId {
     }
 
     /// Drone, beacon and the bits of the time, where −0 is 0.
-    fn key(self) -> Key {
+    fn key(self) -> (usize, BeaconId, u64) {
         (self.drone, self.beacon, (self.time + 0.0).to_bits())
     }
 }
 
-impl std::fmt::Display for ReceptionId {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+impl PartialEq for ReceptionId {
+    fn eq(&self, other: &Self) -> bool {
+        self.key() == other.key()
+    }
+}
+
+impl Eq for ReceptionId {}
+
+impl PartialOrd for ReceptionId {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for ReceptionId {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.key().cmp(&other.key())
+    }
+}
+
+impl Display for ReceptionId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { drone, beacon, time } = self;
         write!(f, "drone {drone}, beacon {}, time {time}", beacon.0)
     }
 }
-
-type Key = (usize, BeaconId, u64);
 
 /// Identifies a reception of a recording.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -94,8 +114,8 @@ pub struct RowId {
     pub beacon: Option<String>,
 }
 
-impl std::fmt::Display for RowId {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+impl Display for RowId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { file, line, beacon } = self;
         match beacon {
             Some(beacon) => write!(f, "{beacon} in line {line} of {file}"),
@@ -221,12 +241,60 @@ pub fn file_names(recordings: &[Recording]) -> Vec<String> {
     recordings.iter().zip(&short).map(name).collect()
 }
 
-/// Receptions of recordings that are left out; none by default.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct StruckRows {
+/// Receptions that are left out, by their identifiers; none by default.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StruckList<I> {
     /// Each with its line in the file.
-    lines: BTreeMap<RowId, usize>,
+    lines: BTreeMap<I, usize>,
 }
+
+impl<I> Default for StruckList<I> {
+    fn default() -> Self {
+        Self { lines: BTreeMap::new() }
+    }
+}
+
+impl<I: Clone + Ord + Display + DeserializeOwned> StruckList<I> {
+    /// Reads the receptions of a list, each of which is checked; `what` is the name of one in
+    /// errors.
+    fn checked(
+        text: &str,
+        path: &Path,
+        what: &'static str,
+        check: impl Fn(usize, &I) -> Result<(), StruckError>,
+    ) -> Result<Self, StruckError> {
+        let mut struck = Self::default();
+        for (line, id) in entries::<I>(text, path, what)? {
+            check(line, &id)?;
+            if let Some(before) = struck.lines.insert(id.clone(), line) {
+                let path = path.to_owned();
+                return Err(StruckError::Twice { path, line, what: id.to_string(), before });
+            }
+        }
+        Ok(struck)
+    }
+
+    /// Returns true if a reception is left out.
+    #[must_use]
+    pub fn contains(&self, id: &I) -> bool {
+        self.lines.contains_key(id)
+    }
+
+    /// Returns the number of receptions left out.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.lines.len()
+    }
+
+    /// Returns true if no reception is left out.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.lines.is_empty()
+    }
+}
+
+/// Receptions of recordings that are left out.
+pub type StruckRows = StruckList<RowId>;
 
 impl StruckRows {
     /// Reads a file of receptions, each of which is one of `known`.
@@ -244,43 +312,19 @@ impl StruckRows {
     ///
     /// [`StruckError`] names the file, the line and the value.
     pub fn parse(text: &str, path: &Path, known: &[RowId]) -> Result<Self, StruckError> {
-        let mut struck = Self::default();
-        for (line, row) in entries::<RowId>(text, path, "file and line of a reception")? {
-            let path = || path.to_owned();
-            if !known.contains(&row) {
-                let there = what_is_there(&row, known);
-                return Err(StruckError::NoRow { path: path(), line, row, there });
+        Self::checked(text, path, "file and line of a reception", |line, row| {
+            if known.contains(row) {
+                return Ok(());
             }
-            let what = row.to_string();
-            if let Some(before) = struck.lines.insert(row, line) {
-                return Err(StruckError::Twice { path: path(), line, what, before });
-            }
-        }
-        Ok(struck)
-    }
-
-    /// Returns true if a reception is left out.
-    #[must_use]
-    pub fn contains(&self, row: &RowId) -> bool {
-        self.lines.contains_key(row)
+            let there = what_is_there(row, known);
+            Err(StruckError::NoRow { path: path.to_owned(), line, row: row.clone(), there })
+        })
     }
 
     /// Returns the number of a beacon's receptions left out.
     #[must_use]
     pub fn of_beacon(&self, beacon: Option<&str>) -> usize {
         self.lines.keys().filter(|row| row.beacon.as_deref() == beacon).count()
-    }
-
-    /// Returns the number of receptions left out.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.lines.len()
-    }
-
-    /// Returns true if no reception is left out.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.lines.is_empty()
     }
 }
 

@@ -11,7 +11,7 @@ use foxhunt::{
     calibration::{ConformalFile, ConformalRegions},
     core::{Ellipse, Remark, nalgebra::Vector2},
     geodesy::Geodetic,
-    locate::{CommonErrors, Explanation, FoundOffset, Located, Region, Rival},
+    locate::{CommonErrors, Explanation, FoundOffset, Located, Region, Rival, Searched},
     movebank::{MovebankFix, write_movebank},
     overview::{Overview, SearchOverview},
     recording::Recording,
@@ -219,10 +219,12 @@ pub fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         output.result(&several, |several| unknown_number::answer(several, cells, details))?;
         return show(args, registry, &prepared, (found, Some(several.others())), teams, output);
     }
-    if silent::report(&args.views, &prepared, beacon.as_deref(), output)? {
-        return Ok(());
+    let received = prepared.received(beacon.as_deref())?;
+    if let Some(searched) = Searched::in_silence(received.receptions(), prepared.config()) {
+        return silent::report(&args.views, &prepared, beacon, searched, output);
     }
-    let (report, found) = one(args, registry, &prepared, conformal.as_ref(), beacon)?;
+    let (report, found) =
+        located(args, registry, &prepared, conformal.as_ref(), (beacon, received))?;
     to_movebank(args, &prepared, std::slice::from_ref(&report))?;
     output.result(&report, |report| places(std::slice::from_ref(report)))?;
     show(args, registry, &prepared, (vec![found], None), teams, output)

@@ -60,21 +60,17 @@ impl Next {
     }
 }
 
-/// Reports what a search has looked through in which nothing was received; returns false if
-/// anything was.
+/// Reports what a search has looked through in which nothing was received.
 pub fn report(
     views: &Views,
     prepared: &Prepared,
-    beacon: Option<&str>,
+    beacon: Option<String>,
+    searched: Searched,
     output: Output,
-) -> Result<bool, CliError> {
-    let received = prepared.received(beacon)?;
-    let Some(searched) = Searched::in_silence(received.receptions(), prepared.config()) else {
-        return Ok(false);
-    };
+) -> Result<(), CliError> {
     let remarks = prepared.recordings().iter().flat_map(Recording::remarks).cloned();
     let report = Report {
-        beacon: beacon.map(str::to_owned),
+        beacon,
         silences: searched.silences,
         segments: searched.segments,
         area_m2: searched.area_m2(),
@@ -87,11 +83,11 @@ pub fn report(
     output.result(&report, text)?;
     if views.any() {
         let mut overview = Overview::of_recordings(prepared.recordings(), "searched");
-        prepared.add_to(&mut overview, None, beacon, None)?;
+        prepared.add_to(&mut overview, None, report.beacon.as_deref(), None)?;
         overview.searched = Some(searched);
         views.write(&overview, None, output)?;
     }
-    Ok(true)
+    Ok(())
 }
 
 fn text(report: &Report) -> String {
