@@ -2,9 +2,7 @@ use foxhunt_core::Pose;
 use foxhunt_hunt::{hunt::Event, log::Log};
 
 use super::{
-    Details, North, Record, RecordedBearing, Recording, Turns,
-    record::{Place, beyond_place},
-    row::Shared,
+    Details, North, Place, Record, RecordedBearing, Recording, Turns, beyond_place, row::Shared,
 };
 
 impl Recording {

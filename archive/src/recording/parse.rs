@@ -6,8 +6,8 @@ use foxhunt_wire::{
 use nalgebra::{Vector2, Vector3};
 
 use super::{
-    Column, Details, FieldProblem, North, Record, RecordedBearing, RecordingError, Rover,
-    record::{Place, beyond_place},
+    Column, Details, FieldProblem, North, Place, Record, RecordedBearing, RecordingError, Rover,
+    beyond_place,
     row::{Reader, whole},
 };
 

@@ -9,10 +9,10 @@ use foxhunt_core::{
 use nalgebra::{DMatrix, DVector};
 
 use super::{
-    belief::{Belief, pivots_exceed, wrapped},
-    dense,
+    Belief, dense,
     image::{AtReceiver, Image, OverTime, Slope},
     joint::JointMotion,
+    pivots_exceed, wrapped,
 };
 use crate::{
     Cubature, DynamicTransform, Gate, Taylor, TransformRule, Unscented, count::number,

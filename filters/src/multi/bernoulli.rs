@@ -6,8 +6,7 @@ use foxhunt_core::{
 };
 
 use super::{
-    Associations, Detection, Reduction,
-    density::{Density, proper},
+    Associations, Density, Detection, Reduction, proper,
     scan::{Before, condition},
 };
 

@@ -5,8 +5,7 @@ use alloc::vec::Vec;
 use foxhunt_core::{Axis, Estimate, Estimator, EstimatorError, Observation, State};
 
 use super::{
-    Associations, Detection, Reduction,
-    density::{Density, proper},
+    Associations, Density, Detection, Reduction, proper,
     scan::{Before, condition},
 };
 

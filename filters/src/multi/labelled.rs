@@ -8,8 +8,7 @@ use foxhunt_core::{
 };
 
 use super::{
-    Associations, Detection, Reduction,
-    density::{Density, proper},
+    Associations, Density, Detection, Reduction, proper,
     scan::{Before, cardinality, condition, mean, most_probable},
 };
 

@@ -8,10 +8,7 @@ use foxhunt_core::{
 };
 use nalgebra::DMatrix;
 
-use super::{
-    Associations, Reduction,
-    density::{Density, Updated},
-};
+use super::{Associations, Density, Reduction, Updated};
 use crate::count::number;
 
 /// Weight over that of a missed track below which a track did not make an observation.

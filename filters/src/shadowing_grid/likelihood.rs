@@ -4,9 +4,9 @@ use foxhunt_core::Pose;
 use nalgebra::Vector2;
 
 use super::{
-    Intercept, LANES, Row, ShadowingGridConfig, ShadowingGridError,
+    Coefficient, Intercept, LANES, Marginal, Mixture, Moments, Row, ShadowingGridConfig,
+    ShadowingGridError,
     censored::{Censored, Law, NEGLIGIBLE, Scaled},
-    coefficient::{Coefficient, Marginal, Mixture, Moments},
     explanations::{Explanations, Sums},
     grid::{Grid, PosteriorMap},
     path::Segments,

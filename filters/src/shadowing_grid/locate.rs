@@ -6,8 +6,7 @@ use foxhunt_core::{Belief, Estimate, Pose};
 use nalgebra::Vector2;
 
 use super::{
-    Marginal, PosteriorMap, ShadowedReading, ShadowingGridConfig, ShadowingGridError,
-    coefficient::Mixture,
+    Marginal, Mixture, PosteriorMap, ShadowedReading, ShadowingGridConfig, ShadowingGridError,
     likelihood::{Likelihood, Posterior},
     path::{Path, Segments, Summary},
     search::{REFINEMENTS, Search},
