@@ -86,7 +86,7 @@ pub use planner::{
 pub use quantity::{Axis, Measured, MeasuredError, MeasuredList, Quantity, QuantityName};
 pub use reception::{ByQuantity, Intake, Level, Reception};
 #[cfg(feature = "alloc")]
-pub use receptions::Receptions;
+pub use receptions::{ReceptionView, Receptions};
 #[cfg(feature = "alloc")]
 pub use remark::Remark;
 #[cfg(feature = "alloc")]

@@ -111,6 +111,19 @@ impl Reception {
         self.level.or(self.silence).or(self.saturation)
     }
 
+    /// Refuses a level of which no observation can be made, as
+    /// [`ByQuantity::observation`](Intake::observation) does, and makes none.
+    ///
+    /// # Errors
+    ///
+    /// [`ObservationError`] names the number that cannot be one of an observation.
+    pub fn check_level(&self) -> Result<(), ObservationError> {
+        let Some(Level { rss_dbm, sigma_db }) = self.level else { return Ok(()) };
+        let component = core::iter::once((rss_dbm, sigma_db * sigma_db));
+        ObservationError::check(self.time, &self.receiver, component)?;
+        self.receiver_sigma_m.iter().try_for_each(ObservationError::check_receiver_sigma)
+    }
+
     /// Returns true if it holds a direction: a bearing, or several that compete for one, which may
     /// be too far apart to have a common one.
     #[must_use]
@@ -311,6 +324,37 @@ mod tests {
     use crate::{BearingMode, Measured};
     #[cfg(feature = "serde")]
     use crate::{Sample, Unanswered};
+
+    /// A level is refused as the observation of it is.
+    #[test]
+    fn a_level_is_checked_as_its_observation_is() {
+        let numbers = [f64::NAN, f64::INFINITY, -1.0, 0.0, 1.0];
+        let sound = Reception {
+            time: 1.0,
+            receiver: Pose::at(1.0, 2.0, 3.0),
+            level: Some(Level { rss_dbm: -60.0, sigma_db: 4.0 }),
+            receiver_sigma_m: Some(Vector3::repeat(3.0)),
+            ..Reception::default()
+        };
+        assert_eq!(sound.check_level(), Ok(()));
+        for number in numbers {
+            let level =
+                |rss_dbm, sigma_db| Reception { level: Some(Level { rss_dbm, sigma_db }), ..sound };
+            for reception in [
+                level(number, 4.0),
+                level(-60.0, number),
+                Reception { time: number, ..sound },
+                Reception { time: number, level: None, ..sound },
+                Reception { receiver: Pose { pitch: number, ..sound.receiver }, ..sound },
+                Reception { receiver_sigma_m: Some(Vector3::repeat(number)), ..sound },
+            ] {
+                let observed = ByQuantity([Quantity::RSS]).observation(&reception).map(|_| ());
+                let checked = reception.check_level();
+                let texts = [checked, observed].map(|result| alloc::format!("{result:?}"));
+                assert_eq!(texts[0], texts[1], "{reception:?}");
+            }
+        }
+    }
 
     #[cfg(feature = "serde")]
     #[test]

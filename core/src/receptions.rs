@@ -35,6 +35,33 @@ pub struct Receptions {
     kinds: Vec<Reception>,
 }
 
+/// View of a reception among many, to be looked at without a copy of what it has in common with
+/// others.
+#[derive(Clone, Copy, Debug)]
+pub struct ReceptionView<'r> {
+    /// Time of the reception in seconds.
+    pub time: f64,
+    /// East, North and Up of the receiver, in metres.
+    pub position: Vector3<f64>,
+    /// What it has in common with others: time, place, heading and number in it are 0.
+    pub kind: &'r Reception,
+    number: f64,
+}
+
+impl ReceptionView<'_> {
+    /// The received level in dBm.
+    #[must_use]
+    pub fn level_dbm(&self) -> Option<f64> {
+        self.kind.level.map(|_| self.number)
+    }
+
+    /// The received level, the floor that it was below or the ceiling that it was at, in dBm.
+    #[must_use]
+    pub fn any_level_dbm(&self) -> Option<f64> {
+        self.kind.any_level().map(|_| self.number)
+    }
+}
+
 /// The values of a reception that differ from one to the next.
 #[derive(Clone, Copy, Debug)]
 struct Row {
@@ -114,6 +141,33 @@ impl Receptions {
     /// Returns the places of the receivers: East, North and Up in metres.
     pub fn places(&self) -> impl Iterator<Item = Vector3<f64>> {
         self.rows.iter().map(|row| row.position)
+    }
+
+    /// Returns what receptions have in common, once each: times, places, headings and numbers in it
+    /// are 0.
+    #[must_use]
+    pub fn kinds(&self) -> &[Reception] {
+        &self.kinds
+    }
+
+    /// Returns the receptions in their order, without a copy of what they have in common.
+    pub fn views(&self) -> impl Iterator<Item = ReceptionView<'_>> + Clone {
+        self.view_range(0, self.rows.len())
+    }
+
+    /// Returns the receptions from an index to before another one, as far as they exist, without a
+    /// copy of what they have in common.
+    pub fn view_range(
+        &self,
+        begin: usize,
+        end: usize,
+    ) -> impl Iterator<Item = ReceptionView<'_>> + Clone {
+        let end = end.min(self.rows.len());
+        let rows = self.rows.get(begin.min(end)..end).unwrap_or_default();
+        let view = |row: &Row| Some((*row, self.kinds.get(row.kind as usize)?));
+        rows.iter().filter_map(view).map(|(Row { time, position, number, .. }, kind)| {
+            ReceptionView { time, position, number, kind }
+        })
     }
 
     /// Returns the receptions from an index to before another one, as far as they exist.
@@ -248,6 +302,30 @@ mod tests {
             let receiver = Pose { heading: 0.1 * time, ..Pose::at(3.0 * time, -time, 1.5) };
             Reception { time, receiver, level, ..Reception::default() }
         })
+    }
+
+    /// A view has the numbers of its reception, and is made of the same kind.
+    #[test]
+    fn views_show_the_receptions() {
+        let silent = |dbm| Reception {
+            silence: Some(Level { rss_dbm: dbm, sigma_db: 4.0 }),
+            ..Reception::default()
+        };
+        let list: Receptions = levels().take(20).chain([silent(-110.0), silent(-111.0)]).collect();
+        assert_eq!(list.kinds().len(), 2);
+        assert!(list.kinds()[0].level.is_some_and(|level| level.rss_dbm.to_bits() == 0));
+        assert_eq!(list.views().count(), list.len());
+        for (view, reception) in list.views().zip(list.iter()) {
+            assert_eq!(view.time.to_bits(), reception.time.to_bits());
+            assert_eq!(view.position, reception.receiver.position);
+            assert_eq!(view.level_dbm(), reception.level.map(|level| level.rss_dbm));
+            let any = reception.any_level().map(|level| level.rss_dbm);
+            assert_eq!(view.any_level_dbm(), any);
+            assert_eq!(view.kind.silence.is_some(), reception.silence.is_some());
+        }
+        let some: Vec<f64> =
+            list.view_range(19, 99).filter_map(|view| view.any_level_dbm()).collect();
+        assert_eq!(some, [-60.19, -110.0, -111.0]);
     }
 
     #[test]

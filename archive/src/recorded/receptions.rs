@@ -391,7 +391,8 @@ fn check(reception: &Reception, file: &str, line: u64) -> Result<(), RecordedErr
     if reception.has_bearing() {
         ByQuantity([Quantity::RSS, Quantity::BEARING]).observation(reception).map_err(wrong)?;
     } else {
-        ByQuantity([Quantity::RSS]).observation(reception).map_err(wrong)?;
+        // There may be millions of levels alone.
+        reception.check_level().map_err(wrong)?;
     }
     if reception.measured.is_empty() {
         return Ok(());
@@ -414,13 +415,15 @@ pub fn listeners(recordings: &[Recording], receptions: &Receptions) -> Vec<Liste
         for drone in recording.drones() {
             let records = || recording.records().iter().filter(|record| &*record.drone == drone);
             let Some(receiver) = records().find_map(|record| record.receiver()) else { continue };
-            let here = |pose: Pose| (pose.position - receiver.position).norm() < STILL_M;
-            let stays = |record: &Record| record.receiver().is_some_and(here);
+            let is_here = |place: Vector3<f64>| (place - receiver.position).norm() < STILL_M;
+            let stays = |record: &Record| record.receiver().is_some_and(|r| is_here(r.position));
             let times = || records().filter_map(|record| record.time);
-            let levels = receptions.iter().filter(|reception| here(reception.receiver));
-            let levels = levels.filter_map(|reception| reception.level);
-            let floor_dbm = levels.map(|level| level.rss_dbm).fold(f64::INFINITY, f64::min);
-            if floor_dbm.is_finite() && records().all(stays) {
+            if !records().all(stays) {
+                continue;
+            }
+            let here = receptions.views().filter(|view| is_here(view.position));
+            let floor_dbm = here.filter_map(|view| view.level_dbm()).fold(f64::INFINITY, f64::min);
+            if floor_dbm.is_finite() {
                 let from = times().fold(f64::INFINITY, f64::min);
                 let until = times().fold(f64::NEG_INFINITY, f64::max);
                 listeners.push(Listener { receiver, from, until, floor_dbm });

@@ -284,14 +284,21 @@ impl Reader<'_> {
         Ok(added)
     }
 
-    /// A number within the column's bounds.
+    /// A number within the column's bounds; `None` where the file or the row has none.
+    #[inline(always)]
     pub(super) fn number(&self, column: Column) -> Result<Option<f64>, RecordingError> {
+        // Every row is asked for two dozen columns, of which a file has a few.
+        if self.plan.has(column) { self.present_number(column) } else { Ok(None) }
+    }
+
+    fn present_number(&self, column: Column) -> Result<Option<f64>, RecordingError> {
         let Some(text) = self.text(column)? else { return Ok(None) };
         let raw = match self.row.parse(&text) {
             Some(raw) => raw,
             None => self.written(column, &text).map_err(|problem| self.wrong(column, problem))?,
         };
-        let value = match self.plan.origins.get(&column) {
+        let origin = self.plan.origins.get(&column);
+        let value = match origin {
             Some(
                 Origin::Cells { source, .. }
                 | Origin::Sum { source, .. }
@@ -302,7 +309,7 @@ impl Reader<'_> {
             }
             _ => raw,
         };
-        let is_stated = matches!(self.plan.origins.get(&column), Some(Origin::Fixed(_)));
+        let is_stated = matches!(origin, Some(Origin::Fixed(_)));
         let is_negated = self.plan.negate_levels && column.is_level() && !is_stated;
         let value = if is_negated { -value } else { value };
         if !value.is_finite() {

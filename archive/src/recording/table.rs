@@ -351,10 +351,14 @@ impl<'b> Table<'b> {
         }
         let passed = self.bytes.get(self.counted.0..at).unwrap_or_default();
         let count = |wanted: u8| passed.iter().filter(|byte| **byte == wanted).count() as u64;
-        let returns = passed.iter().enumerate().filter(|(_, byte)| **byte == b'\r');
-        let pairs =
-            |(offset, _): &(usize, &u8)| rest(self.counted.0 + offset + 1).first() != Some(&b'\n');
-        let lines = self.counted.1 + count(b'\n') + returns.filter(pairs).count() as u64;
+        let mut lines = self.counted.1 + count(b'\n');
+        if passed.contains(&b'\r') {
+            let returns = passed.iter().enumerate().filter(|(_, byte)| **byte == b'\r');
+            let alone = |(offset, _): &(usize, &u8)| {
+                rest(self.counted.0 + offset + 1).first() != Some(&b'\n')
+            };
+            lines += returns.filter(alone).count() as u64;
+        }
         self.counted = (at.max(self.counted.0), lines);
         lines + 1
     }

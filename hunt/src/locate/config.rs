@@ -1,4 +1,4 @@
-use foxhunt_core::{Pose, Reception, Receptions};
+use foxhunt_core::{Pose, Receptions};
 use foxhunt_sensors::{
     AntennaConfig, ElevationPattern, ParameterError, SharedTerrain, TerrainLoss,
     WithElevationPattern,
@@ -194,9 +194,11 @@ impl Centroid {
 impl LocateConfig {
     /// Returns the settings with the height either known or free.
     pub(crate) fn decided(&self, can_estimate: bool, receptions: &Receptions) -> Self {
-        let flies = |reception: Reception| reception.receiver.position.z >= FLIGHT_M;
+        let mut places = receptions.places();
         let height = match self.height {
-            Height::FreeInFlight if can_estimate && receptions.iter().any(flies) => Height::Free,
+            Height::FreeInFlight if can_estimate && places.any(|place| place.z >= FLIGHT_M) => {
+                Height::Free
+            }
             Height::FreeInFlight => Height::Known,
             decided => decided,
         };

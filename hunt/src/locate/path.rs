@@ -1,4 +1,4 @@
-use foxhunt_core::{Reception, Receptions};
+use foxhunt_core::{ReceptionView, Receptions};
 use nalgebra::Vector3;
 
 /// Speed between two receptions above which they are of different paths, in metres per second; less
@@ -16,10 +16,10 @@ pub(crate) struct Paths<'a> {
 impl<'a> Paths<'a> {
     /// Cuts receptions, one receiver after the other, where time goes back or a receiver jumps.
     pub(crate) fn new(receptions: &'a Receptions) -> Self {
-        let pairs = receptions.iter().zip(receptions.iter().skip(1)).enumerate();
-        let is_cut = |(before, after): &(Reception, Reception)| {
+        let pairs = receptions.views().zip(receptions.views().skip(1)).enumerate();
+        let is_cut = |(before, after): &(ReceptionView<'_>, ReceptionView<'_>)| {
             let seconds = after.time - before.time;
-            let way = after.receiver.position - before.receiver.position;
+            let way = after.position - before.position;
             !(seconds >= 0.0 && way.norm() <= MOST_SPEED_MPS * seconds.max(1.0))
         };
         let ends = pairs.filter(|(_, pair)| is_cut(pair)).map(|(index, _)| index + 1);
@@ -36,9 +36,9 @@ impl<'a> Paths<'a> {
     /// Length of all paths together, in metres.
     pub(crate) fn length_m(&self) -> f64 {
         let of = |[begin, end]: [usize; 2]| -> f64 {
-            let path = self.receptions.range(begin, end);
+            let path = self.receptions.view_range(begin, end);
             let pairs = path.clone().zip(path.skip(1));
-            pairs.map(|(a, b)| (b.receiver.position - a.receiver.position).norm()).sum()
+            pairs.map(|(a, b)| (b.position - a.position).norm()).sum()
         };
         self.each().map(of).sum()
     }
@@ -76,7 +76,7 @@ impl<'a> Paths<'a> {
 #[cfg(test)]
 mod tests {
     use approx::assert_abs_diff_eq;
-    use foxhunt_core::Pose;
+    use foxhunt_core::{Pose, Reception};
     use proptest::{collection::vec, prelude::*};
 
     use super::*;

@@ -53,7 +53,7 @@ const LEAST_MOST_M: f64 = 6.0;
 
 /// Returns the prior of the transmitter's height: below the highest receiver, or near the ground.
 fn heights(receptions: &Receptions) -> Slope {
-    let ups = receptions.iter().map(|reception| reception.receiver.position.z);
+    let ups = receptions.places().map(|place| place.z);
     let most = ups.fold(LEAST_MOST_M, f64::max);
     let below = HEIGHTS.iter().filter(|(height, _)| *height <= most);
     Slope::Nodes(below.copied().collect())
@@ -83,7 +83,7 @@ impl Locator for CorrelatedShadowing {
         config: &LocateConfig,
     ) -> Result<Located, LocateError> {
         let readings = levels_and_silences(receptions)?;
-        let observations = receptions.iter().filter(|r| r.any_level().is_some()).count();
+        let observations = receptions.views().filter(|r| r.any_level_dbm().is_some()).count();
         let defaults = ShadowingGridConfig::over(extent_m(receptions));
         let receiver_sigma_m = receiver_sigma_m(receptions);
         let (intercept, slope) = match config.power {
@@ -130,11 +130,13 @@ impl Locator for CorrelatedShadowing {
         };
         #[cfg(feature = "batch")]
         let fix = {
-            let lines: Vec<_> = receptions.iter().filter_map(|r| weighted_line(&r)).collect();
+            let views = receptions.views().enumerate();
+            let directed = views.filter(|(_, view)| view.kind.has_bearing());
+            let directed = directed.filter_map(|(index, _)| receptions.get(index));
+            let lines: Vec<_> = directed.clone().filter_map(|r| weighted_line(&r)).collect();
             let bearings = bearing_grid(config).log_likelihood(&lines);
             let bearings = bearings.map_err(LocateError::Bearings)?;
-            let others = receptions.iter().filter(|reception| reception.has_bearing());
-            let others: Vec<Pose> = others.map(|reception| reception.receiver).collect();
+            let others: Vec<Pose> = directed.map(|reception| reception.receiver).collect();
             grid.locate_with(readings, regressors, &others, bearings)?
         };
         #[cfg(not(feature = "batch"))]

@@ -51,8 +51,8 @@ impl EstimatorEntry {
         config: &LocateConfig,
         name: &dyn Fn(usize) -> Option<String>,
     ) -> Result<Located, LocateError> {
-        let holds = |r: Reception| r.level.is_some() || r.has_bearing() || !r.measured.is_empty();
-        if !receptions.iter().any(holds) {
+        let holds = |r: &Reception| r.level.is_some() || r.has_bearing() || !r.measured.is_empty();
+        if !receptions.kinds().iter().any(holds) {
             return Err(LocateError::Nothing { receptions: receptions.len() });
         }
         if config.pattern.is_some() && !self.uses_antennas() {
@@ -216,15 +216,14 @@ impl Registry {
     ///
     /// [`RegistryError`] where it is not in the registry.
     pub fn suited_to(&self, receptions: &Receptions) -> Result<&EstimatorEntry, RegistryError> {
-        let bearings = receptions.iter().any(|r| r.has_bearing());
+        let kinds = || receptions.kinds().iter();
+        let bearings = kinds().any(Reception::has_bearing);
         let plain =
-            |r: Reception| r.level.is_none() && r.bearing.is_some() && r.measured.is_empty();
-        let levels = || {
-            receptions.iter().all(|r| r.measured.is_empty()) && have_levels_of_places(receptions)
-        };
+            |r: &Reception| r.level.is_none() && r.bearing.is_some() && r.measured.is_empty();
+        let levels = || kinds().all(|r| r.measured.is_empty()) && have_levels_of_places(receptions);
         let only = |quantity| {
-            let holds = |r: Reception| r.measured.get(quantity).is_some();
-            !bearings && receptions.iter().all(|r| r.any_level().is_none() && holds(r))
+            let holds = |r: &Reception| r.measured.get(quantity).is_some();
+            !bearings && kinds().all(|r| r.any_level().is_none() && holds(r))
         };
         if !receptions.is_empty() {
             if only(Quantity::RSS_DIFFERENCE) {
@@ -238,7 +237,7 @@ impl Registry {
             }
         }
         self.estimator(match bearings {
-            true if cfg!(feature = "batch") && receptions.iter().all(plain) => "bearing-grid",
+            true if cfg!(feature = "batch") && kinds().all(plain) => "bearing-grid",
             true if cfg!(feature = "batch") && levels() => "shadowing-grid",
             true => "particle",
             false => "shadowing-grid",

@@ -1,4 +1,4 @@
-use foxhunt_core::{Reception, Receptions};
+use foxhunt_core::{ReceptionView, Receptions};
 use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::{
@@ -18,12 +18,12 @@ pub(super) struct LevelAt {
 }
 
 impl LevelAt {
-    pub(super) fn new(reception: usize, received: &Reception, level: f64) -> Self {
-        let sigma = received.receiver_sigma_m;
+    pub(super) fn new(reception: usize, received: &ReceptionView<'_>, level: f64) -> Self {
+        let sigma = received.kind.receiver_sigma_m;
         Self {
             reception,
             level,
-            receiver: received.receiver.position,
+            receiver: received.position,
             receiver_sigma_m: sigma.map_or(UNSTATED_SIGMA_M, |sigma| sigma.x.max(sigma.y)),
         }
     }
@@ -33,10 +33,10 @@ impl LevelAt {
         receptions: &Receptions,
         stride: usize,
     ) -> impl Iterator<Item = Self> + use<'_> {
-        let level = |(reception, received): (usize, Reception)| {
-            Some(Self::new(reception, &received, received.level?.rss_dbm))
+        let level = |(reception, received): (usize, ReceptionView<'_>)| {
+            Some(Self::new(reception, &received, received.level_dbm()?))
         };
-        receptions.iter().enumerate().filter_map(level).step_by(stride)
+        receptions.views().enumerate().filter_map(level).step_by(stride)
     }
 }
 

@@ -1,6 +1,6 @@
 use std::{borrow::Cow, collections::BTreeSet};
 
-use foxhunt_core::{Reception, Receptions, Remark};
+use foxhunt_core::{ReceptionView, Receptions, Remark};
 use nalgebra::Vector2;
 use statrs::distribution::{ContinuousCDF, Normal};
 
@@ -47,7 +47,8 @@ pub(super) fn examine(
 ) -> Vec<Remark> {
     let place = located.estimate.mean;
     let rows = every_row(receptions, &place, config);
-    let is_placed_by_levels = receptions.iter().all(|r| !r.has_bearing() && r.measured.is_empty());
+    let mut kinds = receptions.kinds().iter();
+    let is_placed_by_levels = kinds.all(|kind| !kind.has_bearing() && kind.measured.is_empty());
     if rows.len() < LEAST {
         let are_few = is_placed_by_levels && !rows.is_empty();
         let open = are_few.then(|| range_open(located, receptions, config, rows.len()));
@@ -104,14 +105,14 @@ pub(super) fn residuals_of_rows(
     let Some(law) = Law::of(&kept, config) else { return Vec::new() };
     // There may be millions.
     drop(kept);
-    let row = |(reception, received): (usize, Reception)| {
-        let level = received.any_level()?.rss_dbm;
+    let row = |(reception, received): (usize, ReceptionView<'_>)| {
+        let level = received.any_level_dbm()?;
         let at = LevelAt::new(reception, &received, level);
         let apart = law.residual(&Row::new(&at, &place, config));
         let sigma = law.sigma_with_place(&at, located, config);
-        let (kind, residual, p) = if received.level.is_some() {
+        let (kind, residual, p) = if received.kind.level.is_some() {
             (Measurand::Level, apart, two_sided(apart / sigma))
-        } else if received.silence.is_some() {
+        } else if received.kind.silence.is_some() {
             (Measurand::Silence, apart.min(0.0), one_sided(-apart / sigma))
         } else {
             (Measurand::Saturation, apart.max(0.0), one_sided(apart / sigma))
@@ -119,7 +120,7 @@ pub(super) fn residuals_of_rows(
         let left_out = left_out.contains(&reception);
         Some(Residual { reception, kind, residual, p, left_out })
     };
-    receptions.iter().enumerate().filter_map(row).collect()
+    receptions.views().enumerate().filter_map(row).collect()
 }
 
 /// Mean square of the residuals over that at the best place from which on the place may not fit.

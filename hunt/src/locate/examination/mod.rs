@@ -16,7 +16,7 @@ mod shared;
 
 use std::collections::BTreeSet;
 
-use foxhunt_core::{Receptions, Remark};
+use foxhunt_core::{Reception, Receptions, Remark};
 use foxhunt_wire::geodesy::radians_to_compass_deg;
 
 pub(crate) use self::fit::{Datum, Kind, Outliers, Scale, misfit_p, outliers, reversals};
@@ -58,7 +58,7 @@ pub(crate) fn examine(
     let mut remarks: Vec<Remark> = impossible(located, &data, name).collect();
     data.retain(|datum| !is_impossible(located, datum));
     let mut left_out = Vec::new();
-    let has_levels = uses.levels && receptions.iter().any(|r| r.level.is_some());
+    let has_levels = uses.levels && receptions.kinds().iter().any(|kind| kind.level.is_some());
     if let Some(remark) = open::one_place(located, receptions, &data, config, has_levels) {
         remarks.push(remark);
     } else {
@@ -114,7 +114,7 @@ pub(crate) fn residuals(
     let mut without = left_out.clone();
     without.extend(&located.outliers);
     let mut residuals = residuals::of_geometry(located, receptions, config, uses, &without);
-    if uses.bearings {
+    if uses.bearings && receptions.kinds().iter().any(Reception::has_bearing) {
         let place = located.estimate.mean;
         residuals.extend(receptions.iter().enumerate().filter_map(|(reception, received)| {
             let residual = residuals::of_nearest_mode(&received, &place)?;

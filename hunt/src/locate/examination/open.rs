@@ -35,9 +35,9 @@ pub(super) fn one_place(
     if is_fixed || receptions.len() < 2 && !has_bearings && !has_levels {
         return None;
     }
-    let levels = receptions.iter().filter(|r| has_levels && r.any_level().is_some());
+    let levels = receptions.views().filter(|r| has_levels && r.any_level_dbm().is_some());
     let places: Vec<Vector2<f64>> = (data.iter().map(|datum| datum.receiver.xy()))
-        .chain(levels.map(|reception| reception.receiver.position.xy()))
+        .chain(levels.map(|reception| reception.position.xy()))
         .collect();
     let first = *places.first()?;
     let where_from = if places.iter().all(|place| (place - first).norm() < ONE_PLACE_M) {
@@ -111,9 +111,9 @@ pub(super) fn range_open(
     if only_bearings && !has_levels {
         return bearings_open(data, config);
     }
-    let levels = receptions.iter().filter(|r| has_levels && r.level.is_some());
+    let levels = receptions.views().filter(|r| has_levels && r.level_dbm().is_some());
     let places: Vec<Vector2<f64>> = (data.iter().map(|datum| datum.receiver.xy()))
-        .chain(levels.map(|reception| reception.receiver.position.xy()))
+        .chain(levels.map(|reception| reception.position.xy()))
         .collect();
     let count = u32::try_from(places.len()).ok().filter(|count| *count > 0)?;
     let middle = places.iter().sum::<Vector2<f64>>() / f64::from(count);

@@ -56,7 +56,7 @@ impl<'a> Hypotheses<'a> {
         }
         let paths = Paths::new(levels);
         let length_m = paths.length_m();
-        let times = levels.iter().map(|reception| reception.time);
+        let times = levels.views().map(|reception| reception.time);
         let first = times.clone().fold(f64::INFINITY, f64::min);
         let duration_s = times.fold(f64::NEG_INFINITY, f64::max) - first;
         (length_m > 0.0 && duration_s > 0.0).then(|| Self {

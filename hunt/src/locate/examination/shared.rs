@@ -1,6 +1,6 @@
 //! Terms that all examinations share.
 
-use foxhunt_core::{Bearing, Quantity, Receptions};
+use foxhunt_core::{Bearing, Quantity, Reception, Receptions};
 use nalgebra::Vector2;
 
 use super::{
@@ -57,6 +57,11 @@ pub(super) fn data(
     bias: Option<RangeBias>,
 ) -> Vec<Datum> {
     let mut data = Vec::new();
+    let holds = |kind: &Reception| kind.has_bearing() || !kind.measured.is_empty();
+    // There may be millions of levels, which have no geometry.
+    if !receptions.kinds().iter().any(holds) {
+        return data;
+    }
     for (reception, received) in receptions.iter().enumerate() {
         let receiver = received.receiver.position;
         let of_receiver = received.receiver_sigma_m.map(|sigma| sigma.x.max(sigma.y));
