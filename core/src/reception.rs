@@ -111,8 +111,7 @@ impl Reception {
         self.level.or(self.silence).or(self.saturation)
     }
 
-    /// Refuses a level of which no observation can be made, as
-    /// [`ByQuantity::observation`](Intake::observation) does, and makes none.
+    /// Checks the level as [`ByQuantity`] does, without building the observation.
     ///
     /// # Errors
     ///

@@ -43,7 +43,8 @@ pub struct ReceptionView<'r> {
     pub time: f64,
     /// East, North and Up of the receiver, in metres.
     pub position: Vector3<f64>,
-    /// What it has in common with others: time, place, heading and number in it are 0.
+    /// Everything that it has in common with others. Time, place and heading in it are 0, and so is
+    /// the first of level, floor, ceiling and bearing that it holds, whose number is its own.
     pub kind: &'r Reception,
     number: f64,
 }
@@ -143,8 +144,8 @@ impl Receptions {
         self.rows.iter().map(|row| row.position)
     }
 
-    /// Returns what receptions have in common, once each: times, places, headings and numbers in it
-    /// are 0.
+    /// Returns everything that receptions have in common, once each, as
+    /// [`kind`](ReceptionView::kind) of a view is.
     #[must_use]
     pub fn kinds(&self) -> &[Reception] {
         &self.kinds

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     BoxedEstimator,
-    track::{Fed, FoundTransmitter, TrackError},
+    track::{Fed, FoundTransmitter, Untaken},
 };
 
 /// Levels that a wrong direction may have, in dB: wrong ones are spread evenly over them and over
@@ -156,23 +156,20 @@ impl Fed for Several {
         self.intake.quantities().to_vec()
     }
 
-    fn update(
-        &mut self,
-        dt: f64,
-        reception: &Reception,
-    ) -> Result<(Correction, usize), TrackError> {
-        let scan = self.scan(reception)?;
-        self.prior.predict(dt)?;
-        self.filter.predict(dt)?;
+    fn update(&mut self, dt: f64, reception: &Reception) -> Result<(Correction, usize), Untaken> {
+        let scan = self.scan(reception).map_err(Untaken::before)?;
+        self.prior.predict(dt).map_err(Untaken::before)?;
+        self.filter.predict(dt).map_err(Untaken::before)?;
         if scan.is_empty() {
             return Ok((Correction::Empty, 0));
         }
-        let associations = self.filter.update(&scan)?;
+        let associations = self.filter.update(&scan).map_err(Untaken::after)?;
         let SeveralConfig { births, most_birth, .. } = self.config;
         // A reception whose directions are all explained shows nothing for the first time.
         let unexplained: f64 = (0..scan.len()).map(|index| associations.clutter(index)).sum();
         let births = births * unexplained.min(1.0);
-        self.filter.add_births(&self.prior, &scan, &associations, births, most_birth)?;
+        let added = self.filter.add_births(&self.prior, &scan, &associations, births, most_birth);
+        added.map_err(Untaken::after)?;
         self.seek();
         let fused = Correction::Fused { nis: None, log_evidence: 0.0, effective_sample_size: None };
         Ok((fused, 0))

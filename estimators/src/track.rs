@@ -284,10 +284,10 @@ impl Track {
             TimeStep::Elapsed => now - self.time.unwrap_or(now),
         };
         let taken = self.estimator.update(dt, &used);
-        if !matches!(taken, Err(TrackError::Observation(_))) {
+        if taken.as_ref().map_or_else(|untaken| untaken.has_predicted, |_| true) {
             self.time = Some(now);
         }
-        let (correction, degrees) = taken?;
+        let (correction, degrees) = taken.map_err(|untaken| untaken.error)?;
         self.steps += u32::from(correction != Correction::Empty);
         if let Some(last) = self.estimator.remembered().checked_sub(1) {
             self.remembered.push((used.time, last));
@@ -409,6 +409,25 @@ pub enum TrackError {
     Estimator(#[from] EstimatorError),
 }
 
+/// Reason why an estimator did not take a reception.
+pub(crate) struct Untaken {
+    pub error: TrackError,
+    /// True if time has passed for the estimator.
+    pub has_predicted: bool,
+}
+
+impl Untaken {
+    /// The estimator is as it was.
+    pub(crate) fn before(error: impl Into<TrackError>) -> Self {
+        Self { error: error.into(), has_predicted: false }
+    }
+
+    /// The estimator has predicted.
+    pub(crate) fn after(error: impl Into<TrackError>) -> Self {
+        Self { error: error.into(), has_predicted: true }
+    }
+}
+
 /// An estimator that takes receptions: its dimensions are hidden.
 pub(crate) trait Fed: Belief {
     fn quantities(&self) -> Vec<Quantity>;
@@ -416,8 +435,7 @@ pub(crate) trait Fed: Belief {
     /// Predicts over some time and updates the estimator; returns the correction and its degrees of
     /// freedom. A reception that no observation can be made of is refused before anything is
     /// predicted.
-    fn update(&mut self, dt: f64, reception: &Reception)
-    -> Result<(Correction, usize), TrackError>;
+    fn update(&mut self, dt: f64, reception: &Reception) -> Result<(Correction, usize), Untaken>;
 
     fn as_belief(&self) -> &dyn Belief;
 
@@ -486,13 +504,9 @@ where
         self.intake.quantities().to_vec()
     }
 
-    fn update(
-        &mut self,
-        dt: f64,
-        reception: &Reception,
-    ) -> Result<(Correction, usize), TrackError> {
-        let observation = self.intake.observation(reception)?;
-        self.estimator.predict(dt)?;
+    fn update(&mut self, dt: f64, reception: &Reception) -> Result<(Correction, usize), Untaken> {
+        let observation = self.intake.observation(reception).map_err(Untaken::before)?;
+        self.estimator.predict(dt).map_err(Untaken::before)?;
         let Some(observation) = observation else {
             return Ok((Correction::Empty, 0));
         };
@@ -502,7 +516,8 @@ where
             level && sigma >= NO_LEVEL_SIGMA_DB
         };
         let degrees = (0..M).filter(|&i| observation.has(i) && !useless(i)).count();
-        Ok((self.estimator.update(&observation)?, degrees))
+        let correction = self.estimator.update(&observation).map_err(Untaken::after)?;
+        Ok((correction, degrees))
     }
 
     fn as_belief(&self) -> &dyn Belief {
@@ -545,11 +560,7 @@ where
         self.0.quantities()
     }
 
-    fn update(
-        &mut self,
-        dt: f64,
-        reception: &Reception,
-    ) -> Result<(Correction, usize), TrackError> {
+    fn update(&mut self, dt: f64, reception: &Reception) -> Result<(Correction, usize), Untaken> {
         self.0.update(dt, reception)
     }
 
@@ -589,11 +600,7 @@ where
         self.0.quantities()
     }
 
-    fn update(
-        &mut self,
-        dt: f64,
-        reception: &Reception,
-    ) -> Result<(Correction, usize), TrackError> {
+    fn update(&mut self, dt: f64, reception: &Reception) -> Result<(Correction, usize), Untaken> {
         self.0.update(dt, reception)
     }
 

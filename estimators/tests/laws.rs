@@ -8,7 +8,8 @@ use foxhunt_core::{
 };
 use foxhunt_estimators::{
     BoxedEstimator, Components, EstimatorConfig, FilterConfig, GateConfig, LearnedReceiver,
-    MovingConfig, ParticleConfig, ReceiversConfig, SeveralConfig, TrackConfig, TrackStep,
+    MovingConfig, ParticleConfig, ReceiversConfig, SeveralConfig, TimeStep, TrackConfig, TrackStep,
+    WithoutBearing,
 };
 use foxhunt_sensors::{LogDistance, RssBearing};
 use nalgebra::{Matrix2, Vector2, Vector3};
@@ -205,6 +206,35 @@ fn a_track_is_smoothed() {
     let plain = moving(EKF).track(model(), &prior(), 1, true).expect("in order");
     let refused = plain.smoothed().expect_err("no earlier beliefs").to_string();
     assert!(refused.starts_with("smoothing an estimator that keeps no earlier beliefs"));
+}
+
+/// A prediction that is refused leaves the time as it was, too: the next reception is taken as if
+/// there had been no other.
+#[test]
+fn a_refused_prediction_takes_no_time() {
+    let elapsed = TrackConfig {
+        time_step: TimeStep::Elapsed,
+        without_bearing: WithoutBearing::UseLevel,
+        ..TrackConfig::default()
+    };
+    let track = || {
+        let config = EstimatorConfig { track: elapsed, ..moving(EKF) };
+        config.track(model(), &prior(), 1, true).expect("in order")
+    };
+    let at = |time| {
+        let receiver = Pose::at(20.0, 6.0, 10.0);
+        let level = Some(Level { rss_dbm: -75.0, sigma_db: 2.0 });
+        Reception { time, receiver, level, ..Reception::default() }
+    };
+    let mut refused = track();
+    let mut plain = track();
+    let _ = refused.update(&at(0.0), false).expect("in order");
+    let _ = plain.update(&at(0.0), false).expect("in order");
+    let nothing = Reception { level: None, ..at(f64::INFINITY) };
+    assert!(refused.update(&nothing, false).is_err());
+    let _ = refused.update(&at(3.0), false).expect("in order");
+    let _ = plain.update(&at(3.0), false).expect("in order");
+    assert_eq!(refused.position(), plain.position());
 }
 
 #[test]

@@ -7,6 +7,7 @@
 //! | the same through an antenna's pattern | [`WithElevationPattern`] (`alloc`) |
 //! | loss by terrain | [`knife_edge_loss_db`], [`TerrainLoss`], [`Hills`] |
 //! | a model with that loss | [`OverTerrain`] |
+//! | a model with any added term | [`ChangedLevel`] over a [`LevelChange`] |
 //! | the difference between two receivers | [`DifferentialRss`], [`RangeDifference`] |
 //! | two models at once; silence as a measurement | [`Stacked`]; [`Censored`] |
 //! | errors of bearings | [`BearingMixture`] |

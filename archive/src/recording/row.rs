@@ -287,7 +287,7 @@ impl Reader<'_> {
     /// A number within the column's bounds; `None` where the file or the row has none.
     #[inline(always)]
     pub(super) fn number(&self, column: Column) -> Result<Option<f64>, RecordingError> {
-        // Every row is asked for two dozen columns, of which a file has a few.
+        // Each row reads two dozen columns, most of which the file lacks.
         if self.plan.has(column) { self.present_number(column) } else { Ok(None) }
     }
 

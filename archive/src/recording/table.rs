@@ -350,8 +350,9 @@ impl<'b> Table<'b> {
             }
         }
         let passed = self.bytes.get(self.counted.0..at).unwrap_or_default();
-        let count = |wanted: u8| passed.iter().filter(|byte| **byte == wanted).count() as u64;
-        let mut lines = self.counted.1 + count(b'\n');
+        let mut lines = self.counted.1;
+        lines += passed.iter().filter(|byte| **byte == b'\n').count() as u64;
+        // Most files have none.
         if passed.contains(&b'\r') {
             let returns = passed.iter().enumerate().filter(|(_, byte)| **byte == b'\r');
             let alone = |(offset, _): &(usize, &u8)| {

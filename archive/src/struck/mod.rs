@@ -24,7 +24,7 @@ pub use logged::Struck;
 
 use std::{
     cmp::Ordering,
-    collections::BTreeMap,
+    collections::{BTreeMap, btree_map::Entry},
     fmt::{self, Display},
     fs,
     path::{Path, PathBuf},
@@ -49,7 +49,7 @@ pub enum ReceptionKey {
     Recorded(RowId),
 }
 
-/// Identifies a reception of a log. Two are equal where their times are, bit by bit.
+/// Identifies a reception of a log: by drone, beacon and time, where −0 s is 0 s.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReceptionId {
@@ -67,16 +67,11 @@ impl ReceptionId {
     pub fn new(drone: usize, reception: &Reception) -> Self {
         Self { drone, beacon: reception.beacon, time: reception.time }
     }
-
-    /// Drone, beacon and the bits of the time, where −0 is 0.
-    fn key(self) -> (usize, BeaconId, u64) {
-        (self.drone, self.beacon, (self.time + 0.0).to_bits())
-    }
 }
 
 impl PartialEq for ReceptionId {
     fn eq(&self, other: &Self) -> bool {
-        self.key() == other.key()
+        self.cmp(other) == Ordering::Equal
     }
 }
 
@@ -90,7 +85,8 @@ impl PartialOrd for ReceptionId {
 
 impl Ord for ReceptionId {
     fn cmp(&self, other: &Self) -> Ordering {
-        self.key().cmp(&other.key())
+        let of = (self.drone, self.beacon).cmp(&(other.drone, other.beacon));
+        of.then_with(|| (self.time + 0.0).total_cmp(&(other.time + 0.0)))
     }
 }
 
@@ -241,7 +237,7 @@ pub fn file_names(recordings: &[Recording]) -> Vec<String> {
     recordings.iter().zip(&short).map(name).collect()
 }
 
-/// Receptions that are left out, by their identifiers; none by default.
+/// Receptions that are left out, by their identifiers; empty by default.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StruckList<I> {
     /// Each with its line in the file.
@@ -254,7 +250,7 @@ impl<I> Default for StruckList<I> {
     }
 }
 
-impl<I: Clone + Ord + Display + DeserializeOwned> StruckList<I> {
+impl<I: Ord + Display + DeserializeOwned> StruckList<I> {
     /// Reads the receptions of a list, each of which is checked; `what` is the name of one in
     /// errors.
     fn checked(
@@ -266,14 +262,22 @@ impl<I: Clone + Ord + Display + DeserializeOwned> StruckList<I> {
         let mut struck = Self::default();
         for (line, id) in entries::<I>(text, path, what)? {
             check(line, &id)?;
-            if let Some(before) = struck.lines.insert(id.clone(), line) {
-                let path = path.to_owned();
-                return Err(StruckError::Twice { path, line, what: id.to_string(), before });
+            match struck.lines.entry(id) {
+                Entry::Vacant(entry) => {
+                    entry.insert(line);
+                }
+                Entry::Occupied(entry) => {
+                    let what = entry.key().to_string();
+                    let path = path.to_owned();
+                    return Err(StruckError::Twice { path, line, what, before: *entry.get() });
+                }
             }
         }
         Ok(struck)
     }
+}
 
+impl<I: Ord> StruckList<I> {
     /// Returns true if a reception is left out.
     #[must_use]
     pub fn contains(&self, id: &I) -> bool {

@@ -9,7 +9,7 @@
 //! | [`Jpda`] | a known number | Fortmann, Bar-Shalom & Scheffe 1983 |
 //! | [`LabelledMultiBernoulli`] | an unknown number, labelled | Reuter, Vo, Vo & Dietmayer 2014 |
 //!
-//! Each runs over any [`Estimator`](foxhunt_core::Estimator): Kalman filters, clouds, cells. The
+//! Each runs over any [`Estimator`]: Kalman filters, clouds, cells. The
 //! density of a track is a weighted sum of them, one for each association history ([`Reduction`]).
 //! The probabilities of all joint associations are in [`Associations`].
 //!

@@ -1,4 +1,4 @@
-//! A model of a level with a term more, by terrain or by an antenna's vertical pattern.
+//! A model of a level with an added term: by terrain, or by an antenna's vertical pattern.
 
 use foxhunt_core::{
     MeasurementModel, Observation, Pose, Quantity, State, Terrain, columns,
@@ -11,6 +11,28 @@ use super::differences;
 use crate::TerrainLoss;
 
 /// A term of a level that depends on the places of target and receiver.
+///
+/// ```
+/// use foxhunt_core::{MeasurementModel, Pose, nalgebra::{Vector1, Vector2, Vector3}};
+/// use foxhunt_sensors::{ChangedLevel, LevelChange, LogDistance, Rss};
+///
+/// /// A wall along East = 20 m, which takes 6 dB.
+/// struct Wall;
+///
+/// impl LevelChange for Wall {
+///     fn change_db(&self, target: &Vector3<f64>, receiver: &Pose) -> f64 {
+///         let is_behind = (target.x > 20.0) != (receiver.position.x > 20.0);
+///         if is_behind { -6.0 } else { 0.0 }
+///     }
+/// }
+///
+/// let rss = Rss::new(LogDistance::pritzl2018_field());
+/// let model = ChangedLevel::changed(rss, Wall);
+/// let (drone, behind) = (Pose::at(0.0, 0.0, 4.0), Vector2::new(30.0, 0.0));
+/// let [through, without]: [Vector1<f64>; 2] =
+///     [model.expected(&behind, &drone), rss.expected(&behind, &drone)];
+/// assert!((without[0] - through[0] - 6.0).abs() < 1e-12);
+/// ```
 pub trait LevelChange {
     /// The term in dB, for a target at a place East, North and Up in metres.
     fn change_db(&self, target: &Vector3<f64>, receiver: &Pose) -> f64;
@@ -120,7 +142,7 @@ impl<H, C> ChangedLevel<H, C> {
     }
 }
 
-/// Without a term more.
+/// Without an added term.
 impl<H, C> From<H> for ChangedLevel<H, C> {
     fn from(model: H) -> Self {
         Self { model, change: None, target_up: 0.0 }

@@ -291,6 +291,9 @@ fn settings_are_checked() {
     let correlation =
         CrossCorrelationConfig { max_sigma_deg: 0.0, ..CrossCorrelationConfig::of(patch()) };
     assert!(CrossCorrelation::with_config(correlation).is_err());
+    let correlation =
+        CrossCorrelationConfig { rss_sigma_db: -0.1, ..CrossCorrelationConfig::of(patch()) };
+    assert!(CrossCorrelation::with_config(correlation).is_err());
     assert!(patch().gain_dbi(0.0, 0.0).is_finite());
 }
 
@@ -319,6 +322,8 @@ fn settings_of_a_likelihood_are_refused_by_name() {
     assert_eq!(gaussian(config), "max_sigma_deg");
     let config = MaximumLikelihoodConfig { min_positions: 2, ..of() };
     assert_eq!(gaussian(config), "min_positions");
+    let config = MaximumLikelihoodConfig { degrees: 0.0, ..of() };
+    assert_eq!(refused(Residuals::StudentT, config), "degrees");
     let degrees = || MaximumLikelihoodConfig { degrees: 3.0, ..of() };
     assert_eq!(refused(Residuals::StudentT, degrees()), "none");
     let steepest = || MaximumLikelihoodConfig { steepest_deg: Some(-75.0), ..of() };

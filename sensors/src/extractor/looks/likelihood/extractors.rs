@@ -47,19 +47,19 @@ pub enum Residuals {
     Superposed,
 }
 
-/// Largest σ of a bearing where nobody says, in degrees.
+/// Default largest σ of a bearing, in degrees.
 const MAX_SIGMA_DEG: f64 = 57.0;
 
-/// Least number of boresights with a reading where nobody says.
+/// Default least number of boresights with a reading.
 const MIN_POSITIONS: u16 = 8;
 
-/// Degrees of freedom of Student's t where nobody says.
+/// Default degrees of freedom of Student's t.
 const DEGREES: f64 = 4.0;
 
 /// Requirement of a setting that the chosen residuals do not use.
 const UNUSED: &str = "left out: this extractor does not use it";
 
-/// The antenna that [`MaximumLikelihood`] knows, and its other settings.
+/// Settings of [`MaximumLikelihood`], with the antenna that it knows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
@@ -112,9 +112,17 @@ impl<A> MaximumLikelihoodConfig<A> {
     /// The settings with another antenna.
     #[must_use]
     pub fn through<B>(&self, antenna: B) -> MaximumLikelihoodConfig<B> {
-        let Self { antenna: _, elevation_deg, steepest_deg, sample_sigma_db, .. } = *self;
-        let Self { misfit_sigma_db, rss_sigma_db, max_sigma_deg, min_positions, degrees, .. } =
-            *self;
+        let Self {
+            antenna: _,
+            elevation_deg,
+            steepest_deg,
+            sample_sigma_db,
+            misfit_sigma_db,
+            rss_sigma_db,
+            max_sigma_deg,
+            min_positions,
+            degrees,
+        } = *self;
         MaximumLikelihoodConfig {
             antenna,
             elevation_deg,
@@ -301,7 +309,7 @@ impl<A: Antenna> BearingExtractor for MaximumLikelihood<A> {
     }
 }
 
-/// The antenna that [`CrossCorrelation`] knows, and its other settings.
+/// Settings of [`CrossCorrelation`], with the antenna that it knows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]

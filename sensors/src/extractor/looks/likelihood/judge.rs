@@ -181,7 +181,6 @@ pub(super) fn elevations<'a, A: Antenna>(
 }
 
 pub(super) fn student<A: Antenna>(fit: &Fit<'_, A>, degrees: f64) -> Judged {
-    let degrees = if degrees > 0.0 && degrees.is_finite() { degrees } else { 1.0 };
     let nodes = student_nodes(fit, degrees, 1.0);
     let (offset, level) = summit(&nodes);
     let mut residuals = fit.residuals(offset, level);
