@@ -187,7 +187,7 @@ impl TrackGrid {
         let search = Search {
             low,
             high,
-            place: PlacePrior::NearReceivers { far_share: 0.0 },
+            place: PlacePrior::NearReceivers { far_share: 0.0, reach: 1.0 },
             margin_m: self.margin_m,
             cell_m: side_m / 64.0,
             max_cells: (self.max_cells / searched).max(100),

@@ -142,7 +142,7 @@ fn judge_grid(below: Below, flights: u64) -> Outcome {
         correlation_lengths_m: vec![20.0, 40.0, 80.0],
         nuggets: vec![0.1],
         max_cells: 900,
-        place: PlacePrior::NearReceivers { far_share: 0.0 },
+        place: PlacePrior::NearReceivers { far_share: 0.0, reach: 1.0 },
         ..ShadowingGridConfig::default()
     };
     let grid = ShadowingGrid::new(config).expect("proper");

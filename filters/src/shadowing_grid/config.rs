@@ -132,27 +132,35 @@ pub enum PlacePrior {
     /// It lies within the receivers' bounding box and the margin about it, anywhere with equal
     /// density: the answer depends on the margin.
     Even,
-    /// The density is even within the receivers' bounding box and falls beyond it, as receivers
-    /// are brought to where a target is looked for: (1 − q) (1 + d²/s²)^(−5/2) + q (1 +
-    /// d²/s²)^(−3/2) for a distance d from a box with half the diagonal s, Student's t with three
-    /// degrees of freedom and with one. The search begins with the margin and widens until next to
-    /// nothing lies on its border.
+    /// The density is even within the receivers' bounding box and falls beyond it: (1 − q) (1 +
+    /// d²/(r s)²)^(−5/2) + q (1 + d²/s²)^(−3/2) for a distance d from a box with half the diagonal
+    /// s, Student's t with three degrees of freedom and with one. The search begins with the
+    /// margin and widens until next to nothing lies on its border.
     NearReceivers {
         /// The share q, from 0 to 1. With the default 0.1, of the targets beyond the box one in
         /// eighty lies farther away than 20 s, with 0 one in 8,000.
         far_share: f64,
+        /// The reach r of the nearer share, in half diagonals of the box; above 0.
+        reach: f64,
     },
 }
 
-/// Near the receivers with a share of 0.1 farther away: some receive from a short base, or a short
-/// path, what is at many times its length.
+/// Near the receivers with a share of 0.1 farther away, and a reach of 1, as receivers are brought
+/// to where a target is looked for: some receive from a short base, or a short path, what is at
+/// many times its length.
 impl Default for PlacePrior {
     fn default() -> Self {
-        Self::NearReceivers { far_share: 0.1 }
+        Self::NearReceivers { far_share: 0.1, reach: 1.0 }
     }
 }
 
 impl PlacePrior {
+    /// The prior of a network, which is set up about what it locates: a reach of 0.3.
+    #[must_use]
+    pub fn of_network() -> Self {
+        Self::NearReceivers { far_share: 0.1, reach: 0.3 }
+    }
+
     /// The log-density of a place, up to a constant.
     pub(crate) fn log_density(
         self,
@@ -164,10 +172,14 @@ impl PlacePrior {
         let high = *high;
         move |place| match self {
             Self::Even => 0.0,
-            Self::NearReceivers { far_share } => {
+            Self::NearReceivers { far_share, reach } => {
                 let beyond = (low - place).sup(&(place - high)).sup(&Vector2::zeros()).norm();
-                let near = 1.0 / (1.0 + (beyond / scale) * (beyond / scale));
-                libm::log((1.0 - far_share) * near + far_share) + 1.5 * libm::log(near)
+                let within = |scale: f64| 1.0 / (1.0 + (beyond / scale) * (beyond / scale));
+                let near = within(reach * scale);
+                let far = within(scale);
+                let ratio = near / far;
+                let near = (1.0 - far_share) * near * ratio * libm::sqrt(ratio);
+                libm::log(near + far_share) + 1.5 * libm::log(far)
             }
         }
     }
@@ -275,6 +287,27 @@ impl ShadowingGridConfig {
         }
     }
 
+    /// The default for receivers of a network, which stay where they are, over an extent in metres:
+    /// the place as [`PlacePrior::of_network`] has it, and, from 200 m down to a house of 20 m, a
+    /// slope that goes over to N(3.5, 1) on 1 … 6. Walls between the rooms add to the distance: of
+    /// one floor 1.4 (open) to 4.0 (dense), of several 5.4 (COST 231 1999, table 4.7.1).
+    #[must_use]
+    pub fn of_network(extent_m: f64) -> Self {
+        let over = Self::over(extent_m);
+        let indoors = libm::log10(FULL_SCALE_M / extent_m.max(1e-3)).clamp(0.0, 1.0);
+        let slope = match over.slope {
+            Slope::Gaussian { mean, sd, lower, upper, step } => Slope::Gaussian {
+                mean: mean + indoors * (3.5 - mean),
+                sd: sd + indoors * (1.0 - sd),
+                upper: upper + indoors * (6.0 - upper),
+                lower,
+                step,
+            },
+            other => other,
+        };
+        Self { slope, place: PlacePrior::of_network(), ..over }
+    }
+
     /// Names the first setting that is outside of its range.
     pub(super) fn check(&self) -> Result<(), ShadowingGridError> {
         match self.intercept {
@@ -288,8 +321,9 @@ impl ShadowingGridConfig {
                 positive("the calibration's variance", variance)?;
             }
         }
-        if let PlacePrior::NearReceivers { far_share } = self.place {
+        if let PlacePrior::NearReceivers { far_share, reach } = self.place {
             in_range("far_share", far_share, 0.0..=1.0, "from 0 to 1")?;
+            positive("reach", reach)?;
         }
         self.slope.check(["the slope", "the number of slopes", "the slope's weight"])?;
         self.gain.check(["the gain", "the number of gains", "the gain's weight"])?;
@@ -393,17 +427,30 @@ mod tests {
     }
 
     #[test]
+    fn walls_weigh_on_the_slope_of_a_network_in_a_house_alone() {
+        let default = ShadowingGridConfig::default().slope;
+        assert_eq!(ShadowingGridConfig::of_network(2000.0).slope, default);
+        let of_house = Slope::gaussian(3.5, 1.0, 1.0, 6.0, 0.25).expect("in order");
+        assert_eq!(ShadowingGridConfig::of_network(12.0).slope, of_house);
+        for extent_m in [0.0, 5.0, 63.0, 150.0, 1e5] {
+            let config = ShadowingGridConfig::of_network(extent_m);
+            assert!(config.check().is_ok(), "{extent_m} m");
+            assert_eq!(config.place, PlacePrior::of_network());
+        }
+    }
+
+    #[test]
     fn beyond_the_receivers_the_density_is_a_sum_of_students() {
         // Half the diagonal of 60 m by 80 m is 50 m.
         let low = Vector2::new(-10.0, 0.0);
         let high = Vector2::new(50.0, 80.0);
         let density = |east, north| {
-            let prior = PlacePrior::NearReceivers { far_share: 0.1 }.log_density(&low, &high);
-            libm::exp(prior(&Vector2::new(east, north)))
+            let prior = PlacePrior::NearReceivers { far_share: 0.1, reach: 0.4 };
+            libm::exp(prior.log_density(&low, &high)(&Vector2::new(east, north)))
         };
         let students = |beyond: f64| {
-            let square = 1.0 + (beyond / 50.0) * (beyond / 50.0);
-            0.9 * libm::pow(square, -2.5) + 0.1 * libm::pow(square, -1.5)
+            let square = |scale: f64| 1.0 + (beyond / scale) * (beyond / scale);
+            0.9 * libm::pow(square(20.0), -2.5) + 0.1 * libm::pow(square(50.0), -1.5)
         };
         for (east, north, beyond) in
             [(20.0, 5.0, 0.0), (150.0, 40.0, 100.0), (20.0, -30.0, 30.0), (-40.0, 120.0, 50.0)]

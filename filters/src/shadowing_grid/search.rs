@@ -261,7 +261,7 @@ mod tests {
         let search = Search {
             low: Vector2::repeat(-50.0),
             high: Vector2::repeat(50.0),
-            place: PlacePrior::NearReceivers { far_share: 0.0 },
+            place: PlacePrior::NearReceivers { far_share: 0.0, reach: 1.0 },
             margin_m: 200.0,
             cell_m: 5.0,
             max_cells: 40_000,

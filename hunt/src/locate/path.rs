@@ -5,6 +5,37 @@ use nalgebra::Vector3;
 /// than a second apart, their distance in metres.
 const MOST_SPEED_MPS: f64 = 300.0;
 
+/// Distance of two places that count as one, as a share of the receivers' extent.
+const SAME_PLACE: f64 = 0.02;
+
+/// Number of places that make a network.
+const LEAST_PLACES: usize = 3;
+
+/// Returns true if the receptions are those of a network: of receivers at three places or more,
+/// none of which moves. Nothing else jumps from each place to the next one.
+pub(crate) fn is_of_network(receptions: &Receptions, extent_m: f64) -> bool {
+    let apart = |a: &Vector3<f64>, b: &Vector3<f64>| (a - b).norm() > SAME_PLACE * extent_m;
+    let mut views = receptions.views();
+    let Some(mut last) = views.next() else { return false };
+    let mut here = last.position;
+    let mut places = vec![here];
+    for view in views {
+        if apart(&view.position, &here) {
+            let seconds = view.time - last.time;
+            let way = view.position - last.position;
+            if seconds > 0.0 && way.norm() <= MOST_SPEED_MPS * seconds {
+                return false;
+            }
+            here = view.position;
+            if places.len() < LEAST_PLACES && places.iter().all(|place| apart(place, &here)) {
+                places.push(here);
+            }
+        }
+        last = view;
+    }
+    places.len() >= LEAST_PLACES
+}
+
 /// Paths of the receivers through their receptions, each in the order of time.
 #[derive(Clone, Debug)]
 pub(crate) struct Paths<'a> {
@@ -109,6 +140,32 @@ mod tests {
                 prop_assert_eq!(before.time.to_bits(), after.time.to_bits());
             }
         }
+    }
+
+    #[test]
+    fn nodes_make_a_network_and_walks_make_none() {
+        // One node after the other, each at the times of all; then one row of each at one time.
+        let of = |nodes: u8, rows: u8| -> Receptions {
+            let each = |node| (0..rows).map(move |row| (node, row));
+            let rows = (0..nodes).flat_map(each);
+            rows.map(|(node, row)| reception(f64::from(row), 8.0 * f64::from(node))).collect()
+        };
+        assert!(is_of_network(&of(4, 30), 24.0));
+        assert!(is_of_network(&of(3, 1), 16.0));
+        assert!(!is_of_network(&of(2, 30), 8.0), "two nodes");
+        assert!(!is_of_network(&of(4, 30), 4000.0), "one place");
+        // A walk, slow enough for a step to be no place of its own, and one with stops.
+        for (step_m, rows) in [(0.01, 1), (1.0, 1), (5.0, 20)] {
+            let walk: Receptions = (0..200_u16)
+                .map(|row| reception(f64::from(row), step_m * f64::from(row / rows)))
+                .collect();
+            assert!(!is_of_network(&walk, step_m * 200.0 / f64::from(rows)), "{step_m} m");
+        }
+        // Two receivers that walk beside a third that stays.
+        let mut team = of(3, 30);
+        team.extend((0..30_u8).map(|row| reception(f64::from(row), 20.0 + f64::from(row))));
+        assert!(!is_of_network(&team, 50.0));
+        assert!(!is_of_network(&Receptions::default(), 0.0));
     }
 
     #[test]

@@ -9,6 +9,7 @@ use super::{
     area::extent_m,
     config::{Centroid, Height},
     located::{levels_and_silences, receiver_sigma_m},
+    path::is_of_network,
     region::regions,
 };
 
@@ -84,7 +85,12 @@ impl Locator for CorrelatedShadowing {
     ) -> Result<Located, LocateError> {
         let readings = levels_and_silences(receptions)?;
         let observations = receptions.views().filter(|r| r.any_level_dbm().is_some()).count();
-        let defaults = ShadowingGridConfig::over(extent_m(receptions));
+        let extent_m = extent_m(receptions);
+        let defaults = if is_of_network(receptions, extent_m) {
+            ShadowingGridConfig::of_network(extent_m)
+        } else {
+            ShadowingGridConfig::over(extent_m)
+        };
         let receiver_sigma_m = receiver_sigma_m(receptions);
         let (intercept, slope) = match config.power {
             Power::Free => (Intercept::Flat, defaults.slope.clone()),

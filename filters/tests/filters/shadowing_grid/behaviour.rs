@@ -160,7 +160,7 @@ fn near_the_receivers_the_margin_does_not_matter() {
     for truth in [TRUTH, Truth { sigma: 6.0, ..TRUTH }, outside] {
         let readings = flight(5, &truth);
         let fixes = [50.0, 200.0, 800.0].map(|margin_m| {
-            let place = PlacePrior::NearReceivers { far_share: 0.0 };
+            let place = PlacePrior::NearReceivers { far_share: 0.0, reach: 1.0 };
             let fix = locate(&readings, ShadowingGridConfig { place, margin_m, ..simple() });
             (fix.finest().median(), fix.position.covariance.determinant().powf(0.25))
         });
