@@ -499,6 +499,39 @@ fn a_level_that_is_far_too_strong_is_named_and_clean_levels_have_no_remark() {
 }
 
 #[test]
+fn levels_that_stand_apart_on_both_sides_are_left_out_and_named() {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(13);
+    let config = LocateConfig::default();
+    let registry = Registry::builtin();
+    let entry = registry.estimator("shadowing-grid").expect("built in");
+    for _ in 0..3 {
+        let target = Vector2::new(100.0, 100.0) + place(&mut rng, 250.0);
+        let mut received = levels(&mut rng, target);
+        let wrong: Vec<usize> = (4..received.len()).step_by(8).collect();
+        for (number, index) in wrong.iter().enumerate() {
+            if let Some(level) = &mut received[*index].level {
+                level.rss_dbm += if number.is_multiple_of(2) { 40.0 } else { -40.0 };
+            }
+        }
+        let received = Receptions::from(&*received);
+        let name = |index: usize| Some(format!("a.csv, line {}", index + 2));
+        let located = entry.locate_named(&received, &config, &name).expect("it is located");
+        assert_eq!((located.rejected, &located.left_out), (wrong.len(), &wrong));
+        assert_eq!(located.observations, received.len() - wrong.len());
+        let said = text(&located, "outlier");
+        assert!(
+            said.starts_with(&format!("{} of {} levels", wrong.len(), received.len())),
+            "{said}"
+        );
+        assert!(said.contains("a.csv, line 6 ("), "{said}");
+        assert_eq!(codes(&located).iter().filter(|code| **code == "outlier").count(), 1);
+        let rows = entry.residuals(&located, &received, &config);
+        let left_out = rows.iter().filter(|row| row.left_out).map(|row| row.reception);
+        assert_eq!(left_out.collect::<Vec<_>>(), wrong);
+    }
+}
+
+#[test]
 fn a_filter_that_is_lost_does_not_fit_the_levels() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(8);
     for _ in 0..3 {

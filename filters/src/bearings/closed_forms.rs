@@ -6,7 +6,10 @@ use foxhunt_core::Estimate;
 use nalgebra::{Matrix2, Vector2};
 
 use super::{BearingLine, check, checked, reciprocal_condition};
-use crate::{batch::BatchError, count::number};
+use crate::{
+    batch::BatchError,
+    count::{median, number},
+};
 
 /// The weighted sum that a closed form solves: Σ w g nᵀ (x − p) = 0.
 #[derive(Clone, Debug)]
@@ -191,11 +194,11 @@ fn median_of_medians(lines: &[BearingLine]) -> Option<Vector2<f64>> {
         let crossings: Vec<_> = others.filter_map(|(_, other)| crossing(line, other)).collect();
         any |= !crossings.is_empty();
         for (axis, medians) in medians.iter_mut().enumerate() {
-            let coordinates = crossings.iter().map(|place| place[axis]).collect();
-            medians.push(median(coordinates).unwrap_or(line.receiver[axis]));
+            let mut coordinates: Vec<f64> = crossings.iter().map(|place| place[axis]).collect();
+            medians.push(median(&mut coordinates).unwrap_or(line.receiver[axis]));
         }
     }
-    let [east, north] = medians.map(median);
+    let [east, north] = medians.map(|mut medians| median(&mut medians));
     Some(Vector2::new(east?, north?)).filter(|_| any)
 }
 
@@ -210,13 +213,4 @@ fn crossing(a: &BearingLine, b: &BearingLine) -> Option<Vector2<f64>> {
     let parallel = normals.determinant().abs() < 1e-6;
     let place = normals.lu().solve(&away).filter(|_| !parallel)? + a.receiver;
     (a.looks_at(&place) && b.looks_at(&place)).then_some(place)
-}
-
-/// The middle value, or the mean of the middle two; `None` of nothing.
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_unstable_by(f64::total_cmp);
-    let half = values.len() / 2;
-    let upper = *values.get(half)?;
-    let lower = if values.len().is_multiple_of(2) { values.get(half - 1) } else { None };
-    Some(lower.map_or(upper, |lower| 0.5 * (lower + upper)))
 }

@@ -41,6 +41,8 @@ pub struct ShadowingFix {
     /// The factor by which segments were made longer, so that they are not too many: 1 where they
     /// are as configured.
     pub stretch: f64,
+    /// Indices of the readings that were left out as gross errors, in order.
+    pub left_out: Vec<usize>,
     /// The posterior over the whole searched area.
     pub map: PosteriorMap,
     /// The posterior on finer cells around the mass, where `map` was too coarse for it;
@@ -144,6 +146,10 @@ impl ShadowingGrid {
     /// Varin, Reid & Firth 2011). Of more than a hundred on one side some stand for the others
     /// beside them.
     ///
+    /// Readings that stand far from what was received beside them are left out, if they do on both
+    /// sides: gross errors do, fades lie below. Of more than twenty for each segment their summary
+    /// leaves such ones out.
+    ///
     /// The target's height is not looked at: [`locate_with`](Self::locate_with) takes it.
     ///
     /// `regressors` are x and g for a target at the given East and North and a receiver; a place
@@ -190,8 +196,38 @@ impl ShadowingGrid {
         F: Fn(&Vector2<f64>, &Pose, f64) -> [f64; 2],
         L: Fn(&Vector2<f64>) -> f64,
     {
-        let config = &self.config;
         let path = Path::new(readings)?;
+        let fix = self.along(&path, &regressors, others, &log_likelihood)?;
+        let most = self.config.max_segments as usize;
+        if !others.is_empty() || path.len() > DENSE.saturating_mul(most) {
+            return Ok(fix);
+        }
+        let place = fix.finest().median();
+        let law = |receiver: &Pose| {
+            let [x, g] = regressors(&place, receiver, fix.height.mean);
+            fix.intercept.mean + fix.slope.mean * x + fix.gain.mean * g
+        };
+        let left_out = path.outliers(law, self.config.sigma_prior.1);
+        if left_out.is_empty() {
+            return Ok(fix);
+        }
+        let of_rest = self.along(&path.without(&left_out), &regressors, others, &log_likelihood);
+        Ok(of_rest.map_or(fix, |fix| ShadowingFix { left_out, ..fix }))
+    }
+
+    /// Locates the target of the readings along a path.
+    fn along<F, L>(
+        &self,
+        path: &Path,
+        regressors: &F,
+        others: &[Pose],
+        log_likelihood: &L,
+    ) -> Result<ShadowingFix, ShadowingGridError>
+    where
+        F: Fn(&Vector2<f64>, &Pose, f64) -> [f64; 2],
+        L: Fn(&Vector2<f64>) -> f64,
+    {
+        let config = &self.config;
         let most = config.max_segments as usize;
         let (summary, segment_m, share) = if path.is_noisy(|_| config.segment_m) {
             (Summary::TrimmedMean, config.segment_m, config.segment_share)
@@ -199,7 +235,7 @@ impl ShadowingGrid {
             (Summary::Quantile(config.quantile), FADING_STRETCH * config.segment_m, 0.0)
         };
         let segments = path.segments(|_| segment_m, most, summary);
-        several_places(&path, &segments)?;
+        several_places(path, &segments)?;
         let places = path.places().chain(others.iter().map(|other| other.position));
         let (low, high) = bounds(places.map(|place| place.xy()));
         let mut stretch = segments.stretch;
@@ -219,7 +255,7 @@ impl ShadowingGrid {
             max_cells,
         };
         let log_density = |place: &Vector2<f64>| log_prior(place) + log_likelihood(place);
-        let posterior = |grid| likelihood.posterior(grid, &heights, &regressors, &log_density);
+        let posterior = |grid| likelihood.posterior(grid, &heights, regressors, &log_density);
         let searched = search.cover(posterior, |posterior| &posterior.map)?;
         for ((_, log_weight), share) in heights.iter_mut().zip(&searched.shares.heights) {
             if *share < IMPROBABLE_HEIGHT {
@@ -253,7 +289,7 @@ impl ShadowingGrid {
                 stretch = segments.stretch;
                 likelihood = Likelihood::new(config, segments)?;
             }
-            let posterior = |grid| likelihood.posterior(grid, &heights, &regressors, &log_density);
+            let posterior = |grid| likelihood.posterior(grid, &heights, regressors, &log_density);
             refined = Some(match finer {
                 Some(finer) if !cuts => posterior(finer)?,
                 finer => {
@@ -291,6 +327,7 @@ impl ShadowingGrid {
             border_mass: searched.map.border_mass(),
             segments: likelihood.segments(),
             stretch,
+            left_out: Vec::new(),
             map: searched.map,
             refined,
         })
@@ -305,6 +342,9 @@ fn several_places(path: &Path, segments: &Segments) -> Result<(), ShadowingGridE
     let segments = segments.receivers.len();
     if segments < LEAST_SEGMENTS { Err(ShadowingGridError::TooFew { segments }) } else { Ok(()) }
 }
+
+/// Readings for each segment beyond which the summaries of segments leave out gross errors.
+const DENSE: usize = 20;
 
 /// Least number of cells of a grid.
 const LEAST_CELLS: u32 = 100;

@@ -8,6 +8,7 @@ use foxhunt_core::{
 };
 
 use super::{ShadowingGridError, cells::Cells};
+use crate::count::{median, number};
 
 /// The side on which a value is censored: a receiver at its floor, or at its ceiling, shows a limit
 /// instead of the level.
@@ -161,6 +162,11 @@ impl Path {
         Ok(Self { readings, attitudes, cells: OnceCell::new() })
     }
 
+    /// Returns the number of readings.
+    pub(crate) fn len(&self) -> usize {
+        self.readings.len()
+    }
+
     /// The East and North that all readings share; `None` where there are several places.
     pub(crate) fn only_place(&self) -> Option<Vector2<f64>> {
         let mut places = self.places().map(|place| place.xy());
@@ -170,9 +176,8 @@ impl Path {
 
     /// The mean place, and the mean direction of the nose; that of the first where they cancel.
     fn mean_pose(&self, readings: &[Reading]) -> Pose {
-        if let [Reading { position, heading, attitude, .. }] = *readings {
-            let rest = self.attitudes.get(attitude as usize).copied().unwrap_or_default();
-            return Pose { position, heading, ..rest };
+        if let [reading] = readings {
+            return self.pose(reading);
         }
         #[expect(clippy::cast_precision_loss, reason = "fewer readings than 2⁵³")]
         let count = readings.len() as f64;
@@ -266,6 +271,58 @@ impl Path {
         wild - 2.0 * libm::sqrt(wild * (1.0 - wild) / count) < MOST_WILD
     }
 
+    /// Returns the readings that are gross errors on either side, in order: those whose residual
+    /// from a law is far from the median of their neighbours' along the path (Hampel 1974). None
+    /// where those are nearly all on one side, as fades are, or more than errors are likely to be;
+    /// `sigma` is what a residual is thought to have before.
+    pub(crate) fn outliers(&self, law: impl Fn(&Pose) -> f64, sigma: f64) -> Vec<usize> {
+        let exact = self.readings.iter().enumerate().filter(|(_, reading)| reading.is_exact());
+        let residual = |(index, r): (usize, &Reading)| (index, r.value - law(&self.pose(r)));
+        let residuals: Vec<(usize, f64)> = exact.map(residual).collect();
+        let mut window = Vec::with_capacity(2 * BESIDE);
+        let mut off = Vec::with_capacity(residuals.len());
+        for (i, &(index, residual)) in residuals.iter().enumerate() {
+            let before = residuals.get(i.saturating_sub(BESIDE)..i).unwrap_or_default();
+            let after = residuals.iter().skip(i + 1).take(BESIDE);
+            window.clear();
+            window.extend(before.iter().chain(after).map(|(_, residual)| *residual));
+            if let Some(middle) = median(&mut window) {
+                off.push((index, residual - middle));
+            }
+        }
+        let mut sizes: Vec<f64> = off.iter().map(|(_, off)| off.abs()).collect();
+        let Some(usual) = median(&mut sizes) else { return Vec::new() };
+        let count = number(off.len());
+        let largest = libm::sqrt(2.0 * libm::log(count));
+        let limit = ((GROSS + largest) * usual / QUARTILE).max(2.0 * sigma);
+        let is_gross = |(_, off): &&(usize, f64)| off.abs() > limit;
+        let gross: Vec<(usize, f64)> = off.iter().filter(is_gross).copied().collect();
+        let above = gross.iter().filter(|(_, off)| *off > 0.0).count();
+        let rarer = above.min(gross.len() - above);
+        if !FEW_TO_MANY.contains(&(number(gross.len()) / count)) || ONE_SIDED * rarer < gross.len()
+        {
+            return Vec::new();
+        }
+        gross.into_iter().map(|(index, _)| index).collect()
+    }
+
+    /// The path without some readings, whose indices are in order.
+    pub(crate) fn without(&self, left_out: &[usize]) -> Self {
+        let readings = self.readings.iter().enumerate();
+        let kept = readings.filter(|(index, _)| left_out.binary_search(index).is_err());
+        Self {
+            readings: kept.map(|(_, reading)| *reading).collect(),
+            attitudes: self.attitudes.clone(),
+            cells: OnceCell::new(),
+        }
+    }
+
+    /// The pose of a reading's receiver.
+    fn pose(&self, &Reading { position, heading, attitude, .. }: &Reading) -> Pose {
+        let rest = self.attitudes.get(attitude as usize).copied().unwrap_or_default();
+        Pose { position, heading, ..rest }
+    }
+
     /// The ranges of readings of each segment.
     fn cut(&self, length_m: impl Fn(&Vector2<f64>) -> f64) -> Vec<core::ops::Range<usize>> {
         let mut groups = Vec::new();
@@ -310,6 +367,22 @@ const WILD: f64 = 4.0;
 /// Share of wild readings, less two of its standard errors, at which noise ends: of normal noise
 /// they are 0.7 %, of flights over real transmitters 8 to 23 %.
 const MOST_WILD: f64 = 0.05;
+
+/// Neighbours along the path on either side that show what a reading's residual should be.
+const BESIDE: usize = 4;
+
+/// Size of a gross error beyond that of the largest of normal errors, √(2 ln n), in standard
+/// deviations: shadows have longer tails.
+const GROSS: f64 = 1.5;
+
+/// Median of the absolute value of a standard normal.
+const QUARTILE: f64 = 0.674_49;
+
+/// Shares of gross errors that are left out: fewer count for little, and more are no errors.
+const FEW_TO_MANY: core::ops::RangeInclusive<f64> = 0.01..=0.25;
+
+/// Gross errors over those on the rarer side, at most: of fades less than a third are above.
+const ONE_SIDED: usize = 3;
 
 /// Number that stands for the readings of a segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -471,6 +544,40 @@ mod tests {
         assert!(is_noisy(&|_, u| if u < 0.01 { -200.0 } else { 8.0 * (u - 0.5) }));
         assert!(!is_noisy(&|i, u| noise(u) * if i % 80 < 15 { 12.0 } else { 1.0 }));
         assert!(path(&[(0.0, 1.0), (30.0, 2.0)]).is_noisy(|_| 25.0));
+    }
+
+    #[test]
+    fn gross_errors_lie_on_either_side_and_fades_below() {
+        let uniform = |i: u32| (f64::from((i * 149) % 401) + 0.5) / 401.0;
+        let noise = |i: u32| 2.0 * libm::log(uniform(i) / (1.0 - uniform(i)));
+        // The law falls by 0.3 per metre from 10 m on.
+        let law = |receiver: &Pose| -0.3 * (receiver.position.x - 10.0).abs();
+        let of = |error: &dyn Fn(u32) -> f64| {
+            let point = |i: u32| {
+                let east = f64::from(i);
+                (east, law(&Pose::at(east, 0.0, 0.0)) + noise(i) + error(i))
+            };
+            path(&(0..200).map(point).collect::<Vec<_>>()).outliers(law, 4.0)
+        };
+        let every = |step: u32, i: u32, size: f64| match i % step {
+            5 if (i / step).is_multiple_of(2) => size,
+            5 => -size,
+            _ => 0.0,
+        };
+        assert_eq!(of(&|_| 0.0), [0_usize; 0]);
+        let planted: Vec<usize> = (5..200).step_by(20).collect();
+        assert_eq!(of(&|i| every(20, i, 45.0)), planted);
+        assert_eq!(of(&|i| -every(20, i, 45.0).abs()), [0_usize; 0], "fades");
+        assert_eq!(of(&|i| if i % 3 == 0 { every(1, 5 + i, 45.0) } else { 0.0 }), [0_usize; 0]);
+        // Of whole numbers most are equal: the least that counts is twice σ.
+        let whole =
+            |i: u32| (f64::from(i), if i % 20 == 5 { f64::from(i % 40) - 15.0 } else { 0.0 });
+        let constant = path(&(0..200).map(whole).collect::<Vec<_>>());
+        assert_eq!(constant.outliers(|_| 0.0, 4.0), planted);
+        assert_eq!(constant.outliers(|_| 0.0, 8.0), [0_usize; 0]);
+        let rest = constant.without(&planted);
+        assert_eq!(rest.readings.len(), 190);
+        assert!(rest.readings.iter().all(|reading| reading.value == 0.0));
     }
 
     #[test]

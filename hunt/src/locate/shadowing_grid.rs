@@ -1,4 +1,4 @@
-use foxhunt_core::{Pose, Receptions, elementary::ln};
+use foxhunt_core::{Pose, ReceptionView, Receptions, elementary::ln};
 use foxhunt_filters::{Intercept, ShadowingGrid, ShadowingGridConfig, Slope};
 use nalgebra::Vector2;
 
@@ -147,10 +147,21 @@ impl Locator for CorrelatedShadowing {
         };
         #[cfg(not(feature = "batch"))]
         let fix = grid.locate_with(readings, regressors, &[], |_| 0.0)?;
+        let with_level: Vec<usize> = if fix.left_out.is_empty() {
+            Vec::new()
+        } else {
+            let has_level =
+                |(index, view): (usize, ReceptionView<'_>)| view.any_level_dbm().map(|_| index);
+            receptions.views().enumerate().filter_map(has_level).collect()
+        };
+        let left_out = fix.left_out.iter().filter_map(|index| with_level.get(*index).copied());
+        let left_out: Vec<usize> = left_out.collect();
         let map = fix.finest();
         let estimate = map.about(map.median());
         Ok(Located {
-            observations,
+            observations: observations - left_out.len(),
+            rejected: left_out.len(),
+            left_out,
             border_mass: Some(fix.border_mass),
             regions_95: regions(map, 0.95),
             map: Some(map.clone()),

@@ -146,6 +146,29 @@ fn a_narrow_posterior_is_resolved_on_finer_cells() {
 }
 
 #[test]
+fn gross_errors_on_both_sides_do_not_move_the_place() {
+    let config = ShadowingGridConfig { gain: Slope::Known(0.0), ..ShadowingGridConfig::default() };
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(21);
+    let mut moved_m = Vec::new();
+    for _ in 0..8 {
+        let path = lawn_mower(6, 40, 6.0, 45.0);
+        let truth = Truth { place: Vector2::new(130.0, 110.0), ..TRUTH };
+        let clean = readings(&path, &truth, &mut rng);
+        let mut wrong = clean.clone();
+        let planted: Vec<usize> = (3..wrong.len()).step_by(9).collect();
+        for (number, index) in planted.iter().enumerate() {
+            wrong[*index].1 += if number.is_multiple_of(2) { 25.0 } else { -25.0 };
+        }
+        let without = locate(&clean, config.clone());
+        assert_eq!(without.left_out, [0_usize; 0]);
+        let fix = locate(&wrong, config.clone());
+        assert_eq!(fix.left_out, planted);
+        moved_m.push((fix.position.mean - without.position.mean).norm());
+    }
+    assert!(moved_m.iter().all(|moved| *moved < 6.0), "{moved_m:?}");
+}
+
+#[test]
 fn a_target_outside_of_the_searched_area_shows_on_its_border() {
     let inside = locate(&flight(5, &TRUTH), keeping_all());
     assert!(inside.border_mass < 0.01, "{}", inside.border_mass);

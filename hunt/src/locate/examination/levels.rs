@@ -45,6 +45,25 @@ pub(super) fn examine(
     config: &LocateConfig,
     name: Name<'_>,
 ) -> Vec<Remark> {
+    if !located.left_out.is_empty() {
+        let is_kept = |(index, _): &(usize, _)| located.left_out.binary_search(index).is_err();
+        let kept = receptions.iter().enumerate().filter(is_kept).map(|(_, kept)| kept).collect();
+        let nameless: Name<'_> = &|_| None;
+        let mut remarks = examine_kept(located, &kept, config, nameless);
+        remarks.retain(|remark| remark.code != "outlier");
+        remarks.push(left_out(located, receptions, name));
+        return remarks;
+    }
+    examine_kept(located, receptions, config, name)
+}
+
+/// Examines levels that all count.
+fn examine_kept(
+    located: &Located,
+    receptions: &Receptions,
+    config: &LocateConfig,
+    name: Name<'_>,
+) -> Vec<Remark> {
     let place = located.estimate.mean;
     let rows = every_row(receptions, &place, config);
     let mut kinds = receptions.kinds().iter();
@@ -234,6 +253,28 @@ const KNOWN_LAW_DB: f64 = 3.0;
 
 /// Distance of a transmitter far away, in half sides of the receivers' square.
 const FAR: f64 = 6.0;
+
+/// Number of levels that a remark names.
+const MOST_NAMED: usize = 3;
+
+/// Returns a remark on the levels that the estimator left out.
+fn left_out(located: &Located, receptions: &Receptions, name: Name<'_>) -> Remark {
+    let level = |index: &usize| {
+        let named = name(*index).unwrap_or_else(|| format!("reception {}", index + 1));
+        let level = receptions.get(*index).and_then(|reception| reception.any_level());
+        level.map_or(named.clone(), |level| format!("{named} ({:.1} dBm)", level.rss_dbm))
+    };
+    let count = located.left_out.len();
+    let named: Vec<String> = located.left_out.iter().take(MOST_NAMED).map(level).collect();
+    let more = if count > MOST_NAMED { " and others" } else { "" };
+    let text = format!(
+        "{count} of {} levels stand far from what was received beside them, above and below, and \
+         were left out: {}{more}; look at the receiver, its clock and its places",
+        receptions.views().filter(|view| view.any_level_dbm().is_some()).count(),
+        named.join(", "),
+    );
+    Remark::new("outlier", text)
+}
 
 /// Returns a remark on the level that lies farthest from all others, if no fading does that.
 fn outlier(
