@@ -290,7 +290,8 @@ impl ShadowingGridConfig {
     /// The default for receivers of a network, which stay where they are, over an extent in metres:
     /// the place as [`PlacePrior::of_network`] has it, and, from 200 m down to a house of 20 m, a
     /// slope that goes over to N(3.5, 1) on 1 … 6. Walls between the rooms add to the distance: of
-    /// one floor 1.4 (open) to 4.0 (dense), of several 5.4 (COST 231 1999, table 4.7.1).
+    /// one floor 1.4 (open) to 4.0 (dense), of several 5.4 (COST 231 1999, *Digital mobile radio
+    /// towards future generation systems*, §4.7).
     #[must_use]
     pub fn of_network(extent_m: f64) -> Self {
         let over = Self::over(extent_m);

@@ -298,9 +298,9 @@ impl Path {
         let is_gross = |(_, off): &&(usize, f64)| off.abs() > limit;
         let gross: Vec<(usize, f64)> = off.iter().filter(is_gross).copied().collect();
         let above = gross.iter().filter(|(_, off)| *off > 0.0).count();
-        let rarer = above.min(gross.len() - above);
-        if !FEW_TO_MANY.contains(&(number(gross.len()) / count)) || ONE_SIDED * rarer < gross.len()
-        {
+        let is_one_sided = ONE_SIDED * above.min(gross.len() - above) < gross.len();
+        let share = number(gross.len()) / count;
+        if is_one_sided || !FEW_TO_MANY.contains(&share) {
             return Vec::new();
         }
         gross.into_iter().map(|(index, _)| index).collect()

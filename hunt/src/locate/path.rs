@@ -11,8 +11,8 @@ const SAME_PLACE: f64 = 0.02;
 /// Number of places that make a network.
 const LEAST_PLACES: usize = 3;
 
-/// Returns true if the receptions are those of a network: of receivers at three places or more,
-/// none of which moves. Nothing else jumps from each place to the next one.
+/// Returns true if a network received: receivers that stay at their places, three or more. Anything
+/// else takes its time from one place to the next.
 pub(crate) fn is_of_network(receptions: &Receptions, extent_m: f64) -> bool {
     let apart = |a: &Vector3<f64>, b: &Vector3<f64>| (a - b).norm() > SAME_PLACE * extent_m;
     let mut views = receptions.views();
