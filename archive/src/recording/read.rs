@@ -547,10 +547,12 @@ impl File<'_> {
         for column in plan.ignored.iter().filter(|name| !plain::is_attenuation(name)) {
             let lacking = Column::ALL.into_iter().filter(|known| !plan.has(*known));
             if let Some(meant) = typing_error(column, lacking.map(Column::name)) {
-                let text = format!(
-                    "{name}: the column {column:?} is not used{}",
+                let why = if column == meant {
+                    format!("; the format {} does not name it", mapping.name)
+                } else {
                     slip_for(Some(column), meant)
-                );
+                };
+                let text = format!("{name}: the column {column:?} is not used{why}");
                 remarks.push(Remark::new("column-not-used", text));
             }
         }

@@ -516,7 +516,7 @@ fn levels_that_stand_apart_on_both_sides_are_left_out_and_named() {
         let received = Receptions::from(&*received);
         let name = |index: usize| Some(format!("a.csv, line {}", index + 2));
         let located = entry.locate_named(&received, &config, &name).expect("it is located");
-        assert_eq!((located.rejected, &located.left_out), (wrong.len(), &wrong));
+        assert_eq!((located.rejected, &located.levels_left_out), (wrong.len(), &wrong));
         assert_eq!(located.observations, received.len() - wrong.len());
         let said = text(&located, "outlier");
         assert!(

@@ -137,8 +137,8 @@ pub enum PlacePrior {
     /// s, Student's t with three degrees of freedom and with one. The search begins with the
     /// margin and widens until next to nothing lies on its border.
     NearReceivers {
-        /// The share q, from 0 to 1. With the default 0.1, of the targets beyond the box one in
-        /// eighty lies farther away than 20 s, with 0 one in 8,000.
+        /// The share q, from 0 to 1. With 0.1 and a reach of 1, of the targets beyond the box one
+        /// in eighty lies farther away than 20 s, with 0 one in 8,000.
         far_share: f64,
         /// The reach r of the nearer share, in half diagonals of the box; above 0.
         reach: f64,

@@ -146,9 +146,9 @@ impl ShadowingGrid {
     /// Varin, Reid & Firth 2011). Of more than a hundred on one side some stand for the others
     /// beside them.
     ///
-    /// Readings that stand far from what was received beside them are left out, if they do on both
-    /// sides: gross errors do, fades lie below. Of more than twenty for each segment their summary
-    /// leaves such ones out.
+    /// Readings that stand far from what was received beside them are left out where they are 1 to
+    /// 25 % of all, on both sides: gross errors are, fades lie below. More than twenty times
+    /// `max_segments` are not looked at, as the summaries of segments take care of most.
     ///
     /// The target's height is not looked at: [`locate_with`](Self::locate_with) takes it.
     ///
@@ -179,7 +179,7 @@ impl ShadowingGrid {
     /// Locates the target with further evidence of its place: `log_likelihood` is the evidence's
     /// logarithm for a target at the given East and North, `others` are where it was received. The
     /// prior of the place is that of all receivers. `regressors` are given the target's height,
-    /// too, one of the prior's.
+    /// too, one of the prior's or their mean. No reading is left out beside other evidence.
     ///
     /// # Errors
     ///

@@ -64,7 +64,7 @@ impl From<&(Pose, f64)> for ShadowedReading {
 #[derive(Clone, Debug)]
 pub(crate) struct Path {
     readings: Vec<Reading>,
-    /// Poses without place and heading, of which there are few.
+    /// Poses without place and heading, one for all readings of it that follow each other.
     attitudes: Vec<Pose>,
     /// The readings by their places, once a path is too long for its segments.
     cells: OnceCell<Cells>,
@@ -273,8 +273,8 @@ impl Path {
 
     /// Returns the readings that are gross errors on either side, in order: those whose residual
     /// from a law is far from the median of their neighbours' along the path (Hampel 1974). None
-    /// where those are nearly all on one side, as fades are, or more than errors are likely to be;
-    /// `sigma` is what a residual is thought to have before.
+    /// where those are nearly all on one side, as fades are, fewer than 1 % or more than 25 %.
+    /// Twice `sigma` is the least size of a gross error.
     pub(crate) fn outliers(&self, law: impl Fn(&Pose) -> f64, sigma: f64) -> Vec<usize> {
         let exact = self.readings.iter().enumerate().filter(|(_, reading)| reading.is_exact());
         let residual = |(index, r): (usize, &Reading)| (index, r.value - law(&self.pose(r)));
@@ -568,7 +568,11 @@ mod tests {
         let planted: Vec<usize> = (5..200).step_by(20).collect();
         assert_eq!(of(&|i| every(20, i, 45.0)), planted);
         assert_eq!(of(&|i| -every(20, i, 45.0).abs()), [0_usize; 0], "fades");
-        assert_eq!(of(&|i| if i % 3 == 0 { every(1, 5 + i, 45.0) } else { 0.0 }), [0_usize; 0]);
+        // A third of all, of errors as large: no few that err.
+        let third = |i: u32| if i % 3 == 0 { 90.0 * f64::from(i % 2) - 45.0 } else { 0.0 };
+        assert_eq!(of(&third), [0_usize; 0]);
+        let eighth = |i: u32| if i % 8 == 3 { 90.0 * f64::from(i / 8 % 2) - 45.0 } else { 0.0 };
+        assert_eq!(of(&eighth), (3..200).step_by(8).collect::<Vec<_>>());
         // Of whole numbers most are equal: the least that counts is twice σ.
         let whole =
             |i: u32| (f64::from(i), if i % 20 == 5 { f64::from(i % 40) - 15.0 } else { 0.0 });

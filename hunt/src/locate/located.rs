@@ -39,6 +39,9 @@ pub struct Located {
     /// Indices of the receptions whose bearing, range or difference was left out as an outlier;
     /// their levels count.
     pub outliers: Vec<usize>,
+    /// Indices of the receptions whose level was left out, in order: it stands far from those beside
+    /// it.
+    pub levels_left_out: Vec<usize>,
     /// The probability on the border of the area that was searched, where the estimator searches an
     /// area: where it is large, the transmitter may lie outside.
     pub border_mass: Option<f64>,
@@ -163,6 +166,7 @@ impl Located {
             rejected: 0,
             left_out: Vec::new(),
             outliers: Vec::new(),
+            levels_left_out: Vec::new(),
             border_mass: None,
             explanation: None,
             common_errors: None,

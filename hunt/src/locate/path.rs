@@ -8,32 +8,40 @@ const MOST_SPEED_MPS: f64 = 300.0;
 /// Distance of two places that count as one, as a share of the receivers' extent.
 const SAME_PLACE: f64 = 0.02;
 
+/// Distance of places of a network, as a share of the extent: half of the steps are longer.
+const FAR_APART: f64 = 0.1;
+
 /// Number of places that make a network.
 const LEAST_PLACES: usize = 3;
 
-/// Returns true if a network received: receivers that stay at their places, three or more. Anything
-/// else takes its time from one place to the next.
+/// Returns true if a network received: receivers that stay at their places, three or more, at the
+/// same time. Receptions are one receiver after the other, so that time stands or goes back from
+/// each place to the next. Of a path whose times are too coarse the places are close together.
 pub(crate) fn is_of_network(receptions: &Receptions, extent_m: f64) -> bool {
-    let apart = |a: &Vector3<f64>, b: &Vector3<f64>| (a - b).norm() > SAME_PLACE * extent_m;
     let mut views = receptions.views();
-    let Some(mut last) = views.next() else { return false };
-    let mut here = last.position;
+    let Some(first) = views.next() else { return false };
+    let mut here = first.position;
+    let mut last_s = first.time;
     let mut places = vec![here];
+    let mut steps = 0_usize;
+    let mut far_steps = 0_usize;
     for view in views {
-        if apart(&view.position, &here) {
-            let seconds = view.time - last.time;
-            let way = view.position - last.position;
-            if seconds > 0.0 && way.norm() <= MOST_SPEED_MPS * seconds {
+        let step_m = (view.position - here).norm();
+        if step_m > SAME_PLACE * extent_m {
+            if view.time > last_s {
                 return false;
             }
+            steps += 1;
+            far_steps += usize::from(step_m > FAR_APART * extent_m);
             here = view.position;
-            if places.len() < LEAST_PLACES && places.iter().all(|place| apart(place, &here)) {
+            let is_new = |place: &Vector3<f64>| (place - here).norm() > SAME_PLACE * extent_m;
+            if places.len() < LEAST_PLACES && places.iter().all(is_new) {
                 places.push(here);
             }
         }
-        last = view;
+        last_s = view.time;
     }
-    places.len() >= LEAST_PLACES
+    places.len() >= LEAST_PLACES && 2 * far_steps >= steps
 }
 
 /// Paths of the receivers through their receptions, each in the order of time.
@@ -161,10 +169,22 @@ mod tests {
                 .collect();
             assert!(!is_of_network(&walk, step_m * 200.0 / f64::from(rows)), "{step_m} m");
         }
-        // Two receivers that walk beside a third that stays.
+        // One that walks beside three that stay.
         let mut team = of(3, 30);
         team.extend((0..30_u8).map(|row| reception(f64::from(row), 20.0 + f64::from(row))));
         assert!(!is_of_network(&team, 50.0));
+        // Walks whose times are those of the minute, or the newest of which comes first.
+        let times: [fn(u8) -> f64; 3] =
+            [|_| 0.0, |row| 60.0 * f64::from(row / 60), |row| -f64::from(row)];
+        for time in times {
+            let walk: Receptions =
+                (0..60_u8).map(|row| reception(time(row), f64::from(row))).collect();
+            assert!(!is_of_network(&walk, 59.0));
+        }
+        // A drive without times, whose rows are counted.
+        let drive: Receptions =
+            (0..60_u8).map(|row| reception(f64::from(row), 900.0 * f64::from(row))).collect();
+        assert!(!is_of_network(&drive, 53_100.0));
         assert!(!is_of_network(&Receptions::default(), 0.0));
     }
 

@@ -1,4 +1,4 @@
-use foxhunt_core::{Pose, ReceptionView, Receptions, elementary::ln};
+use foxhunt_core::{Pose, Reception, ReceptionView, Receptions, elementary::ln};
 use foxhunt_filters::{Intercept, ShadowingGrid, ShadowingGridConfig, Slope};
 use nalgebra::Vector2;
 
@@ -86,7 +86,9 @@ impl Locator for CorrelatedShadowing {
         let readings = levels_and_silences(receptions)?;
         let observations = receptions.views().filter(|r| r.any_level_dbm().is_some()).count();
         let extent_m = extent_m(receptions);
-        let defaults = if is_of_network(receptions, extent_m) {
+        // Who looks for a direction may stand far away.
+        let looks = receptions.kinds().iter().any(Reception::has_bearing);
+        let defaults = if !looks && is_of_network(receptions, extent_m) {
             ShadowingGridConfig::of_network(extent_m)
         } else {
             ShadowingGridConfig::over(extent_m)
@@ -155,13 +157,13 @@ impl Locator for CorrelatedShadowing {
             receptions.views().enumerate().filter_map(has_level).collect()
         };
         let left_out = fix.left_out.iter().filter_map(|index| with_level.get(*index).copied());
-        let left_out: Vec<usize> = left_out.collect();
+        let levels_left_out: Vec<usize> = left_out.collect();
         let map = fix.finest();
         let estimate = map.about(map.median());
         Ok(Located {
-            observations: observations - left_out.len(),
-            rejected: left_out.len(),
-            left_out,
+            observations: observations - levels_left_out.len(),
+            rejected: levels_left_out.len(),
+            levels_left_out,
             border_mass: Some(fix.border_mass),
             regions_95: regions(map, 0.95),
             map: Some(map.clone()),

@@ -50,10 +50,7 @@ fn aerpaw_flights_are_read_in_one_frame() {
         assert_eq!(recording.frame(), recordings[0].frame());
         assert_eq!(recording.drones(), [format!("afar_exp{flight}_1hz")]);
         assert_eq!(recording.beacons(), [None]);
-        assert_eq!(
-            recording.ignored_columns(),
-            ["speed_mps", "vz_mps", "pitch_deg", "roll_deg", "power_sd_db", "n"]
-        );
+        assert_eq!(recording.ignored_columns(), ["speed_mps", "vz_mps", "power_sd_db", "n"]);
         assert!(recording.sweeps(128).expect("none").is_empty(), "the antenna has no direction");
         for record in recording.records() {
             let place = record.receiver().expect("located").position;

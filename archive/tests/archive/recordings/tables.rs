@@ -526,6 +526,17 @@ fn a_slip_in_a_column_that_may_lack_is_asked_for() {
     assert!(remark.text.contains("meant to be \"bearing_sigma_deg\"?"), "{remark}");
     let other = plain(format!("east_m,north_m,bearing,temperature\n{rows}"));
     assert_eq!(codes(&other), ["columns-by-name"]);
+    // A name of ours that a mapping leaves out is no slip.
+    let mapping = "name = 'n'\ndescription = 'd'\n[columns]\nrss_dbm = 'a'\nrange_m = 'b'\n";
+    let mapping = Mapping::parse(mapping, "n.toml").expect("a mapping");
+    let options = ReadOptions::default().with_format(mapping);
+    let left_out = read("a,b,range_sigma_m\n-60,5,1\n", &options).expect("a row");
+    assert_eq!(codes(&left_out), ["column-not-used"]);
+    let text = &left_out.remarks()[0].text;
+    assert!(
+        text.ends_with("\"range_sigma_m\" is not used; the format n does not name it"),
+        "{text}"
+    );
 }
 
 #[test]

@@ -45,13 +45,14 @@ pub(super) fn examine(
     config: &LocateConfig,
     name: Name<'_>,
 ) -> Vec<Remark> {
-    if !located.left_out.is_empty() {
-        let is_kept = |(index, _): &(usize, _)| located.left_out.binary_search(index).is_err();
+    let left_out = &located.levels_left_out;
+    if !left_out.is_empty() {
+        let is_kept = |(index, _): &(usize, _)| left_out.binary_search(index).is_err();
         let kept = receptions.iter().enumerate().filter(is_kept).map(|(_, kept)| kept).collect();
         let nameless: Name<'_> = &|_| None;
         let mut remarks = examine_kept(located, &kept, config, nameless);
         remarks.retain(|remark| remark.code != "outlier");
-        remarks.push(left_out(located, receptions, name));
+        remarks.push(of_left_out(left_out, receptions, name));
         return remarks;
     }
     examine_kept(located, receptions, config, name)
@@ -117,7 +118,8 @@ pub(super) fn residuals_of_rows(
     left_out: &BTreeSet<usize>,
 ) -> Vec<Residual> {
     let place = located.estimate.mean;
-    let kept = every_row(receptions, &place, config);
+    let took_part = LevelAt::of(receptions, 1).filter(|level| !left_out.contains(&level.reception));
+    let kept: Vec<Row> = took_part.map(|level| Row::new(&level, &place, config)).collect();
     if kept.len() < LEAST {
         return Vec::new();
     }
@@ -258,14 +260,14 @@ const FAR: f64 = 6.0;
 const MOST_NAMED: usize = 3;
 
 /// Returns a remark on the levels that the estimator left out.
-fn left_out(located: &Located, receptions: &Receptions, name: Name<'_>) -> Remark {
+fn of_left_out(left_out: &[usize], receptions: &Receptions, name: Name<'_>) -> Remark {
     let level = |index: &usize| {
         let named = name(*index).unwrap_or_else(|| format!("reception {}", index + 1));
         let level = receptions.get(*index).and_then(|reception| reception.any_level());
         level.map_or(named.clone(), |level| format!("{named} ({:.1} dBm)", level.rss_dbm))
     };
-    let count = located.left_out.len();
-    let named: Vec<String> = located.left_out.iter().take(MOST_NAMED).map(level).collect();
+    let count = left_out.len();
+    let named: Vec<String> = left_out.iter().take(MOST_NAMED).map(level).collect();
     let more = if count > MOST_NAMED { " and others" } else { "" };
     let text = format!(
         "{count} of {} levels stand far from what was received beside them, above and below, and \

@@ -124,7 +124,9 @@ pub(crate) fn residuals(
         }));
     }
     if uses.levels {
-        let mut of_levels = levels::residuals_of_rows(located, receptions, config, &left_out);
+        let mut of_levels = left_out;
+        of_levels.extend(&located.levels_left_out);
+        let mut of_levels = levels::residuals_of_rows(located, receptions, config, &of_levels);
         // There may be millions.
         if residuals.is_empty() {
             residuals = of_levels;
