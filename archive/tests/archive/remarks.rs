@@ -455,11 +455,16 @@ fn reversed_animals_spoil_no_others() {
 
 /// Levels of a flight over a square with white noise of 4 dB.
 fn levels(rng: &mut Xoshiro256PlusPlus, target: Vector2<f64>) -> Vec<Reception> {
+    levels_every(25.0, rng, target)
+}
+
+/// Levels of ten lanes 50 m apart, of twenty steps each.
+fn levels_every(step_m: f64, rng: &mut Xoshiro256PlusPlus, target: Vector2<f64>) -> Vec<Reception> {
     let level = |number: i32, rng: &mut Xoshiro256PlusPlus| {
         let lane = number / 20;
         let along = number % 20;
         let along = if lane % 2 == 0 { along } else { 19 - along };
-        let from = Vector2::new(25.0 * f64::from(along), 50.0 * f64::from(lane));
+        let from = Vector2::new(step_m * f64::from(along), 50.0 * f64::from(lane));
         let range = (target - from).norm().hypot(30.0);
         let rss_dbm = -30.0 - 23.0 * range.log10() + 4.0 * normal(rng);
         Reception {
@@ -505,8 +510,8 @@ fn levels_that_stand_apart_on_both_sides_are_left_out_and_named() {
     let registry = Registry::builtin();
     let entry = registry.estimator("shadowing-grid").expect("built in");
     for _ in 0..3 {
-        let target = Vector2::new(100.0, 100.0) + place(&mut rng, 250.0);
-        let mut received = levels(&mut rng, target);
+        let target = Vector2::new(20.0, 100.0) + place(&mut rng, 100.0);
+        let mut received = levels_every(6.0, &mut rng, target);
         let wrong: Vec<usize> = (4..received.len()).step_by(8).collect();
         for (number, index) in wrong.iter().enumerate() {
             if let Some(level) = &mut received[*index].level {

@@ -146,9 +146,10 @@ impl ShadowingGrid {
     /// Varin, Reid & Firth 2011). Of more than a hundred on one side some stand for the others
     /// beside them.
     ///
-    /// Readings that stand far from what was received beside them are left out where they are 1 to
-    /// 25 % of all, on both sides: gross errors are, fades lie below. More than twenty times
-    /// `max_segments` are not looked at, as the summaries of segments take care of most.
+    /// Where readings scatter more wildly than noise of their own does, they fade or are wrong.
+    /// Those that stand far from what was received beside them are left out if they are 1 to 25 %
+    /// of all, on both sides: gross errors are, fades lie below. Readings farther apart than half
+    /// of `segment_m` show nothing of this.
     ///
     /// The target's height is not looked at: [`locate_with`](Self::locate_with) takes it.
     ///
@@ -198,8 +199,7 @@ impl ShadowingGrid {
     {
         let path = Path::new(readings)?;
         let fix = self.along(&path, &regressors, others, &log_likelihood)?;
-        let most = self.config.max_segments as usize;
-        if !others.is_empty() || path.len() > DENSE.saturating_mul(most) {
+        if !others.is_empty() || path.is_noisy(|_| self.config.segment_m) {
             return Ok(fix);
         }
         let place = fix.finest().median();
@@ -342,9 +342,6 @@ fn several_places(path: &Path, segments: &Segments) -> Result<(), ShadowingGridE
     let segments = segments.receivers.len();
     if segments < LEAST_SEGMENTS { Err(ShadowingGridError::TooFew { segments }) } else { Ok(()) }
 }
-
-/// Readings for each segment beyond which the summaries of segments leave out gross errors.
-const DENSE: usize = 20;
 
 /// Least number of cells of a grid.
 const LEAST_CELLS: u32 = 100;

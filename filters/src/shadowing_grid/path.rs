@@ -162,11 +162,6 @@ impl Path {
         Ok(Self { readings, attitudes, cells: OnceCell::new() })
     }
 
-    /// Returns the number of readings.
-    pub(crate) fn len(&self) -> usize {
-        self.readings.len()
-    }
-
     /// The East and North that all readings share; `None` where there are several places.
     pub(crate) fn only_place(&self) -> Option<Vector2<f64>> {
         let mut places = self.places().map(|place| place.xy());
