@@ -564,7 +564,7 @@ mod tests {
         assert_eq!(of(&|i| every(20, i, 45.0)), planted);
         assert_eq!(of(&|i| -every(20, i, 45.0).abs()), [0_usize; 0], "fades");
         // A third of all, of errors as large: no few that err.
-        let third = |i: u32| if i % 3 == 0 { 90.0 * f64::from(i % 2) - 45.0 } else { 0.0 };
+        let third = |i: u32| if i.is_multiple_of(3) { 90.0 * f64::from(i % 2) - 45.0 } else { 0.0 };
         assert_eq!(of(&third), [0_usize; 0]);
         let eighth = |i: u32| if i % 8 == 3 { 90.0 * f64::from(i / 8 % 2) - 45.0 } else { 0.0 };
         assert_eq!(of(&eighth), (3..200).step_by(8).collect::<Vec<_>>());
