@@ -118,7 +118,9 @@ pub(super) fn residuals_of_rows(
     left_out: &BTreeSet<usize>,
 ) -> Vec<Residual> {
     let place = located.estimate.mean;
-    let took_part = LevelAt::of(receptions, 1).filter(|level| !left_out.contains(&level.reception));
+    // Levels that a gate kept out show the law as well as others; gross errors do not.
+    let is_gross = |index: &usize| located.levels_left_out.binary_search(index).is_ok();
+    let took_part = LevelAt::of(receptions, 1).filter(|level| !is_gross(&level.reception));
     let kept: Vec<Row> = took_part.map(|level| Row::new(&level, &place, config)).collect();
     if kept.len() < LEAST {
         return Vec::new();
