@@ -146,9 +146,9 @@ impl ShadowingGrid {
     /// Varin, Reid & Firth 2011). Of more than a hundred on one side some stand for the others
     /// beside them.
     ///
-    /// Where readings scatter more wildly than noise of their own does, they fade or are wrong.
-    /// Those that stand far from what was received beside them are left out if they are 1 to 25 %
-    /// of all, on both sides: gross errors are, fades lie below. Readings farther apart than half
+    /// Readings that scatter more wildly than noise of their own does fade, or are wrong. Gross
+    /// errors stand far from what was received beside them, on both sides, while fades lie below;
+    /// such readings are left out where they are 1 to 25 % of all. Readings farther apart than half
     /// of `segment_m` show nothing of this.
     ///
     /// The target's height is not looked at: [`locate_with`](Self::locate_with) takes it.
@@ -198,8 +198,10 @@ impl ShadowingGrid {
         L: Fn(&Vector2<f64>) -> f64,
     {
         let path = Path::new(readings)?;
-        let fix = self.along(&path, &regressors, others, &log_likelihood)?;
-        if !others.is_empty() || path.is_noisy(|_| self.config.segment_m) {
+        let is_noisy = |path: &Path| path.is_noisy(|_| self.config.segment_m);
+        let noisy = is_noisy(&path);
+        let fix = self.along((&path, noisy), &regressors, others, &log_likelihood)?;
+        if noisy || !others.is_empty() {
             return Ok(fix);
         }
         let place = fix.finest().median();
@@ -211,14 +213,15 @@ impl ShadowingGrid {
         if left_out.is_empty() {
             return Ok(fix);
         }
-        let of_rest = self.along(&path.without(&left_out), &regressors, others, &log_likelihood);
+        let rest = path.without(&left_out);
+        let of_rest = self.along((&rest, is_noisy(&rest)), &regressors, others, &log_likelihood);
         Ok(of_rest.map_or(fix, |fix| ShadowingFix { left_out, ..fix }))
     }
 
-    /// Locates the target of the readings along a path.
+    /// Locates the target of the readings along a path, which have noise of their own or fade.
     fn along<F, L>(
         &self,
-        path: &Path,
+        (path, is_noisy): (&Path, bool),
         regressors: &F,
         others: &[Pose],
         log_likelihood: &L,
@@ -229,7 +232,7 @@ impl ShadowingGrid {
     {
         let config = &self.config;
         let most = config.max_segments as usize;
-        let (summary, segment_m, share) = if path.is_noisy(|_| config.segment_m) {
+        let (summary, segment_m, share) = if is_noisy {
             (Summary::TrimmedMean, config.segment_m, config.segment_share)
         } else {
             (Summary::Quantile(config.quantile), FADING_STRETCH * config.segment_m, 0.0)

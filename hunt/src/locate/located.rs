@@ -32,15 +32,16 @@ pub struct Located {
     pub own_ellipse_95: Option<Ellipse>,
     /// Number of receptions used.
     pub observations: usize,
-    /// Number of receptions that a gate or a weight of zero kept out.
+    /// Number of receptions that a gate or a weight of zero kept out, or whose measurement was left
+    /// out.
     pub rejected: usize,
     /// Indices of the receptions that a gate or a weight of zero kept out.
     pub left_out: Vec<usize>,
     /// Indices of the receptions whose bearing, range or difference was left out as an outlier;
     /// their levels count.
     pub outliers: Vec<usize>,
-    /// Indices of the receptions whose level was left out, in order: it stands far from those beside
-    /// it.
+    /// Indices of the receptions whose level was left out, in order: it stands far from the levels
+    /// beside it.
     pub levels_left_out: Vec<usize>,
     /// The probability on the border of the area that was searched, where the estimator searches an
     /// area: where it is large, the transmitter may lie outside.
