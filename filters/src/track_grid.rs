@@ -121,6 +121,10 @@ fn is_network(receivers: &[Pose]) -> bool {
 /// The least scale of the prior of the first place.
 const NEAR_M: f64 = 1000.0;
 
+/// Scales of that prior over which the search begins, at least. Of one receiver with a transmitter
+/// of any power, a track beside it fits as well as one that is larger and faster.
+const WITHIN: f64 = 2.0;
+
 impl TrackGrid {
     /// The places at each of some times in seconds, ascending, from receivers that were at some
     /// places. Each of the `walks`, equally likely before, has the variance of the target's
@@ -188,7 +192,7 @@ impl TrackGrid {
             low,
             high,
             place: PlacePrior::NearReceivers { far_share: 0.0, reach: 1.0 },
-            margin_m: self.margin_m,
+            margin_m: self.margin_m.max(WITHIN * scale_m),
             cell_m: side_m / 64.0,
             max_cells: (self.max_cells / searched).max(100),
         };

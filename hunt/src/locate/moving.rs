@@ -338,17 +338,18 @@ const SHADOWING_DB: f64 = 6.0;
 fn share_out(windows: &mut [Window], correlation_s: f64, repeated: f64) {
     let mut last: Vec<(Pose, f64)> = Vec::new();
     for window in windows {
-        let mut shares: Vec<(Pose, &mut f64)> = Vec::new();
+        // A share of bearings, where there are any, and one of levels.
+        let mut shares: Vec<(Pose, Option<&mut f64>, &mut f64)> = Vec::new();
         for Received { receiver, share, level_share, .. } in &mut window.received {
-            // The level's own share is raised below.
             *level_share = repeated;
-            shares.push((*receiver, share));
+            shares.push((*receiver, Some(share), level_share));
         }
         for Silent { listener, share } in &mut window.silent {
-            shares.push((listener.receiver, share));
+            *share = 0.0;
+            shares.push((listener.receiver, None, share));
         }
         let mut now: Vec<usize> = Vec::new();
-        for (receiver, share) in shares {
+        for (receiver, of_bearings, of_levels) in shares {
             let near =
                 |(at, _): &(Pose, f64)| (at.position - receiver.position).norm() < SAME_SHADOWS_M;
             let known = last.iter().rposition(near).unwrap_or_else(|| {
@@ -356,11 +357,12 @@ fn share_out(windows: &mut [Window], correlation_s: f64, repeated: f64) {
                 last.len() - 1
             });
             let before = last.get(known).map_or(f64::NEG_INFINITY, |(_, before)| *before);
-            *share = ((window.time - before) / correlation_s).min(1.0);
+            let share = (window.time - before) / correlation_s;
+            if let Some(of_bearings) = of_bearings {
+                *of_bearings = share.min(1.0);
+            }
+            *of_levels = of_levels.max((share / LEVELS_LONGER).min(1.0));
             now.push(known);
-        }
-        for received in &mut window.received {
-            received.level_share = received.level_share.max(received.share);
         }
         for known in now {
             if let Some((_, before)) = last.get_mut(known) {
@@ -369,6 +371,10 @@ fn share_out(windows: &mut [Window], correlation_s: f64, repeated: f64) {
         }
     }
 }
+
+/// Time for which a receiver's levels err alike over that for which its bearings do: its gain, and
+/// what stands about it, stay.
+const LEVELS_LONGER: f64 = 4.0;
 
 /// Distance between receivers in metres below which they are shadowed alike.
 const SAME_SHADOWS_M: f64 = 50.0;
