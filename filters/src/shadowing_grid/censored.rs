@@ -9,10 +9,10 @@ use crate::{
 
 /// Gap in the log-likelihood below the best beyond which an explanation is left out, where censored
 /// segments make it less probable still.
-pub(super) const NEGLIGIBLE: f64 = 25.0;
+pub(super) const NEGLIGIBLE: f64 = 12.0;
 
 /// Number of segments of one side that are weighed; of more, some stand for all beside them.
-const MOST: usize = 100;
+const MOST: usize = 50;
 
 /// Correlation of two segments below which they count as independent.
 const UNLIKE: f64 = 0.02;
@@ -433,7 +433,7 @@ mod tests {
         assert_abs_diff_eq!(of(&[(0.0, 0.0)]), 1.0, epsilon = 1e-6);
         assert_abs_diff_eq!(of(&[(0.0, 0.0), (0.0, 0.0)]), 1.0, epsilon = 1e-6);
         assert_abs_diff_eq!(of(&[(0.0, 0.0), (1e4, 0.0)]), 2.0, epsilon = 1e-6);
-        // Of 300 side by side 100 are weighed, each for three.
+        // Of 300 side by side 50 are weighed, each for six.
         let many: Vec<(f64, f64)> = (0..300).map(|i| (1e3 * f64::from(i), 0.0)).collect();
         assert_abs_diff_eq!(of(&many), 300.0, epsilon = 1e-3);
     }
