@@ -4,7 +4,7 @@ use approx::assert_abs_diff_eq;
 use std::fmt::Write as _;
 
 use foxhunt_archive::recording::{ReadOptions, Recording, Rover};
-use foxhunt_core::{Level, Pose, Reception};
+use foxhunt_core::{Bearing, Level, Pose, Reception};
 use foxhunt_hunt::{
     locate::{ClockSearch, Clocks, ClocksUnknown, HeardLevel, LocateConfig, Located},
     registry::Registry,
@@ -114,7 +114,7 @@ fn flight(offset_s: f64, rng: &mut Xoshiro256PlusPlus) -> (Vector2<f64>, Vec<Rec
     (target, (0..250).map(reception).collect())
 }
 
-fn locate(receptions: &[Reception], clock_offset_s: f64) -> Located {
+fn locate(receptions: &[Reception], clock_offset_s: Option<f64>) -> Located {
     let registry = Registry::builtin();
     let entry = registry.estimator("shadowing-grid").expect("it has a name");
     let config = LocateConfig { clock_offset_s, ..LocateConfig::default() };
@@ -137,17 +137,67 @@ fn an_offset_is_found_and_taken_off() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(37);
     for true_s in [37.0, -37.0, 12.0] {
         let (target, receptions) = flight(true_s, &mut rng);
-        let apart = locate(&receptions, 0.0);
+        let apart = locate(&receptions, Some(0.0));
         let [from_s, to_s, add_s] = offset(&apart).expect("the clocks differ");
         println!("{true_s} s: {add_s} s, {from_s} to {to_s}");
         assert_abs_diff_eq!(add_s, true_s, epsilon = 1.0);
         assert!(from_s <= add_s && add_s <= to_s && to_s - from_s < 5.0, "{from_s} to {to_s}");
-        let together = locate(&receptions, true_s);
+        let together = locate(&receptions, Some(true_s));
         assert_eq!(offset(&together), None, "{true_s} s");
         let off = |located: &Located| (located.estimate.mean - target).norm();
         assert!(off(&together) < 10.0, "{}", off(&together));
         assert!(off(&apart) > 2.0 * off(&together), "{} {}", off(&apart), off(&together));
     }
+}
+
+/// Five flights in one file each; the clocks are `true_s` apart. Returns their targets, too.
+fn recorded(true_s: f64) -> Vec<(Vector2<f64>, Vec<Reception>)> {
+    let path = flown();
+    let flight = |seed| {
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+        let target = target(&mut rng);
+        let reception = |(true_time_s, rss_dbm): (f64, f64)| {
+            let time = true_time_s - true_s;
+            let position = at(&path, time)?;
+            let level = Some(Level { rss_dbm, sigma_db: 3.0 });
+            Some(Reception {
+                time,
+                receiver: Pose { position, heading: 0.0, ..Pose::at(0.0, 0.0, 0.0) },
+                level,
+                ..Reception::default()
+            })
+        };
+        let heard = heard(&path, target, &mut rng);
+        (target, heard.into_iter().filter_map(reception).collect())
+    };
+    (1..=5).map(flight).collect()
+}
+
+#[test]
+fn one_file_with_clocks_apart_has_the_offset_taken_off() {
+    let mut count = 0;
+    for (target, mut receptions) in recorded(37.0) {
+        let found = locate(&receptions, None);
+        let Some(taken) = found.clock_offset else { continue };
+        count += 1;
+        assert!((taken.offset_s - 37.0).abs() < 5.0, "{taken:?}");
+        let has = |code: &str| found.remarks.iter().any(|remark| remark.code == code);
+        assert!(has("clock-taken-off") && !has("clocks-differ"), "{:?}", found.remarks);
+        let apart = locate(&receptions, Some(0.0));
+        assert!(offset(&apart).is_some() && apart.clock_offset.is_none(), "{:?}", apart.remarks);
+        let off = |located: &Located| (located.estimate.mean - target).norm();
+        assert!(off(&found) < 0.7 * off(&apart), "{} and {} m", off(&found), off(&apart));
+        // The offset of bearings is another question.
+        if count == 1 {
+            receptions[100].bearing = Some(Bearing { angle: 0.3, sigma: 0.5, confidence: 1.0 });
+            assert_eq!(locate(&receptions, None).clock_offset, None);
+        }
+    }
+    println!("{count} of 5 taken off");
+    assert!(count >= 3, "{count}");
+    let agree =
+        |(_, receptions): &(_, Vec<Reception>)| locate(receptions, None).clock_offset.is_none();
+    assert!(recorded(0.0).iter().all(agree));
 }
 
 /// No remark on 30 clean flights, nor on a straight one, along which another clock
@@ -157,7 +207,8 @@ fn clocks_that_agree_and_paths_that_do_not_show_it_have_no_remark() {
     for seed in 0..30 {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
         let (_, receptions) = flight(0.0, &mut rng);
-        assert_eq!(offset(&locate(&receptions, 0.0)), None, "seed {seed}");
+        let located = locate(&receptions, None);
+        assert_eq!((offset(&located), located.clock_offset), (None, None), "seed {seed}");
     }
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(5);
     let straight = (0..250_u16).map(|second| {
@@ -169,7 +220,8 @@ fn clocks_that_agree_and_paths_that_do_not_show_it_have_no_remark() {
         let level = Some(Level { rss_dbm, sigma_db: 3.0 });
         Reception { time, receiver: at(time), level, ..Reception::default() }
     });
-    assert_eq!(offset(&locate(&straight.collect::<Vec<_>>(), 0.0)), None);
+    let located = locate(&straight.collect::<Vec<_>>(), None);
+    assert_eq!((offset(&located), located.clock_offset), (None, None));
 }
 
 /// Compares ten flights in two files; the clocks are `true_s` apart.

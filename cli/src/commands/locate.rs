@@ -350,7 +350,7 @@ fn located(
     let method = name.clone();
     let found = Found { beacon: beacon.clone(), method, search, tracks: None, rows: None };
     let mut report = Report::new(name, beacon, prepared.recordings(), up, truth, &located);
-    report.clock_offset = prepared.found_clock();
+    report.clock_offset = prepared.found_clock().or(report.clock_offset);
     report.ignored = prepared.ignored(report.beacon.as_deref());
     report.rows = rows;
     report.conformal_95 = own;
@@ -436,7 +436,7 @@ impl Report {
             ellipse_is_poor: located.ellipse_is_poor(),
             regions_95: located.regions_95.clone(),
             rivals,
-            clock_offset: None,
+            clock_offset: located.clock_offset,
             rows: Residuals::default(),
             listed: None,
             warned: of_recordings.len(),

@@ -228,7 +228,7 @@ impl Locating {
         let Clocked { mut recordings, offset_s: clock_offset_s, found: found_clock } =
             self.reading.read_with_clock(files, self.clock_search(is_track))?;
         let is_timed = recordings.iter().all(Recording::is_timed);
-        if clock_offset_s.abs() > 0.0 && !is_timed {
+        if clock_offset_s.is_some_and(|offset_s| offset_s.abs() > 0.0) && !is_timed {
             return Err(CliError::input("--clock-offset-s needs the time of each row"));
         }
         let calibration = match recordings.first() {
@@ -512,7 +512,7 @@ impl Prepared {
             let message = format!("{}: --track needs the time of each row", recording.file());
             return Err(CliError::input(message));
         }
-        if self.config.clock_offset_s.abs() > 0.0 {
+        if self.config.clock_offset_s.is_some_and(|offset_s| offset_s.abs() > 0.0) {
             let why = "--track does not use --clock-offset-s without a path beside the recordings";
             return Err(CliError::input(why));
         }

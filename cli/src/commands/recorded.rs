@@ -79,7 +79,8 @@ pub struct Reading {
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = value_parser!(u16).range(1..=360))]
     pub positions: u16,
     /// The receiver's floor, in dBm or dB as the levels are: one at or below it is noise, of which
-    /// estimators of all receptions at once take but that the true one was not above it
+    /// estimators of all receptions at once take but that the true one was not above it; found by
+    /// itself where the least levels crowd as noise does
     #[arg(long, value_name = "DBM", allow_hyphen_values = true)]
     floor_dbm: Option<f64>,
     /// The receiver's ceiling, as its levels are: at it the receiver is saturated and the true
@@ -95,8 +96,8 @@ pub struct Reading {
     /// `hackrf_sweep` write the computer's local time. Or the time in UTC at which the recording's
     /// clock showed 0. In a table with places of its own, seconds by which the clock of the
     /// measurements is behind that of the places. Unless given, an offset of up to two minutes is
-    /// found where one recording of levels alone stands beside a path in another file and the
-    /// levels show it; 0 leaves the times as they are
+    /// found where the levels of one receiver alone show it, beside a path in another file or with
+    /// places of their own; 0 leaves the times as they are
     #[arg(long, value_name = "S|UTC", allow_hyphen_values = true, value_parser = offset)]
     clock_offset_s: Option<f64>,
     /// The beacon's frequency in hertz, for recordings of power over frequency
@@ -130,8 +131,9 @@ impl FromStr for Day {
 pub struct Clocked {
     pub recordings: Vec<Recording>,
     /// Seconds that are still to be added to the times of the measurements: the whole offset of
-    /// the command line where the places are the recordings' own.
-    pub offset_s: f64,
+    /// the command line where the places are the recordings' own, `None` where it states none; 0
+    /// where they are a path's.
+    pub offset_s: Option<f64>,
     /// Offset from the clock of a path in another file that was found and taken off.
     pub found: Option<FoundOffset>,
 }
@@ -226,7 +228,7 @@ impl Reading {
     pub fn read(&self, files: &[PathBuf]) -> Result<Vec<Recording>, CliError> {
         let unsought = Err("this command does not look for one");
         let Clocked { recordings, offset_s, .. } = self.read_with_clock(files, unsought)?;
-        if offset_s.abs() > 0.0 {
+        if offset_s.is_some_and(|offset_s| offset_s.abs() > 0.0) {
             return Err(CliError::input(
                 "--clock-offset-s is of use for a recording beside its receiver's path (--rover \
                  FILE), and for locate and judge",
@@ -261,9 +263,11 @@ impl Reading {
                 "--date is of use for magnetic North alone (--north magnetic)",
             ));
         }
-        let offset_s = if rover.is_some() { 0.0 } else { self.clock_offset_s.unwrap_or(0.0) };
+        let offset_s = if rover.is_some() { Some(0.0) } else { self.clock_offset_s };
         let span_s = read.iter().map(span_s).fold(0.0, f64::max);
-        if offset_s.abs() > span_s {
+        if let Some(offset_s) = offset_s
+            && offset_s.abs() > span_s
+        {
             return Err(CliError::input(format!(
                 "--clock-offset-s is {offset_s} s, and the recording with places of its own lasts \
                  {span_s:.0} s"

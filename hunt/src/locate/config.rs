@@ -46,9 +46,10 @@ pub struct LocateConfig {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub assumed_bearing_sigma: Option<f64>,
     /// Seconds by which the clock of the measurements is behind that of the receiver's places: each
-    /// was made where the receiver was that much later.
-    #[serde(default)]
-    pub clock_offset_s: f64,
+    /// was made where the receiver was that much later. Where absent, it is looked for by the levels
+    /// and taken off where they show it well.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clock_offset_s: Option<f64>,
     /// True if the receptions have times in seconds, false if they are only in order.
     #[serde(default = "yes")]
     pub is_timed: bool,
@@ -270,7 +271,7 @@ impl Default for LocateConfig {
             margin_m: 200.0,
             bearing_freedom: 2.0,
             assumed_bearing_sigma: None,
-            clock_offset_s: 0.0,
+            clock_offset_s: None,
             is_timed: true,
             reference_m: None,
             seed: 1,

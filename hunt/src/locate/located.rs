@@ -12,7 +12,8 @@ use serde::Serialize;
 #[cfg(feature = "batch")]
 use super::region::of_modes;
 use super::{
-    LocateConfig, LocateError, Region,
+    FoundOffset, LocateConfig, LocateError, Region,
+    clocks::side,
     parts::{Part, parts},
 };
 
@@ -53,6 +54,9 @@ pub struct Located {
     pub common_errors: Option<CommonErrors>,
     /// Bias that all measured ranges share, where the estimator found one.
     pub range_bias: Option<RangeBias>,
+    /// Offset between the clocks of levels and places, where the levels showed one and it was taken
+    /// off.
+    pub clock_offset: Option<FoundOffset>,
     /// The smallest region that holds the transmitter with 95 %, in parts that do not touch, where
     /// the estimator has a posterior density: an ellipse is a poor picture of two places, of a
     /// ridge and of a border.
@@ -172,6 +176,7 @@ impl Located {
             explanation: None,
             common_errors: None,
             range_bias: None,
+            clock_offset: None,
             regions_95: Vec::new(),
             map: None,
             places: Vec::new(),
@@ -189,6 +194,24 @@ impl Located {
             ellipse.semi_major = libm::hypot(ellipse.semi_major, shift_m);
             ellipse.semi_minor = libm::hypot(ellipse.semi_minor, shift_m);
         }
+        self
+    }
+
+    /// The answer with an offset of the clocks that was taken off; without it the place was
+    /// `before`.
+    pub(crate) fn with_clock(mut self, found: FoundOffset, before: &Vector2<f64>) -> Self {
+        let FoundOffset { offset_s, interval_s: [from_s, to_s] } = found;
+        let text = format!(
+            "the levels fit the receiver's path far better where it was {:.1} s {} ({from_s:.1} to \
+             {to_s:.1} s): the clocks of levels and places are taken to differ by that, which moves \
+             the place by {:.0} m; --clock-offset-s states another offset, 0 for none",
+            offset_s.abs(),
+            side(offset_s),
+            (self.estimate.mean - before).norm(),
+        );
+        self.remarks.retain(|remark| remark.code != "clocks-differ");
+        self.remarks.insert(0, Remark::new("clock-taken-off", text));
+        self.clock_offset = Some(found);
         self
     }
 

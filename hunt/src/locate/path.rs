@@ -99,6 +99,15 @@ impl<'a> Paths<'a> {
         shifted
     }
 
+    /// Returns the place at a time of the one receiver on the one path that there is; `None` before
+    /// and behind it, and where there are several.
+    pub(crate) fn place_of_one(&self, time: f64) -> Option<Vector3<f64>> {
+        let [end] = self.ends[..] else { return None };
+        let first = self.receptions.get(0)?.time;
+        let last = self.receptions.get(end.checked_sub(1)?)?.time;
+        if (first..=last).contains(&time) { self.at([0, end], time) } else { None }
+    }
+
     /// Returns the place of the receiver of a path at a time; `None` without a path.
     fn at(&self, [begin, end]: [usize; 2], time: f64) -> Option<Vector3<f64>> {
         let next = self.receptions.not_before([begin, end], time);

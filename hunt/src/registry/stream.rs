@@ -62,6 +62,7 @@ impl EstimatorEntry {
             return Err(LocateError::NoUseOfTerrain { estimator: self.name.clone().into_owned() });
         }
         let can_estimate = self.locator().is_some_and(Locator::estimates_height);
+        let (recorded, given) = (receptions, config);
         let config = &config.decided(can_estimate, receptions);
         if config.height == Height::Free && !can_estimate {
             return Err(LocateError::NoFreeHeight { estimator: self.name.clone().into_owned() });
@@ -71,6 +72,14 @@ impl EstimatorEntry {
         let config = &LocateConfig { target_up_m: located.up_m(config), ..config.clone() };
         let uses = self.uses();
         let outliers = examine(&mut located, receptions, config, uses, name);
+        if let Some(found) = located.clock_offset.take()
+            && shows_clock(recorded, given)
+        {
+            let stated = LocateConfig { clock_offset_s: Some(found.offset_s), ..given.clone() };
+            if let Ok(joined) = self.locate_named(recorded, &stated, name) {
+                return Ok(joined.with_clock(found, &located.estimate.mean));
+            }
+        }
         if outliers.is_empty() {
             return Ok(located);
         }
@@ -150,7 +159,12 @@ impl EstimatorEntry {
         receptions: &Receptions,
         config: &LocateConfig,
     ) -> Vec<Residual> {
-        let config = LocateConfig { target_up_m: located.up_m(config), ..config.clone() };
+        let offset_s = located.clock_offset.map(|found| found.offset_s);
+        let config = LocateConfig {
+            target_up_m: located.up_m(config),
+            clock_offset_s: offset_s.or(config.clock_offset_s),
+            ..config.clone()
+        };
         residuals(located, &on_clock(receptions, &config), &config, self.uses())
     }
 
@@ -247,11 +261,23 @@ impl Registry {
 
 /// Returns the receptions with the receivers where they were by the measurements' clock.
 fn on_clock<'a>(receptions: &'a Receptions, config: &LocateConfig) -> Cow<'a, Receptions> {
-    if config.clock_offset_s.abs() > 0.0 {
-        Cow::Owned(Paths::new(receptions).shifted(config.clock_offset_s, 1))
-    } else {
-        Cow::Borrowed(receptions)
+    match config.clock_offset_s {
+        Some(offset_s) if offset_s.abs() > 0.0 => {
+            Cow::Owned(Paths::new(receptions).shifted(offset_s, 1))
+        }
+        Some(_) | None => Cow::Borrowed(receptions),
     }
+}
+
+/// Returns true if an offset that levels show may be taken off: none is stated, and there is
+/// nothing but levels of the ways through free space.
+fn shows_clock(receptions: &Receptions, config: &LocateConfig) -> bool {
+    let levels = |kind: &Reception| !kind.has_bearing() && kind.measured.is_empty();
+    config.clock_offset_s.is_none()
+        && config.terrain.is_none()
+        && config.pattern.is_none()
+        && config.antenna.is_none()
+        && receptions.kinds().iter().all(levels)
 }
 
 /// Returns the receptions with at least the calibration's σ of levels.

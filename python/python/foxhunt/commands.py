@@ -705,7 +705,7 @@ def locate(
         positions: The number of positions in a turn of the antenna [default: 128]
         floor_dbm: The receiver's floor, in dBm or dB as the levels are: one at or below it is
             noise, of which estimators of all receptions at once take but that the true one was
-            not above it
+            not above it; found by itself where the least levels crowd as noise does
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
         rover: The receiver's path, instead of the recording's own places: a GPX, KML or KMZ
@@ -715,8 +715,9 @@ def locate(
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
             which the clock of the measurements is behind that of the places. Unless given, an
-            offset of up to two minutes is found where one recording of levels alone stands
-            beside a path in another file and the levels show it; 0 leaves the times as they are
+            offset of up to two minutes is found where the levels of one receiver alone show it,
+            beside a path in another file or with places of their own; 0 leaves the times as they
+            are
         frequency_hz: The beacon's frequency in hertz, for recordings of power over frequency
         bandwidth_hz: Width of the band that is read about --frequency-hz, in hertz; the
             strongest bin in it counts. One bin unless given [default: 0]
@@ -892,7 +893,7 @@ def bearing(
         positions: The number of positions in a turn of the antenna [default: 128]
         floor_dbm: The receiver's floor, in dBm or dB as the levels are: one at or below it is
             noise, of which estimators of all receptions at once take but that the true one was
-            not above it
+            not above it; found by itself where the least levels crowd as noise does
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
         rover: The receiver's path, instead of the recording's own places: a GPX, KML or KMZ
@@ -902,8 +903,9 @@ def bearing(
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
             which the clock of the measurements is behind that of the places. Unless given, an
-            offset of up to two minutes is found where one recording of levels alone stands
-            beside a path in another file and the levels show it; 0 leaves the times as they are
+            offset of up to two minutes is found where the levels of one receiver alone show it,
+            beside a path in another file or with places of their own; 0 leaves the times as they
+            are
         frequency_hz: The beacon's frequency in hertz, for recordings of power over frequency
         bandwidth_hz: Width of the band that is read about --frequency-hz, in hertz; the
             strongest bin in it counts. One bin unless given [default: 0]
@@ -1040,7 +1042,7 @@ def calibrate(
         positions: The number of positions in a turn of the antenna [default: 128]
         floor_dbm: The receiver's floor, in dBm or dB as the levels are: one at or below it is
             noise, of which estimators of all receptions at once take but that the true one was
-            not above it
+            not above it; found by itself where the least levels crowd as noise does
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
         rover: The receiver's path, instead of the recording's own places: a GPX, KML or KMZ
@@ -1050,8 +1052,9 @@ def calibrate(
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
             which the clock of the measurements is behind that of the places. Unless given, an
-            offset of up to two minutes is found where one recording of levels alone stands
-            beside a path in another file and the levels show it; 0 leaves the times as they are
+            offset of up to two minutes is found where the levels of one receiver alone show it,
+            beside a path in another file or with places of their own; 0 leaves the times as they
+            are
         frequency_hz: The beacon's frequency in hertz, for recordings of power over frequency
         bandwidth_hz: Width of the band that is read about --frequency-hz, in hertz; the
             strongest bin in it counts. One bin unless given [default: 0]
@@ -1161,7 +1164,7 @@ def antenna(
         positions: The number of positions in a turn of the antenna [default: 128]
         floor_dbm: The receiver's floor, in dBm or dB as the levels are: one at or below it is
             noise, of which estimators of all receptions at once take but that the true one was
-            not above it
+            not above it; found by itself where the least levels crowd as noise does
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
         rover: The receiver's path, instead of the recording's own places: a GPX, KML or KMZ
@@ -1171,8 +1174,9 @@ def antenna(
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
             which the clock of the measurements is behind that of the places. Unless given, an
-            offset of up to two minutes is found where one recording of levels alone stands
-            beside a path in another file and the levels show it; 0 leaves the times as they are
+            offset of up to two minutes is found where the levels of one receiver alone show it,
+            beside a path in another file or with places of their own; 0 leaves the times as they
+            are
         frequency_hz: The beacon's frequency in hertz, for recordings of power over frequency
         bandwidth_hz: Width of the band that is read about --frequency-hz, in hertz; the
             strongest bin in it counts. One bin unless given [default: 0]
@@ -1392,7 +1396,7 @@ def convert(
         positions: The number of positions in a turn of the antenna [default: 128]
         floor_dbm: The receiver's floor, in dBm or dB as the levels are: one at or below it is
             noise, of which estimators of all receptions at once take but that the true one was
-            not above it
+            not above it; found by itself where the least levels crowd as noise does
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
         rover: The receiver's path, instead of the recording's own places: a GPX, KML or KMZ
@@ -1402,8 +1406,9 @@ def convert(
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
             which the clock of the measurements is behind that of the places. Unless given, an
-            offset of up to two minutes is found where one recording of levels alone stands
-            beside a path in another file and the levels show it; 0 leaves the times as they are
+            offset of up to two minutes is found where the levels of one receiver alone show it,
+            beside a path in another file or with places of their own; 0 leaves the times as they
+            are
         frequency_hz: The beacon's frequency in hertz, for recordings of power over frequency
         bandwidth_hz: Width of the band that is read about --frequency-hz, in hertz; the
             strongest bin in it counts. One bin unless given [default: 0]
@@ -1680,7 +1685,7 @@ def judge(
         positions: The number of positions in a turn of the antenna [default: 128]
         floor_dbm: The receiver's floor, in dBm or dB as the levels are: one at or below it is
             noise, of which estimators of all receptions at once take but that the true one was
-            not above it
+            not above it; found by itself where the least levels crowd as noise does
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
         rover: The receiver's path, instead of the recording's own places: a GPX, KML or KMZ
@@ -1690,8 +1695,9 @@ def judge(
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
             which the clock of the measurements is behind that of the places. Unless given, an
-            offset of up to two minutes is found where one recording of levels alone stands
-            beside a path in another file and the levels show it; 0 leaves the times as they are
+            offset of up to two minutes is found where the levels of one receiver alone show it,
+            beside a path in another file or with places of their own; 0 leaves the times as they
+            are
         frequency_hz: The beacon's frequency in hertz, for recordings of power over frequency
         bandwidth_hz: Width of the band that is read about --frequency-hz, in hertz; the
             strongest bin in it counts. One bin unless given [default: 0]
@@ -2339,7 +2345,7 @@ def plot_pattern(
         positions: The number of positions in a turn of the antenna [default: 128]
         floor_dbm: The receiver's floor, in dBm or dB as the levels are: one at or below it is
             noise, of which estimators of all receptions at once take but that the true one was
-            not above it
+            not above it; found by itself where the least levels crowd as noise does
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
         rover: The receiver's path, instead of the recording's own places: a GPX, KML or KMZ
@@ -2349,8 +2355,9 @@ def plot_pattern(
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
             which the clock of the measurements is behind that of the places. Unless given, an
-            offset of up to two minutes is found where one recording of levels alone stands
-            beside a path in another file and the levels show it; 0 leaves the times as they are
+            offset of up to two minutes is found where the levels of one receiver alone show it,
+            beside a path in another file or with places of their own; 0 leaves the times as they
+            are
         frequency_hz: The beacon's frequency in hertz, for recordings of power over frequency
         bandwidth_hz: Width of the band that is read about --frequency-hz, in hertz; the
             strongest bin in it counts. One bin unless given [default: 0]
@@ -2445,7 +2452,7 @@ def plot_levels(
         positions: The number of positions in a turn of the antenna [default: 128]
         floor_dbm: The receiver's floor, in dBm or dB as the levels are: one at or below it is
             noise, of which estimators of all receptions at once take but that the true one was
-            not above it
+            not above it; found by itself where the least levels crowd as noise does
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
         rover: The receiver's path, instead of the recording's own places: a GPX, KML or KMZ
@@ -2455,8 +2462,9 @@ def plot_levels(
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
             which the clock of the measurements is behind that of the places. Unless given, an
-            offset of up to two minutes is found where one recording of levels alone stands
-            beside a path in another file and the levels show it; 0 leaves the times as they are
+            offset of up to two minutes is found where the levels of one receiver alone show it,
+            beside a path in another file or with places of their own; 0 leaves the times as they
+            are
         frequency_hz: The beacon's frequency in hertz, for recordings of power over frequency
         bandwidth_hz: Width of the band that is read about --frequency-hz, in hertz; the
             strongest bin in it counts. One bin unless given [default: 0]
@@ -2556,7 +2564,7 @@ def plot_rssi(
         positions: The number of positions in a turn of the antenna [default: 128]
         floor_dbm: The receiver's floor, in dBm or dB as the levels are: one at or below it is
             noise, of which estimators of all receptions at once take but that the true one was
-            not above it
+            not above it; found by itself where the least levels crowd as noise does
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
         rover: The receiver's path, instead of the recording's own places: a GPX, KML or KMZ
@@ -2566,8 +2574,9 @@ def plot_rssi(
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
             which the clock of the measurements is behind that of the places. Unless given, an
-            offset of up to two minutes is found where one recording of levels alone stands
-            beside a path in another file and the levels show it; 0 leaves the times as they are
+            offset of up to two minutes is found where the levels of one receiver alone show it,
+            beside a path in another file or with places of their own; 0 leaves the times as they
+            are
         frequency_hz: The beacon's frequency in hertz, for recordings of power over frequency
         bandwidth_hz: Width of the band that is read about --frequency-hz, in hertz; the
             strongest bin in it counts. One bin unless given [default: 0]
@@ -2670,7 +2679,7 @@ def plot_bearing_errors(
         positions: The number of positions in a turn of the antenna [default: 128]
         floor_dbm: The receiver's floor, in dBm or dB as the levels are: one at or below it is
             noise, of which estimators of all receptions at once take but that the true one was
-            not above it
+            not above it; found by itself where the least levels crowd as noise does
         ceiling_dbm: The receiver's ceiling, as its levels are: at it the receiver is saturated
             and the true level is higher; found by itself where the highest level repeats
         rover: The receiver's path, instead of the recording's own places: a GPX, KML or KMZ
@@ -2680,8 +2689,9 @@ def plot_bearing_errors(
             `rtl_power` and `hackrf_sweep` write the computer's local time. Or the time in UTC at
             which the recording's clock showed 0. In a table with places of its own, seconds by
             which the clock of the measurements is behind that of the places. Unless given, an
-            offset of up to two minutes is found where one recording of levels alone stands
-            beside a path in another file and the levels show it; 0 leaves the times as they are
+            offset of up to two minutes is found where the levels of one receiver alone show it,
+            beside a path in another file or with places of their own; 0 leaves the times as they
+            are
         frequency_hz: The beacon's frequency in hertz, for recordings of power over frequency
         bandwidth_hz: Width of the band that is read about --frequency-hz, in hertz; the
             strongest bin in it counts. One bin unless given [default: 0]

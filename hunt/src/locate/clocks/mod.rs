@@ -80,6 +80,11 @@ pub struct FoundOffset {
     pub interval_s: [f64; 2],
 }
 
+/// Returns how a receiver stands that is an offset farther on its path.
+pub(super) fn side(offset_s: f64) -> &'static str {
+    if offset_s > 0.0 { "later" } else { "earlier" }
+}
+
 /// Relation of two clocks, as the levels show it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Clocks {

@@ -1,14 +1,13 @@
 use foxhunt_core::Remark;
 
 use super::{
-    super::Located,
+    super::{
+        Located,
+        clocks::{Clocks, ClocksUnknown, FoundOffset, side},
+    },
     law::gain,
-    paths::{Fit, Hypotheses, LIKELY_1D, MOST_OF_BEST, MOST_PER_HYPOTHESIS, least},
+    paths::{Fit, Hypotheses, MOST_OF_BEST, MOST_OFFSET_S, MOST_PER_HYPOTHESIS, MOST_SHARE, least},
 };
-
-/// Largest offset that is looked for, in seconds, and its share of all that was recorded.
-const MOST_S: f64 = 120.0;
-const MOST_SHARE: f64 = 0.25;
 
 /// Number of offsets on either side at first.
 const OFFSETS: i32 = 12;
@@ -16,24 +15,55 @@ const OFFSETS: i32 = 12;
 /// Rounds about the best offset, each twice as fine.
 const FINER: u32 = 5;
 
+/// χ² with one degree of freedom that a true value exceeds with 5 %.
+const LIKELY_1D: f64 = 3.84;
+
 /// Twice the logarithm of the likelihood ratio from which on the clocks differ. χ² with one
 /// degree of freedom exceeds it once in 100,000; some twenty offsets are tried, and shadowing makes
 /// more levels alike than neighbours show.
 const DIFFER: f64 = 20.0;
 
-/// Returns a remark if the levels fit the path of the receiver far better where it was some time
-/// earlier or later.
-pub(super) fn differ(located: &Located, hypotheses: &Hypotheses<'_>) -> Option<Remark> {
+/// Twice the logarithm of the likelihood ratio from which on the search for the clocks of two files
+/// looks closer: it asks for more, and knows shadows.
+const LOOKS_OFF: f64 = 8.0;
+
+/// Offset at which the levels fit the receiver's path far better, as a remark, and as it may be
+/// taken off where the levels show it well.
+pub(super) struct Offset {
+    pub remark: Remark,
+    pub found: Option<FoundOffset>,
+}
+
+/// Looks whether the levels fit the path of the receiver far better where it was some time earlier
+/// or later.
+pub(super) fn differ(located: &Located, hypotheses: &Hypotheses<'_>) -> Option<Offset> {
     let duration_s = hypotheses.duration_s;
     let at = |offset_s: f64, most: usize| hypotheses.delayed(offset_s, most);
-    let step_s = (MOST_SHARE * duration_s).min(MOST_S) / f64::from(OFFSETS);
+    let step_s = (MOST_SHARE * duration_s).min(MOST_OFFSET_S) / f64::from(OFFSETS);
     let offsets = (-OFFSETS..=OFFSETS).map(|number| f64::from(number) * step_s);
     let coarse: Vec<Fit<f64>> =
         offsets.filter_map(|offset_s| at(offset_s, MOST_PER_HYPOTHESIS)).collect();
     let now = coarse.iter().find(|own| own.hypothesis.abs() <= 0.0)?;
     let best = least(&coarse)?;
-    if gain(&best.residuals, &now.residuals, best.sigma_db).1 < DIFFER {
+    let gained = gain(&best.residuals, &now.residuals, best.sigma_db).1;
+    if gained < LOOKS_OFF {
         return None;
+    }
+    match hypotheses.clocks() {
+        Clocks::Differ(found) => {
+            let place = at(found.offset_s, MOST_OF_BEST).map_or(best.place, |own| own.place);
+            let apart_m = (place - located.estimate.mean).norm();
+            return Some(Offset { remark: remark(&found, apart_m), found: Some(found) });
+        }
+        // The levels exclude 0, which the few here may not.
+        Clocks::Unknown(why @ (ClocksUnknown::NotZero { .. } | ClocksUnknown::AtTheEnd { .. }))
+            if gained < DIFFER =>
+        {
+            return Some(Offset::unknown(&why));
+        }
+        Clocks::Agree { .. } => return None,
+        Clocks::Unknown(_) if gained < DIFFER => return None,
+        Clocks::Unknown(_) => {}
     }
     // By more levels from here on.
     let finely = |offset_s: f64| at(offset_s, MOST_OF_BEST);
@@ -46,22 +76,36 @@ pub(super) fn differ(located: &Located, hypotheses: &Hypotheses<'_>) -> Option<R
         finer_s *= 0.5;
     }
     let best = least(&tried)?;
-    let best_s = best.hypothesis;
+    let offset_s = best.hypothesis;
     let likely = tried
         .iter()
         .filter(|own| gain(&best.residuals, &own.residuals, best.sigma_db).1 < LIKELY_1D);
-    let [from_s, to_s] = likely.fold([best_s, best_s], |[from, to], own| {
+    let interval_s = likely.fold([offset_s, offset_s], |[from, to], own| {
         [from.min(own.hypothesis), to.max(own.hypothesis)]
     });
     let apart_m = (best.place - located.estimate.mean).norm();
-    Some(Remark::new(
-        "clocks-differ",
-        format!(
-            "the levels fit the receiver's path far better where it was {:.1} s {} ({from_s:.1} to \
-             {to_s:.1} s): the clocks of levels and places seem to differ; add {best_s:.1} to \
-             --clock-offset-s (0 unless given), which would move the place by some {apart_m:.0} m",
-            best_s.abs(),
-            if best_s > 0.0 { "later" } else { "earlier" },
-        ),
-    ))
+    Some(Offset { remark: remark(&FoundOffset { offset_s, interval_s }, apart_m), found: None })
+}
+
+/// Returns the remark on an offset that would move the place by some metres.
+fn remark(offset: &FoundOffset, apart_m: f64) -> Remark {
+    let FoundOffset { offset_s, interval_s: [from_s, to_s] } = offset;
+    let text = format!(
+        "the levels fit the receiver's path far better where it was {:.1} s {} ({from_s:.1} to \
+         {to_s:.1} s): the clocks of levels and places seem to differ; add {offset_s:.1} to \
+         --clock-offset-s (0 unless given), which would move the place by some {apart_m:.0} m",
+        offset_s.abs(),
+        side(*offset_s),
+    );
+    Remark::new("clocks-differ", text)
+}
+
+impl Offset {
+    /// An offset that the levels do not show.
+    fn unknown(why: &ClocksUnknown) -> Self {
+        let text = format!(
+            "{why}; the times are taken as they are. State the right offset with --clock-offset-s"
+        );
+        Self { remark: Remark::new("clocks-differ", text), found: None }
+    }
 }

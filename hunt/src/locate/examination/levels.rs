@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::{
-    super::{Area, LocateConfig, Located, Power, config::Centroid},
+    super::{Area, LocateConfig, Located, Power, clocks::FoundOffset, config::Centroid},
     clocks,
     law::{
         LEAST_TO_COMPARE, Law, LevelAt, MOST_TO_COMPARE, Row, best_place, gain, residuals, rows_at,
@@ -38,22 +38,35 @@ const FADE_DB: f64 = 35.0;
 /// Path-loss exponent below which no transmitter's levels fall with the distance.
 const LEAST_EXPONENT: f64 = 0.7;
 
+/// What levels say of an answer: remarks, and the offset of the clocks where they show it well.
+#[derive(Default)]
+pub(super) struct Examined {
+    pub remarks: Vec<Remark>,
+    pub clock_offset: Option<FoundOffset>,
+}
+
+impl Examined {
+    fn remark(remark: Remark) -> Self {
+        Self { remarks: vec![remark], clock_offset: None }
+    }
+}
+
 /// Examines the residuals of levels from the log-distance law that fits them best at the place.
 pub(super) fn examine(
     located: &Located,
     receptions: &Receptions,
     config: &LocateConfig,
     name: Name<'_>,
-) -> Vec<Remark> {
+) -> Examined {
     let left_out = &located.levels_left_out;
     if !left_out.is_empty() {
         let is_kept = |(index, _): &(usize, _)| left_out.binary_search(index).is_err();
         let kept = receptions.iter().enumerate().filter(is_kept).map(|(_, kept)| kept).collect();
         let nameless: Name<'_> = &|_| None;
-        let mut remarks = examine_kept(located, &kept, config, nameless);
-        remarks.retain(|remark| remark.code != "outlier");
-        remarks.push(of_left_out(left_out, receptions, name));
-        return remarks;
+        let mut examined = examine_kept(located, &kept, config, nameless);
+        examined.remarks.retain(|remark| remark.code != "outlier");
+        examined.remarks.push(of_left_out(left_out, receptions, name));
+        return examined;
     }
     examine_kept(located, receptions, config, name)
 }
@@ -64,7 +77,7 @@ fn examine_kept(
     receptions: &Receptions,
     config: &LocateConfig,
     name: Name<'_>,
-) -> Vec<Remark> {
+) -> Examined {
     let place = located.estimate.mean;
     let rows = every_row(receptions, &place, config);
     let mut kinds = receptions.kinds().iter();
@@ -72,13 +85,21 @@ fn examine_kept(
     if rows.len() < LEAST {
         let are_few = is_placed_by_levels && !rows.is_empty();
         let open = are_few.then(|| range_open(located, receptions, config, rows.len()));
-        return open.flatten().into_iter().collect();
+        return Examined { remarks: open.flatten().into_iter().collect(), clock_offset: None };
     }
-    let Some(law) = Law::of(&rows, config) else { return Vec::new() };
+    let Some(law) = Law::of(&rows, config) else { return Examined::default() };
+    let levels: Cow<'_, Receptions> = if rows.len() == receptions.len() {
+        Cow::Borrowed(receptions)
+    } else {
+        Cow::Owned(receptions.iter().filter(|r| r.level.is_some()).collect())
+    };
+    let hypotheses = Hypotheses::new(located, &levels, config);
+    let offset = hypotheses.as_ref().and_then(|own| clocks::differ(located, own));
     let elsewhere = does_not_fit(located, receptions, config, rows.len());
     let is_flat = law.is_fitted && law.exponent + 4.0 * law.exponent_sigma < LEAST_EXPONENT;
-    if is_flat && elsewhere.is_none() {
-        return vec![Remark::new(
+    let clock_offset = offset.as_ref().and_then(|own| own.found);
+    if is_flat && elsewhere.is_none() && clock_offset.is_none() {
+        return Examined::remark(Remark::new(
             "levels-do-not-fall",
             format!(
                 "the levels do not fall with the distance from the place at {} (exponent {:.1} ± \
@@ -87,20 +108,16 @@ fn examine_kept(
                 law.exponent,
                 law.exponent_sigma
             ),
-        )];
+        ));
     }
     // Residuals from a place that is wrong are no outliers.
     let of_row = elsewhere.or_else(|| outlier(receptions, &law, located, config, name));
     let open = range_open(located, receptions, config, rows.len()).filter(|_| is_placed_by_levels);
-    let levels: Cow<'_, Receptions> = if rows.len() == receptions.len() {
-        Cow::Borrowed(receptions)
-    } else {
-        Cow::Owned(receptions.iter().filter(|r| r.level.is_some()).collect())
+    let of_path = match offset {
+        Some(offset) => Some(offset.remark),
+        None => hypotheses.as_ref().and_then(motion::moves),
     };
-    let of_path = Hypotheses::new(located, &levels, config).and_then(|hypotheses| {
-        clocks::differ(located, &hypotheses).or_else(|| motion::moves(&hypotheses))
-    });
-    of_path.into_iter().chain(of_row).chain(open).collect()
+    Examined { remarks: of_path.into_iter().chain(of_row).chain(open).collect(), clock_offset }
 }
 
 /// Returns all levels as they are for a transmitter at a place.

@@ -66,7 +66,9 @@ pub(crate) fn examine(
             left_out = of_fit(located, &data, config, name, &mut remarks);
         }
         if has_levels {
-            remarks.extend(levels::examine(located, receptions, config, name));
+            let examined = levels::examine(located, receptions, config, name);
+            remarks.extend(examined.remarks);
+            located.clock_offset = examined.clock_offset;
         }
         let meets = |remark: &Remark| !remark.code.ends_with("do-not-meet");
         let is_open = |remark: &Remark| remark.code == "range-open";

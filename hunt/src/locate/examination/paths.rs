@@ -1,8 +1,11 @@
-use foxhunt_core::{Reception, Receptions};
+use foxhunt_core::{Reception, ReceptionView, Receptions};
 use nalgebra::Vector2;
 
 use super::{
-    super::{Area, LocateConfig, Located, Paths},
+    super::{
+        Area, LocateConfig, Located, Paths,
+        clocks::{ClockSearch, Clocks, HeardLevel},
+    },
     law::{LEAST_TO_COMPARE, Law, LevelAt, Row, best_place, residuals, rows_at},
 };
 
@@ -12,8 +15,9 @@ pub(super) const MOST_PER_HYPOTHESIS: usize = 120;
 /// Largest number of levels by which the best hypothesis is refined.
 pub(super) const MOST_OF_BEST: usize = 1000;
 
-/// χ² with one degree of freedom that a true value exceeds with 5 %.
-pub(super) const LIKELY_1D: f64 = 3.84;
+/// Largest offset of clocks that is looked for, in seconds, and its share of all that was recorded.
+pub(super) const MOST_OFFSET_S: f64 = 120.0;
+pub(super) const MOST_SHARE: f64 = 0.25;
 
 /// Cells of the coarse search for a place, on either side of its middle.
 const REACH: i32 = 5;
@@ -74,6 +78,21 @@ impl<'a> Hypotheses<'a> {
     pub(super) fn delayed(&self, offset_s: f64, most: usize) -> Option<Fit<f64>> {
         let stride = self.levels.len().div_ceil(most);
         self.fit(offset_s, &self.paths.shifted(offset_s, stride))
+    }
+
+    /// Compares the clock of the levels with that of the places, as of two files; a path of one
+    /// receiver alone shows it.
+    pub(super) fn clocks(&self) -> Clocks {
+        let search = ClockSearch {
+            within_s: MOST_OFFSET_S.min(MOST_SHARE * self.duration_s),
+            margin_m: self.config.margin_m,
+            target_up_m: self.config.target_up_m,
+        };
+        let heard = |view: ReceptionView<'_>| {
+            Some(HeardLevel { time_s: view.time, level_db: view.level_dbm()? })
+        };
+        let heard: Vec<HeardLevel> = self.levels.views().filter_map(heard).collect();
+        search.compare(&heard, &|time_s| self.paths.place_of_one(time_s))
     }
 
     /// Returns the fit of a transmitter with a velocity in m/s: in its frame the receivers drift
