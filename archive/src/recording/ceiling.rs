@@ -135,7 +135,7 @@ fn steady_beacons(records: &[Record]) -> BTreeSet<Option<Arc<str>>> {
 }
 
 /// The level of an omnidirectional antenna, and its place.
-fn level(record: &Record) -> Option<(f64, Vector2<f64>)> {
+pub(super) fn level(record: &Record) -> Option<(f64, Vector2<f64>)> {
     let level = record.rss_dbm.filter(|_| record.boresight.is_none())?;
     Some((level, record.receiver()?.position.xy()))
 }
@@ -156,10 +156,10 @@ fn ceiling(mut levels: Vec<(f64, Vector2<f64>)>) -> Option<f64> {
 }
 
 /// Levels nearer to each other than this are the same number.
-const SAME_DB: f64 = 1e-6;
+pub(super) const SAME_DB: f64 = 1e-6;
 
 /// The diagonal of the box about all places.
-fn extent_m(levels: &[(f64, Vector2<f64>)]) -> f64 {
+pub(super) fn extent_m(levels: &[(f64, Vector2<f64>)]) -> f64 {
     let nowhere = Vector2::repeat(f64::INFINITY);
     let (low, high) = levels
         .iter()

@@ -16,6 +16,7 @@ mod decompress;
 mod error;
 mod exclusion;
 mod flight_log;
+mod floor;
 mod formats;
 mod mapping;
 pub(crate) mod near_miss;

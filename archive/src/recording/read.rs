@@ -22,6 +22,7 @@ use super::{
     dates::{Order, order},
     decompress::{check_content, decompressed},
     exclusion::{Cause, Exclusions},
+    floor::find_floors,
     formats,
     near_miss::{slip_for, typing_error},
     parse::LeftOut,
@@ -568,6 +569,7 @@ impl File<'_> {
             remarks.push(Remark::new("column-not-used", text));
         }
         remarks.extend(find_ceilings(name, &mut records));
+        remarks.extend(find_floors(name, &mut records));
         let recording = Recording {
             file: name.to_owned(),
             format: mapping.name.clone(),
