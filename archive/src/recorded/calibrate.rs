@@ -212,6 +212,11 @@ fn add_points<'a>(
     let chosen = || recording.records().iter().filter(|r| r.beacon.as_deref() == beacon);
     for record in chosen().filter(|r| r.boresight.is_none()) {
         let Some(rss_dbm) = record.rss_dbm else { continue };
+        // Noise and clipped levels show no law.
+        let is_noise = record.floor_dbm.is_some_and(|floor| rss_dbm <= floor);
+        if is_noise || record.ceiling_dbm.is_some_and(|ceiling| rss_dbm >= ceiling) {
+            continue;
+        }
         let truth = config.truth.or(record.truth);
         let to = |t: Vector2<f64>| {
             record.receiver().map(|r| (t.push(config.target_up_m) - r.position).norm())

@@ -41,9 +41,10 @@ const MOST_ALIKE: f64 = 0.15;
 /// Number of next readings over which that is averaged.
 const LAGS: usize = 8;
 
-/// Extent of the places at a floor over that of all places, at least: a transmitter beside which
-/// the receiver stays has a steady level, too.
+/// Extent of the places at a floor over that of all places, at least, and in metres: a transmitter
+/// that rests has a steady level, too, where the receiver stays to within its own errors.
 const LEAST_EXTENT: f64 = 0.1;
+const LEAST_EXTENT_M: f64 = 50.0;
 
 /// A median absolute deviation is this share of σ.
 const MEDIAN_DEVIATION: f64 = 0.6745;
@@ -56,7 +57,8 @@ pub(super) fn find_floors(file: &str, records: &mut [Record]) -> Vec<Remark> {
     let mut heard: BTreeMap<Heard, Vec<(f64, Vector2<f64>)>> = BTreeMap::new();
     // Who measures more than a level hears the transmitter.
     let may_be_noise = |record: &&Record| {
-        record.floor_dbm.is_none() && record.bearing.is_none() && record.measured.is_empty()
+        let hears = record.bearing.is_some() || !record.measured.is_empty();
+        record.floor_dbm.is_none() && record.boresight.is_none() && !hears
     };
     for record in records.iter().filter(may_be_noise) {
         let Some(level) = level(record) else { continue };
@@ -89,16 +91,17 @@ pub(super) fn find_floors(file: &str, records: &mut [Record]) -> Vec<Remark> {
     }
     let remark = |(drone, (rows, floor)): (Arc<str>, (usize, f64))| {
         let text = format!(
-            "{file}: {rows} levels of {drone} crowd at {floor:.1} dB and below, and do not follow \
-             the place: they are taken for the receiver's own noise, and the true levels to be no \
-             higher; --floor-dbm states another floor, and a low one none"
+            "{file}: {rows} levels of {drone} crowd at up to {floor:.1} dB, as the least ones, and \
+             do not follow the place: they are taken for the receiver's own noise, and the true \
+             levels to be no higher; --floor-dbm states another floor, and one just below the \
+             least level keeps all of them"
         );
         Remark::new("receiver-at-floor", text)
     };
     rows.into_iter().map(remark).collect()
 }
 
-/// The floor of levels in the order of time, with the places of the receiver, where there is one.
+/// The floor of levels one after the other, with the places of the receiver, where there is one.
 fn floor(levels: &[(f64, Vector2<f64>)]) -> Option<f64> {
     if levels.len() < 2 * LEAST_BELOW {
         return None;
@@ -137,7 +140,7 @@ fn floor(levels: &[(f64, Vector2<f64>)]) -> Option<f64> {
     let floor = middle + SIGMAS * sigma;
     let at_it: Vec<_> = levels.iter().copied().filter(|(level, _)| *level <= floor).collect();
     let extent = extent_m(&at_it);
-    let is_wide = extent > 0.0 && extent >= LEAST_EXTENT * extent_m(levels);
+    let is_wide = extent >= LEAST_EXTENT_M.max(LEAST_EXTENT * extent_m(levels));
     let is_noise = |level: f64| (level - middle).abs() <= SIGMAS * sigma + 0.5 * step;
     (is_wide && most_alike(levels, is_noise)? <= MOST_ALIKE).then_some(floor)
 }

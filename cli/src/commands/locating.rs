@@ -228,6 +228,9 @@ impl Locating {
         let Clocked { mut recordings, offset_s: clock_offset_s, found: found_clock } =
             self.reading.read_with_clock(files, self.clock_search(is_track))?;
         let is_timed = recordings.iter().all(Recording::is_timed);
+        // Each receiver has a clock of its own.
+        let has_one_clock = matches!(&recordings[..], [own] if own.drones().len() < 2);
+        let clock_offset_s = clock_offset_s.or((!has_one_clock).then_some(0.0));
         if clock_offset_s.is_some_and(|offset_s| offset_s.abs() > 0.0) && !is_timed {
             return Err(CliError::input("--clock-offset-s needs the time of each row"));
         }

@@ -55,7 +55,7 @@ pub(crate) use located::receiver_sigma_m;
 pub use located::{CommonErrors, Explanation, Located, Locator, RangeBias, Rival, StationError};
 #[cfg(feature = "batch")]
 pub use moving::{Tracked, TrackingConfig, left_out, track, track_watched};
-pub(crate) use path::Paths;
+pub(crate) use path::{AtEnds, Paths};
 #[cfg(feature = "batch")]
 pub(crate) use ranges::Multilateration;
 pub use region::Region;

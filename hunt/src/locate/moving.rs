@@ -26,7 +26,8 @@ pub struct TrackingConfig {
     pub window_s: f64,
     /// Seconds within which the receptions of one receiver count as one reading: shadowing and
     /// reflections change only as the transmitter goes some hundred metres. Errors that fall to 1/e
-    /// in τ are worth a reading each 2 τ. Receivers at other places are readings of their own.
+    /// in τ are worth a reading each 2 τ. Levels, in which the receiver's gain is, stay alike four
+    /// times as long. Receivers at other places are readings of their own.
     pub correlation_s: f64,
     /// The root mean square speeds that it may have, in m/s, equally likely before.
     pub speeds_mps: Vec<f64>,
@@ -262,7 +263,7 @@ struct Window {
 #[derive(Debug)]
 struct Silent {
     listener: Listener,
-    /// Part that is new, as of [`Received::share`].
+    /// Part that is new, as of [`Received::level_share`].
     share: f64,
 }
 

@@ -1,4 +1,4 @@
-use foxhunt_core::{ReceptionView, Receptions};
+use foxhunt_core::{Reception, ReceptionView, Receptions};
 use nalgebra::Vector3;
 
 /// Speed between two receptions above which they are of different paths, in metres per second; less
@@ -44,6 +44,19 @@ pub(crate) fn is_of_network(receptions: &Receptions, extent_m: f64) -> bool {
     places.len() >= LEAST_PLACES && 2 * far_steps >= steps
 }
 
+/// Longest time between two receptions over which a place between them is that of the path, in
+/// seconds.
+const LONGEST_GAP_S: f64 = 30.0;
+
+/// Receptions whose receiver was not on its path at a time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum AtEnds {
+    /// At the end of the path.
+    There,
+    /// At the end of the path, without their level: nobody knows where it was measured.
+    Without,
+}
+
 /// Paths of the receivers through their receptions, each in the order of time.
 #[derive(Clone, Debug)]
 pub(crate) struct Paths<'a> {
@@ -72,6 +85,11 @@ impl<'a> Paths<'a> {
         begins.zip(self.ends.iter().copied()).map(|(begin, end)| [begin, end])
     }
 
+    /// Receptions of all paths.
+    pub(crate) fn receptions(&self) -> &'a Receptions {
+        self.receptions
+    }
+
     /// Length of all paths together, in metres.
     pub(crate) fn length_m(&self) -> f64 {
         let of = |[begin, end]: [usize; 2]| -> f64 {
@@ -82,16 +100,19 @@ impl<'a> Paths<'a> {
         self.each().map(of).sum()
     }
 
-    /// Returns one reception in `stride`, with its receiver where it was `offset_s` later; before
-    /// and behind its path it is at the end of it.
-    pub(crate) fn shifted(&self, offset_s: f64, stride: usize) -> Receptions {
+    /// Returns one reception in `stride`, with its receiver where it was `offset_s` later.
+    pub(crate) fn shifted(&self, offset_s: f64, stride: usize, at_ends: AtEnds) -> Receptions {
         let stride = stride.max(1);
         let mut shifted = Receptions::with_capacity(self.receptions.len() / stride + 1);
         for [begin, end] in self.each() {
             let first = begin.next_multiple_of(stride);
             for mut own in self.receptions.range(first, end).step_by(stride) {
-                if let Some(position) = self.at([begin, end], own.time + offset_s) {
+                let time = own.time + offset_s;
+                if let Some(position) = self.at([begin, end], time) {
                     own.receiver.position = position;
+                }
+                if at_ends == AtEnds::Without && !self.is_on([begin, end], time) {
+                    own = Reception { level: None, silence: None, saturation: None, ..own };
                 }
                 shifted.push(own);
             }
@@ -100,12 +121,21 @@ impl<'a> Paths<'a> {
     }
 
     /// Returns the place at a time of the one receiver on the one path that there is; `None` before
-    /// and behind it, and where there are several.
+    /// and behind it, in its gaps, and where there are several.
     pub(crate) fn place_of_one(&self, time: f64) -> Option<Vector3<f64>> {
         let [end] = self.ends[..] else { return None };
-        let first = self.receptions.get(0)?.time;
-        let last = self.receptions.get(end.checked_sub(1)?)?.time;
-        if (first..=last).contains(&time) { self.at([0, end], time) } else { None }
+        let next = self.receptions.not_before([0, end], time);
+        let after = self.receptions.view_range(next, end).next()?;
+        let before = self.receptions.view_range(next.saturating_sub(1), end).next()?;
+        let is_near = after.time - before.time <= LONGEST_GAP_S;
+        (is_near && self.is_on([0, end], time)).then(|| self.at([0, end], time)).flatten()
+    }
+
+    /// Returns true if a path has begun at a time and is not over.
+    fn is_on(&self, [begin, end]: [usize; 2], time: f64) -> bool {
+        let time_of = |index| self.receptions.get(index).map(|reception| reception.time);
+        let ends = time_of(begin).zip(end.checked_sub(1).and_then(time_of));
+        ends.is_some_and(|(first, last)| (first..=last).contains(&time))
     }
 
     /// Returns the place of the receiver of a path at a time; `None` without a path.
@@ -124,7 +154,7 @@ impl<'a> Paths<'a> {
 #[cfg(test)]
 mod tests {
     use approx::assert_abs_diff_eq;
-    use foxhunt_core::{Pose, Reception};
+    use foxhunt_core::{Level, Pose};
     use proptest::{collection::vec, prelude::*};
 
     use super::*;
@@ -148,7 +178,7 @@ mod tests {
                 time += step;
             }
             let last = walk.get(walk.len() - 1).expect("one at least").time;
-            let shifted = Paths::new(&walk).shifted(offset_s, 1);
+            let shifted = Paths::new(&walk).shifted(offset_s, 1, AtEnds::There);
             prop_assert_eq!(shifted.len(), walk.len());
             for (before, after) in walk.iter().zip(&shifted) {
                 let expected = speed_mps * (before.time + offset_s).clamp(0.0, last);
@@ -202,7 +232,7 @@ mod tests {
         let walks: Receptions =
             (0..5_u8).map(|i| reception(f64::from(i), 2.0 * f64::from(i))).collect();
         let east = |receptions: &Receptions, offset_s| -> Vec<f64> {
-            let shifted = Paths::new(receptions).shifted(offset_s, 1);
+            let shifted = Paths::new(receptions).shifted(offset_s, 1, AtEnds::There);
             shifted.iter().map(|own| own.receiver.position.x).collect()
         };
         assert_eq!(east(&walks, 0.0), [0.0, 2.0, 4.0, 6.0, 8.0]);
@@ -214,7 +244,29 @@ mod tests {
         assert_abs_diff_eq!(Paths::new(&both).length_m(), 8.0, epsilon = 1e-12);
         let apart: Receptions = [reception(0.0, 0.0), reception(1.0, 5000.0)].into_iter().collect();
         assert_eq!(east(&apart, 0.5), [0.0, 5000.0]);
-        assert!(Paths::new(&Receptions::default()).shifted(1.0, 1).is_empty());
-        assert_eq!(Paths::new(&walks).shifted(0.0, 2).len(), 3);
+        assert!(Paths::new(&Receptions::default()).shifted(1.0, 1, AtEnds::There).is_empty());
+        assert_eq!(Paths::new(&walks).shifted(0.0, 2, AtEnds::There).len(), 3);
+    }
+
+    #[test]
+    fn nobody_knows_where_a_receiver_was_off_its_path() {
+        let level = Some(Level { rss_dbm: -70.0, sigma_db: 3.0 });
+        let walk: Receptions = (0..5_u8)
+            .map(|i| Reception { level, ..reception(f64::from(i), 2.0 * f64::from(i)) })
+            .collect();
+        let shifted = Paths::new(&walk).shifted(1.5, 1, AtEnds::Without);
+        let levels: Vec<bool> = shifted.iter().map(|own| own.level.is_some()).collect();
+        assert_eq!(levels, [true, true, true, false, false]);
+        let east = |receptions: &Receptions, time| {
+            Paths::new(receptions).place_of_one(time).map(|place| place.x)
+        };
+        let of_walk = [-0.1, 0.0, 2.5, 4.0, 4.1].map(|time| east(&walk, time));
+        assert_eq!(of_walk, [None, Some(0.0), Some(5.0), Some(8.0), None]);
+        // A gap, and a second receiver.
+        let gap: Receptions = walk.iter().chain([reception(100.0, 20.0)]).collect();
+        assert_eq!([2.5, 50.0].map(|time| east(&gap, time)), [Some(5.0), None]);
+        let both: Receptions = walk.iter().chain([reception(0.0, 50.0)]).collect();
+        assert_eq!(east(&both, 2.5), None);
+        assert_eq!(east(&Receptions::default(), 0.0), None);
     }
 }

@@ -13,8 +13,8 @@ use crate::{
     config::{EstimatorConfig, ModelConfig, PulseModel, ReceiverModel},
     hunt::{Components, Search, TrackStep, cloud},
     locate::{
-        Area, CalibratedPower, FREE_POWER_SIGMA_DB, Height, LocateConfig, LocateError, Located,
-        Locator, Paths, Power, Residual, Uses, examine, extent_m, receiver_sigma_m,
+        Area, AtEnds, CalibratedPower, FREE_POWER_SIGMA_DB, Height, LocateConfig, LocateError,
+        Located, Locator, Paths, Power, Residual, Uses, examine, extent_m, receiver_sigma_m,
         reference_power, residuals,
     },
 };
@@ -72,9 +72,7 @@ impl EstimatorEntry {
         let config = &LocateConfig { target_up_m: located.up_m(config), ..config.clone() };
         let uses = self.uses();
         let outliers = examine(&mut located, receptions, config, uses, name);
-        if let Some(found) = located.clock_offset.take()
-            && shows_clock(recorded, given)
-        {
+        if let Some(found) = located.clock_offset.take() {
             let stated = LocateConfig { clock_offset_s: Some(found.offset_s), ..given.clone() };
             if let Ok(joined) = self.locate_named(recorded, &stated, name) {
                 return Ok(joined.with_clock(found, &located.estimate.mean));
@@ -137,6 +135,8 @@ impl EstimatorEntry {
             },
             target_up_m: model.target_up_m,
             reference_m: model.reference_m.map(Vector3::from),
+            // Nothing is located again in flight.
+            clock_offset_s: Some(0.0),
             ..LocateConfig::default()
         };
         let uses = self.uses();
@@ -263,21 +263,10 @@ impl Registry {
 fn on_clock<'a>(receptions: &'a Receptions, config: &LocateConfig) -> Cow<'a, Receptions> {
     match config.clock_offset_s {
         Some(offset_s) if offset_s.abs() > 0.0 => {
-            Cow::Owned(Paths::new(receptions).shifted(offset_s, 1))
+            Cow::Owned(Paths::new(receptions).shifted(offset_s, 1, AtEnds::Without))
         }
         Some(_) | None => Cow::Borrowed(receptions),
     }
-}
-
-/// Returns true if an offset that levels show may be taken off: none is stated, and there is
-/// nothing but levels of the ways through free space.
-fn shows_clock(receptions: &Receptions, config: &LocateConfig) -> bool {
-    let levels = |kind: &Reception| !kind.has_bearing() && kind.measured.is_empty();
-    config.clock_offset_s.is_none()
-        && config.terrain.is_none()
-        && config.pattern.is_none()
-        && config.antenna.is_none()
-        && receptions.kinds().iter().all(levels)
 }
 
 /// Returns the receptions with at least the calibration's σ of levels.

@@ -34,7 +34,7 @@ pub struct Tracking {
     #[arg(long, value_name = "S", default_value_t = 30.0, requires = "track")]
     window_s: f64,
     /// With --track: the time in seconds over which shadowing and reflections stay alike;
-    /// receptions within it count as one reading
+    /// receptions within it count as one reading; levels stay alike four times as long
     #[arg(long, value_name = "S", default_value_t = 240.0, requires = "track")]
     correlation_s: f64,
     /// With --track: the speeds that the transmitter may have, in m/s

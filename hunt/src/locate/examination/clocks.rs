@@ -50,20 +50,18 @@ pub(super) fn differ(located: &Located, hypotheses: &Hypotheses<'_>) -> Option<O
         return None;
     }
     match hypotheses.clocks() {
-        Clocks::Differ(found) => {
+        Some(Clocks::Differ(found)) => {
             let place = at(found.offset_s, MOST_OF_BEST).map_or(best.place, |own| own.place);
             let apart_m = (place - located.estimate.mean).norm();
             return Some(Offset { remark: remark(&found, apart_m), found: Some(found) });
         }
         // The levels exclude 0, which the few here may not.
-        Clocks::Unknown(why @ (ClocksUnknown::NotZero { .. } | ClocksUnknown::AtTheEnd { .. }))
-            if gained < DIFFER =>
-        {
-            return Some(Offset::unknown(&why));
-        }
-        Clocks::Agree { .. } => return None,
-        Clocks::Unknown(_) if gained < DIFFER => return None,
-        Clocks::Unknown(_) => {}
+        Some(Clocks::Unknown(
+            why @ (ClocksUnknown::NotZero { .. } | ClocksUnknown::AtTheEnd { .. }),
+        )) if gained < DIFFER => return Some(Offset::unknown(&why)),
+        Some(Clocks::Agree { .. }) => return None,
+        Some(Clocks::Unknown(_)) | None if gained < DIFFER => return None,
+        Some(Clocks::Unknown(_)) | None => {}
     }
     // By more levels from here on.
     let finely = |offset_s: f64| at(offset_s, MOST_OF_BEST);

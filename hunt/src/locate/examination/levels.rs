@@ -93,7 +93,7 @@ fn examine_kept(
     } else {
         Cow::Owned(receptions.iter().filter(|r| r.level.is_some()).collect())
     };
-    let hypotheses = Hypotheses::new(located, &levels, config);
+    let hypotheses = Hypotheses::new(located, &levels, receptions, config);
     let offset = hypotheses.as_ref().and_then(|own| clocks::differ(located, own));
     let elsewhere = does_not_fit(located, receptions, config, rows.len());
     let is_flat = law.is_fitted && law.exponent + 4.0 * law.exponent_sigma < LEAST_EXPONENT;

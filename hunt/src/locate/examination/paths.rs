@@ -3,7 +3,7 @@ use nalgebra::Vector2;
 
 use super::{
     super::{
-        Area, LocateConfig, Located, Paths,
+        Area, AtEnds, LocateConfig, Located, Paths,
         clocks::{ClockSearch, Clocks, HeardLevel},
     },
     law::{LEAST_TO_COMPARE, Law, LevelAt, Row, best_place, residuals, rows_at},
@@ -26,6 +26,8 @@ const REACH: i32 = 5;
 pub(super) struct Hypotheses<'a> {
     levels: &'a Receptions,
     paths: Paths<'a>,
+    /// Paths through all receptions, of which some may have no level.
+    whole: Paths<'a>,
     config: &'a LocateConfig,
     start: Vector2<f64>,
     area: Area,
@@ -53,6 +55,7 @@ impl<'a> Hypotheses<'a> {
     pub(super) fn new(
         located: &Located,
         levels: &'a Receptions,
+        receptions: &'a Receptions,
         config: &'a LocateConfig,
     ) -> Option<Self> {
         if levels.len() < LEAST_TO_COMPARE || !config.is_timed {
@@ -66,6 +69,7 @@ impl<'a> Hypotheses<'a> {
         (length_m > 0.0 && duration_s > 0.0).then(|| Self {
             levels,
             paths,
+            whole: Paths::new(receptions),
             config,
             start: located.estimate.mean,
             area: Area::about(levels, config.margin_m),
@@ -77,12 +81,23 @@ impl<'a> Hypotheses<'a> {
     /// Returns the fit with the receivers where they were `offset_s` later.
     pub(super) fn delayed(&self, offset_s: f64, most: usize) -> Option<Fit<f64>> {
         let stride = self.levels.len().div_ceil(most);
-        self.fit(offset_s, &self.paths.shifted(offset_s, stride))
+        self.fit(offset_s, &self.paths.shifted(offset_s, stride, AtEnds::There))
     }
 
-    /// Compares the clock of the levels with that of the places, as of two files; a path of one
-    /// receiver alone shows it.
-    pub(super) fn clocks(&self) -> Clocks {
+    /// Compares the clock of the levels with that of the places, as of two files; `None` where an
+    /// offset is stated, and where there is more than levels that go through free space. The path
+    /// of one receiver alone shows it.
+    pub(super) fn clocks(&self) -> Option<Clocks> {
+        let config = self.config;
+        let is_level = |kind: &Reception| !kind.has_bearing() && kind.measured.is_empty();
+        if config.clock_offset_s.is_some()
+            || config.terrain.is_some()
+            || config.pattern.is_some()
+            || config.antenna.is_some()
+            || !self.whole.receptions().kinds().iter().all(is_level)
+        {
+            return None;
+        }
         let search = ClockSearch {
             within_s: MOST_OFFSET_S.min(MOST_SHARE * self.duration_s),
             margin_m: self.config.margin_m,
@@ -92,7 +107,7 @@ impl<'a> Hypotheses<'a> {
             Some(HeardLevel { time_s: view.time, level_db: view.level_dbm()? })
         };
         let heard: Vec<HeardLevel> = self.levels.views().filter_map(heard).collect();
-        search.compare(&heard, &|time_s| self.paths.place_of_one(time_s))
+        Some(search.compare(&heard, &|time_s| self.whole.place_of_one(time_s)))
     }
 
     /// Returns the fit of a transmitter with a velocity in m/s: in its frame the receivers drift
