@@ -62,8 +62,8 @@ impl Places<'_> {
 /// It holds 24 bytes for each cell and time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrackGrid {
-    /// Initial reach of the search beyond the receivers, in metres: at least twice the scale of the
-    /// first place. It goes farther where the target does.
+    /// Initial reach of the search beyond the receivers, in metres: without a network at least twice
+    /// the scale of the first place. It goes farther where the target does.
     pub margin_m: f64,
     /// The most cells, at least 100; the search for the area has a quarter of
     /// them among three receivers or more, else a sixteenth.
@@ -121,8 +121,8 @@ fn is_network(receivers: &[Pose]) -> bool {
 /// The least scale of the prior of the first place.
 const NEAR_M: f64 = 1000.0;
 
-/// Scales of that prior over which the search begins, at least. Of one receiver with a transmitter
-/// of any power, a track beside it fits as well as one that is larger and faster.
+/// Scales of that prior over which the search begins without a network, at least: a track beside
+/// the one receiver of a transmitter of any power fits as well as one that is larger and faster.
 const WITHIN: f64 = 2.0;
 
 impl TrackGrid {
@@ -187,12 +187,16 @@ impl TrackGrid {
             -1.5 * libm::log1p((beyond / scale_m) * (beyond / scale_m))
         };
         let side_m = (high - low).norm() + self.margin_m;
-        let searched = if is_network(receivers) { SEARCHED_IN_A_NETWORK } else { SEARCHED };
+        let (searched, margin_m) = if is_network(receivers) {
+            (SEARCHED_IN_A_NETWORK, self.margin_m)
+        } else {
+            (SEARCHED, self.margin_m.max(WITHIN * scale_m))
+        };
         let search = Search {
             low,
             high,
             place: PlacePrior::NearReceivers { far_share: 0.0, reach: 1.0 },
-            margin_m: self.margin_m.max(WITHIN * scale_m),
+            margin_m,
             cell_m: side_m / 64.0,
             max_cells: (self.max_cells / searched).max(100),
         };
