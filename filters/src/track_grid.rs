@@ -62,8 +62,8 @@ impl Places<'_> {
 /// It holds 24 bytes for each cell and time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrackGrid {
-    /// Initial reach of the search beyond the receivers, in metres: without a network at least twice
-    /// the scale of the first place. It goes farther where the target does.
+    /// Initial reach of the search beyond the receivers, in metres: without a network at least
+    /// twice the scale of the first place. It goes farther where the target does.
     pub margin_m: f64,
     /// The most cells, at least 100; the search for the area has a quarter of
     /// them among three receivers or more, else a sixteenth.

@@ -46,8 +46,8 @@ pub struct LocateConfig {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub assumed_bearing_sigma: Option<f64>,
     /// Seconds by which the clock of the measurements is behind that of the receiver's places: each
-    /// was made where the receiver was that much later. Where absent, it is looked for by the levels
-    /// and taken off where they show it well.
+    /// was made where the receiver was that much later. Where absent, it is looked for by the
+    /// levels and taken off where they show it well.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clock_offset_s: Option<f64>,
     /// True if the receptions have times in seconds, false if they are only in order.

@@ -13,7 +13,6 @@ use serde::Serialize;
 use super::region::of_modes;
 use super::{
     FoundOffset, LocateConfig, LocateError, Region,
-    clocks::side,
     parts::{Part, parts},
 };
 
@@ -200,13 +199,10 @@ impl Located {
     /// The answer with an offset of the clocks that was taken off; without it the place was
     /// `before`.
     pub(crate) fn with_clock(mut self, found: FoundOffset, before: &Vector2<f64>) -> Self {
-        let FoundOffset { offset_s, interval_s: [from_s, to_s] } = found;
         let text = format!(
-            "the levels fit the receiver's path far better where it was {:.1} s {} ({from_s:.1} to \
-             {to_s:.1} s): the clocks of levels and places are taken to differ by that, which moves \
-             the place by {:.0} m; --clock-offset-s states another offset, 0 for none",
-            offset_s.abs(),
-            side(offset_s),
+            "{}: the clocks of levels and places are taken to differ by that, which moves the \
+             place by {:.0} m; --clock-offset-s states another offset, 0 for none",
+            found.finding(),
             (self.estimate.mean - before).norm(),
         );
         self.remarks.retain(|remark| remark.code != "clocks-differ");

@@ -62,7 +62,8 @@ impl EstimatorEntry {
             return Err(LocateError::NoUseOfTerrain { estimator: self.name.clone().into_owned() });
         }
         let can_estimate = self.locator().is_some_and(Locator::estimates_height);
-        let (recorded, given) = (receptions, config);
+        let recorded = receptions;
+        let given = config;
         let config = &config.decided(can_estimate, receptions);
         if config.height == Height::Free && !can_estimate {
             return Err(LocateError::NoFreeHeight { estimator: self.name.clone().into_owned() });

@@ -80,9 +80,17 @@ pub struct FoundOffset {
     pub interval_s: [f64; 2],
 }
 
-/// Returns how a receiver stands that is an offset farther on its path.
-pub(super) fn side(offset_s: f64) -> &'static str {
-    if offset_s > 0.0 { "later" } else { "earlier" }
+impl FoundOffset {
+    /// Returns the sentence on where the levels fit the path, with the interval.
+    pub(super) fn finding(&self) -> String {
+        let Self { offset_s, interval_s: [from_s, to_s] } = self;
+        let side = if *offset_s > 0.0 { "later" } else { "earlier" };
+        format!(
+            "the levels fit the receiver's path far better where it was {:.1} s {side} \
+             ({from_s:.1} to {to_s:.1} s)",
+            offset_s.abs(),
+        )
+    }
 }
 
 /// Relation of two clocks, as the levels show it.

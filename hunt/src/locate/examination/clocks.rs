@@ -3,7 +3,7 @@ use foxhunt_core::Remark;
 use super::{
     super::{
         Located,
-        clocks::{Clocks, ClocksUnknown, FoundOffset, side},
+        clocks::{Clocks, ClocksUnknown, FoundOffset},
     },
     law::gain,
     paths::{Fit, Hypotheses, MOST_OF_BEST, MOST_OFFSET_S, MOST_PER_HYPOTHESIS, MOST_SHARE, least},
@@ -87,13 +87,11 @@ pub(super) fn differ(located: &Located, hypotheses: &Hypotheses<'_>) -> Option<O
 
 /// Returns the remark on an offset that would move the place by some metres.
 fn remark(offset: &FoundOffset, apart_m: f64) -> Remark {
-    let FoundOffset { offset_s, interval_s: [from_s, to_s] } = offset;
     let text = format!(
-        "the levels fit the receiver's path far better where it was {:.1} s {} ({from_s:.1} to \
-         {to_s:.1} s): the clocks of levels and places seem to differ; add {offset_s:.1} to \
-         --clock-offset-s (0 unless given), which would move the place by some {apart_m:.0} m",
-        offset_s.abs(),
-        side(*offset_s),
+        "{}: the clocks of levels and places seem to differ; add {:.1} to --clock-offset-s (0 \
+         unless given), which would move the place by some {apart_m:.0} m",
+        offset.finding(),
+        offset.offset_s,
     );
     Remark::new("clocks-differ", text)
 }

@@ -38,17 +38,11 @@ const FADE_DB: f64 = 35.0;
 /// Path-loss exponent below which no transmitter's levels fall with the distance.
 const LEAST_EXPONENT: f64 = 0.7;
 
-/// What levels say of an answer: remarks, and the offset of the clocks where they show it well.
+/// Remarks of levels on an answer, and the offset of the clocks where they show it well.
 #[derive(Default)]
 pub(super) struct Examined {
     pub remarks: Vec<Remark>,
     pub clock_offset: Option<FoundOffset>,
-}
-
-impl Examined {
-    fn remark(remark: Remark) -> Self {
-        Self { remarks: vec![remark], clock_offset: None }
-    }
 }
 
 /// Examines the residuals of levels from the log-distance law that fits them best at the place.
@@ -99,7 +93,7 @@ fn examine_kept(
     let is_flat = law.is_fitted && law.exponent + 4.0 * law.exponent_sigma < LEAST_EXPONENT;
     let clock_offset = offset.as_ref().and_then(|own| own.found);
     if is_flat && elsewhere.is_none() && clock_offset.is_none() {
-        return Examined::remark(Remark::new(
+        let remark = Remark::new(
             "levels-do-not-fall",
             format!(
                 "the levels do not fall with the distance from the place at {} (exponent {:.1} ± \
@@ -108,7 +102,8 @@ fn examine_kept(
                 law.exponent,
                 law.exponent_sigma
             ),
-        ));
+        );
+        return Examined { remarks: vec![remark], clock_offset: None };
     }
     // Residuals from a place that is wrong are no outliers.
     let of_row = elsewhere.or_else(|| outlier(receptions, &law, located, config, name));
