@@ -246,13 +246,16 @@ mod tests {
     #[test]
     fn what_looks_like_noise_is_none() {
         // Noise alone shows no floor: nothing stands above it.
-        let mut alone = over_noise(1, 0.0, 0.7, 0.1);
+        let alone = over_noise(1, 0.0, 0.7, 0.1);
         assert_eq!(floor(&alone), None);
-        // A receiver that stays beside a steady transmitter while it is read.
-        let here = alone.first().expect("some").1;
-        alone.iter_mut().for_each(|(level, place)| (*level, *place) = (*level - 100.0, here));
-        alone.extend(flight(1));
-        assert_eq!(floor(&alone), None);
+        // Levels far above it show it, but where the receiver stayed beside a steady transmitter.
+        let strong: Vec<_> = flight(1).into_iter().filter(|(level, _)| *level > -90.0).collect();
+        let with_places = |shrunk: f64| {
+            let weak = alone.iter().map(|(level, place)| (level - 94.0, shrunk * place));
+            weak.chain(strong.clone()).collect::<Vec<_>>()
+        };
+        assert!(floor(&with_places(1.0)).is_some());
+        assert_eq!(floor(&with_places(0.05)), None);
         // Coarse steps, one level, and few.
         let coarse =
             flight(2).into_iter().map(|(level, place)| (6.0 * (level / 6.0).round(), place));
