@@ -628,8 +628,8 @@ def locate(
         window_s: With --track: the length of a time window in seconds; receptions in one window
             are of one place [default: 30]
         correlation_s: With --track: the time in seconds over which shadowing and reflections
-            stay alike; receptions within it count as one reading; levels stay alike four times as
-            long [default: 240]
+            stay alike; receptions within it count as one reading; levels stay alike four times
+            as long [default: 240]
         speed_mps: With --track: the speeds that the transmitter may have, in m/s [default: 0.3,
             1, 3, 10]
         unknown_number: Find how many transmitters send on one frequency, and locate each: every
