@@ -121,7 +121,7 @@ fn steps(lower: f64, upper: f64, step: f64) -> f64 {
 }
 
 /// Logarithm of a Gaussian's density, less its constant.
-pub(super) fn log_gaussian(value: f64, mean: f64, sd: f64) -> f64 {
+fn log_gaussian(value: f64, mean: f64, sd: f64) -> f64 {
     let deviation = (value - mean) / sd;
     -0.5 * deviation * deviation
 }

@@ -4,9 +4,9 @@ use foxhunt_core::Pose;
 use nalgebra::Vector2;
 
 use super::{
-    Coefficient, Intercept, LANES, Marginal, Mixture, Moments, Row, ShadowingGridConfig,
-    ShadowingGridError,
+    Intercept, LANES, Marginal, Mixture, Moments, Row, ShadowingGridConfig, ShadowingGridError,
     censored::{Censored, Law, NEGLIGIBLE, Scaled},
+    coefficient::{Coefficient, Width},
     explanations::{Explanations, Sums},
     grid::{Grid, PosteriorMap},
     path::Segments,
@@ -16,10 +16,19 @@ use crate::vecchia::{Correlation, Neighbours, Receivers};
 
 /// Gap in the log-likelihood below the best at a sample of cells beyond which a correlation is
 /// left out of all cells.
-const IMPROBABLE: f64 = 12.0;
+const IMPROBABLE: f64 = 9.0;
 
 /// Difference of the gain's regressor over the receivers that counts as zero, in its unit.
 const SAME_GAIN: f64 = 1e-6;
+
+/// Degrees of freedom from which a coefficient's Student's t is as good as Gaussian: of 20, 10⁻³
+/// lie beyond its nodes.
+const GAUSSIAN: f64 = 20.0;
+
+/// Square of the distance between the priors and the likelihood in their σ, by degrees of freedom,
+/// up to which what both tell has one peak: farther apart, the wide flanks of Student's t leave one
+/// at the prior's.
+const AGREED: f64 = 0.75;
 
 /// Number of blocks of cells by which correlations are judged.
 const SAMPLED_BLOCKS: usize = 8;
@@ -420,10 +429,13 @@ impl Likelihood {
         let references = [self.slope.first(), gain.first()];
         for Under { regression, products, .. } in explained.clone() {
             let square_of = |b, c| self.prior_square + regression.residual_square(products, b, c);
-            for &(c, c_weight) in self.gains(gain, regression, products, gains) {
-                let (b_peak, b_variance) = regression.slope_for_gain(products, c);
-                let of_slope = square_of(self.slope.clamped(b_peak), c) / self.freedom * b_variance;
-                let nodes = self.slope.around(b_peak, libm::sqrt(of_slope), slopes);
+            let (believed, width) = self.believed(gain, regression, products);
+            let both = (products, &believed, width);
+            for &(c, c_weight) in self.gains(gain, regression, both, gains) {
+                let (mean, variance) = regression.slope_for_gain(&believed, c);
+                let of_slope = square_of(self.slope.clamped(mean), c) / self.freedom * variance;
+                let of_slope = Marginal { mean, sd: libm::sqrt(of_slope) };
+                let nodes = self.slope.around(of_slope, width, slopes);
                 let log_weight = regression.log_scale() + c_weight;
                 explanations.extend(nodes, references, c, log_weight, |b| square_of(b, c));
             }
@@ -515,23 +527,56 @@ impl Likelihood {
         peak
     }
 
+    /// The products with the coefficients' priors as readings, where what is known of the
+    /// coefficients is nearly Gaussian then, or the readings' alone: silences, too, tell of them.
+    fn believed(
+        &self,
+        gain: &Coefficient,
+        regression: &Regression,
+        products: &Products,
+    ) -> (Products, Width) {
+        if !self.censored.is_empty() {
+            return (*products, Width::OfLikelihood);
+        }
+        let square_at = |believed: &Products| {
+            let [(b, _), (c, _)] = regression.best(believed);
+            let [b, c] = [self.slope.clamped(b), gain.clamped(c)];
+            let square = self.prior_square + regression.residual_square(products, b, c);
+            (square, self.slope.tension(b) + gain.tension(c))
+        };
+        let (least, _) = square_at(products);
+        let priors = [self.slope.gaussian(), gain.gaussian()];
+        let with = |square| products.with_priors(priors, square / self.freedom);
+        // Residuals are larger at the best coefficients with the priors than without.
+        let believed = with(square_at(&with(least)).0);
+        let (square, tension) = square_at(&believed);
+        if (square / least - 1.0) * self.freedom + tension > AGREED * self.freedom {
+            (*products, Width::OfLikelihood)
+        } else if self.freedom < GAUSSIAN {
+            (believed, Width::OfStudent)
+        } else {
+            (believed, Width::OfGaussian)
+        }
+    }
+
     /// The gains to sum over under one correlation, where the slope is the best for each.
     fn gains<'a>(
         &self,
         gain: &'a Coefficient,
         regression: &Regression,
-        products: &Products,
+        (products, believed, width): (&Products, &Products, Width),
         nodes: &'a mut Vec<(f64, f64)>,
     ) -> &'a [(f64, f64)] {
-        let [(b, _), mut best] = regression.best(products);
+        let [(b, _), mut best] = regression.best(believed);
         let slope = self.slope.clamped(b);
         if (slope - b).abs() > 0.0 {
-            best = regression.gain_for_slope(products, slope);
+            best = regression.gain_for_slope(believed, slope);
         }
-        let (c, variance) = best;
+        let (mean, variance) = best;
         let square =
-            self.prior_square + regression.residual_square(products, slope, gain.clamped(c));
-        gain.around(c, libm::sqrt(square / self.freedom * variance), nodes)
+            self.prior_square + regression.residual_square(products, slope, gain.clamped(mean));
+        let sd = libm::sqrt(square / self.freedom * variance);
+        gain.around(Marginal { mean, sd }, width, nodes)
     }
 }
 

@@ -1,6 +1,6 @@
 use alloc::{vec, vec::Vec};
 
-use super::{LANES, NEIGHBOURS, Row};
+use super::{LANES, Marginal, NEIGHBOURS, Row};
 use crate::vecchia::{Correlation, Neighbours, Receivers, Whitener};
 
 /// The readings, whitened under one correlation length and nugget, and cleared of their mean where
@@ -34,6 +34,22 @@ pub(super) struct Products {
     values: [f64; 2],
     /// x·u / u·u and g·u / u·u, what a unit of a coefficient takes from the intercept.
     ones: [f64; 2],
+}
+
+impl Products {
+    /// The products with a Gaussian prior of each coefficient as one more reading, where residuals
+    /// have some variance.
+    pub(super) fn with_priors(mut self, priors: [Option<Marginal>; 2], variance: f64) -> Self {
+        for ((prior, square), value) in
+            priors.into_iter().zip(&mut self.squares).zip(&mut self.values)
+        {
+            let Some(Marginal { mean, sd }) = prior else { continue };
+            let weight = variance / (sd * sd);
+            *square += weight;
+            *value += weight * mean;
+        }
+        self
+    }
 }
 
 impl Regression {

@@ -207,33 +207,49 @@ fn a_known_slope_and_gain_are_what_integration_gives() {
     check(Intercept::Flat, Slope::Known(2.2), &[(2.2, 1.0)], config);
 }
 
-/// Readings that tell slope and gain better than their prior's nodes are apart: steps of 0.25 and
-/// 0.5 give the posterior that closer ones give, within the prior's limits and at them.
+/// A Gaussian prior on nodes that are so close that none of them decides.
+fn exactly(mean: f64, sd: f64, lower: f64, upper: f64, last: u16) -> Slope {
+    let step = (upper - lower) / f64::from(last);
+    let node = |i| {
+        let value = lower + step * f64::from(i);
+        let share = if i == 0 || i == last { 0.5 } else { 1.0 };
+        (value, share * (-0.5 * ((value - mean) / sd).powi(2)).exp())
+    };
+    Slope::Nodes((0..=last).map(node).collect())
+}
+
+/// The nodes over which slope and gain are summed give the posterior that very close ones give:
+/// where the readings tell more than the prior or less, within its limits and at them, and where
+/// few readings tell something else than the prior does.
 #[test]
-fn the_steps_of_a_gaussian_prior_do_not_decide() {
-    let mut farthest: f64 = 0.0;
+fn the_nodes_of_a_gaussian_prior_do_not_decide() {
+    // Readings on each of four legs, σ in dB, slope and gain.
     let truths = [
-        (0.5, 2.63, 0.7),
-        (0.2, 2.12, 0.3),
-        (0.4, 1.0, 1.2),
-        (0.3, 4.4, 2.9),
-        (2.0, 2.4, 0.5),
-        (0.3, 2.6, 0.8),
+        (25, 0.5, 2.63, 0.7),
+        (25, 0.2, 2.12, 0.3),
+        (25, 0.4, 1.0, 1.2),
+        (25, 0.3, 4.4, 2.9),
+        (25, 2.0, 2.4, 0.5),
+        (25, 0.3, 2.6, 0.8),
+        (25, 8.0, 2.4, 0.5),
+        (4, 0.5, 2.6, 0.7),
+        (4, 3.0, 2.2, -0.4),
+        (2, 1.0, 2.6, 0.7),
+        (2, 0.3, 3.9, 2.4),
+        (2, 6.0, 2.0, 0.0),
     ];
-    for (number, (sigma, slope, gain)) in truths.into_iter().enumerate() {
+    let mut farthest: f64 = 0.0;
+    for (number, (count, sigma, slope, gain)) in truths.into_iter().enumerate() {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(number as u64);
         let place = nalgebra::Vector2::new(190.0, 130.0);
         let truth = Truth { place, sigma, slope, gain, nugget: 1.0, ..WORLD };
-        let readings = readings(&lawn_mower(4, 25, 6.0, 30.0), &truth, &mut rng);
-        // The last one is of a known slope, with which the gain alone is narrow.
-        let of_steps = |slope_step, gain_step| {
-            let slope = match number {
-                5 => Ok(Slope::Known(2.1)),
-                _ => Slope::gaussian(2.3, 0.5, 1.0, 4.0, slope_step),
-            };
+        let legs = lawn_mower(4, count, 150.0 / f64::from(count), 30.0);
+        let readings = readings(&legs, &truth, &mut rng);
+        let with = |slope: Slope, gain: Slope| {
             let config = ShadowingGridConfig {
-                slope: slope.expect("proper"),
-                gain: Slope::gaussian(0.5, 1.0, -1.5, 2.5, gain_step).expect("proper"),
+                // One is of a known slope, with which the gain alone is narrow.
+                slope: if number == 5 { Slope::Known(2.1) } else { slope },
+                gain,
                 margin_m: 60.0,
                 cell_m: 8.0,
                 max_cells: 600,
@@ -243,21 +259,22 @@ fn the_steps_of_a_gaussian_prior_do_not_decide() {
             let estimator = ShadowingGrid::new(config).expect("in range");
             estimator.locate(&readings, level).expect("a posterior")
         };
-        let fix = of_steps(0.25, 0.5);
-        let exact = of_steps(0.02, 0.1);
+        let proper = "in order";
+        let fix = with(
+            Slope::gaussian(2.3, 0.5, 1.0, 4.0, 0.25).expect(proper),
+            Slope::gaussian(0.5, 1.0, -1.5, 2.5, 0.5).expect(proper),
+        );
+        let exact = with(exactly(2.3, 0.5, 1.0, 4.0, 150), exactly(0.5, 1.0, -1.5, 2.5, 100));
         let apart = fix.position.nees(&exact.position.mean).expect("positive definite").sqrt();
         farthest = farthest.max(apart);
         let spread = fix.position.covariance.trace() / exact.position.covariance.trace();
-        println!("{sigma} dB: {apart:.3} σ apart, variance {spread:.3} times");
+        println!("{count} of {sigma} dB: {apart:.3} σ apart, variance {spread:.3} times");
         assert!(apart < 0.05, "{apart} σ apart at {sigma} dB");
         assert!((spread - 1.0).abs() < 0.05, "{spread} times the variance at {sigma} dB");
-        assert_abs_diff_eq!(
-            fix.slope.mean,
-            exact.slope.mean,
-            epsilon = 0.1 * exact.slope.sd + 1e-3
-        );
-        let spread = (fix.slope.sd - exact.slope.sd).abs();
-        assert!(spread <= 0.1 * exact.slope.sd, "{:?} for {:?}", fix.slope, exact.slope);
+        for (found, exact) in [(fix.slope, exact.slope), (fix.gain, exact.gain)] {
+            assert_abs_diff_eq!(found.mean, exact.mean, epsilon = 0.1 * exact.sd + 1e-3);
+            assert!((found.sd - exact.sd).abs() <= 0.1 * exact.sd, "{found:?} for {exact:?}");
+        }
     }
     assert!(farthest > 0.0, "the two differ");
 }
