@@ -1,6 +1,6 @@
 use foxhunt_core::{Pose, Reception, ReceptionView, Receptions, elementary::ln};
 use foxhunt_filters::{Intercept, ShadowingGrid, ShadowingGridConfig, Slope};
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
 
 #[cfg(feature = "batch")]
 use super::bearings::{bearing_grid, weighted_line};
@@ -77,6 +77,16 @@ fn prior_of(calibrated: &CalibratedPower) -> Result<(Intercept, Slope), LocateEr
     Ok((intercept, slope))
 }
 
+/// Returns the level in dB of a transmitter of 0 dBm at one metre with an exponent of 1, and the
+/// gain of one vertical dipole, `way` away from a receiver whose place has the variance
+/// `own_square` in m².
+pub(super) fn loss_and_dipole(way: &Vector3<f64>, own_square: f64) -> [f64; 2] {
+    // The mean of ln d² over the receiver's own error has no pole at the receiver.
+    let square = (way.norm_squared() + own_square).max(LEAST_SQUARE);
+    let cosine_square = way.xy().norm_squared() / square;
+    [-HALF_DB * ln(square), 2.0 * HALF_DB * ln(cosine_square + NULL * NULL)]
+}
+
 impl Locator for CorrelatedShadowing {
     fn locate(
         &self,
@@ -125,16 +135,10 @@ impl Locator for CorrelatedShadowing {
         let own_square = receiver_sigma_m * receiver_sigma_m;
         let regressors = |cell: &Vector2<f64>, receiver: &Pose, up: f64| {
             let way = cell.push(up) - receiver.position;
-            // The mean of ln d² over the receiver's own error has no pole at the receiver.
-            let square = (way.norm_squared() + own_square).max(LEAST_SQUARE);
-            let gain = match &config.pattern {
-                Some(pattern) => {
-                    let sight = receiver.to_body(&way);
-                    pattern.gain_db(libm::atan2(sight.z, sight.xy().norm()))
-                }
-                None => 2.0 * HALF_DB * ln(way.xy().norm_squared() / square + NULL * NULL),
-            };
-            [-HALF_DB * ln(square), gain]
+            let [loss, dipole] = loss_and_dipole(&way, own_square);
+            let Some(pattern) = &config.pattern else { return [loss, dipole] };
+            let sight = receiver.to_body(&way);
+            [loss, pattern.gain_db(libm::atan2(sight.z, sight.xy().norm()))]
         };
         #[cfg(feature = "batch")]
         let fix = {

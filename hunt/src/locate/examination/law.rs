@@ -12,9 +12,9 @@ pub(super) struct LevelAt {
     /// Index of the reception.
     pub reception: usize,
     pub level: f64,
-    receiver: Vector3<f64>,
+    pub receiver: Vector3<f64>,
     /// σ of the receiver's own place on each axis, in metres.
-    receiver_sigma_m: f64,
+    pub receiver_sigma_m: f64,
 }
 
 impl LevelAt {
@@ -104,6 +104,17 @@ pub(super) fn gain(here: &[f64], elsewhere: &[f64], sigma_db: f64) -> (f64, f64)
     (ratio, count * (1.0 - alike) / (1.0 + alike) * libm::log(ratio))
 }
 
+/// 1.4826 times the median of the absolute residuals: σ of a normal distribution.
+pub(super) fn spread(residuals: impl Iterator<Item = f64>) -> f64 {
+    let mut sizes: Vec<f64> = residuals.map(f64::abs).collect();
+    let half = sizes.len() / 2;
+    if half >= sizes.len() {
+        return 0.0;
+    }
+    let (_, median, _) = sizes.select_nth_unstable_by(half, f64::total_cmp);
+    1.4826 * *median
+}
+
 /// Level as it is for a transmitter at a place.
 pub(super) struct Row {
     level: f64,
@@ -112,6 +123,10 @@ pub(super) struct Row {
 }
 
 impl Row {
+    pub(super) fn of(at: &LevelAt, loss: f64) -> Self {
+        Self { level: at.level, loss }
+    }
+
     pub(super) fn new(at: &LevelAt, place: &Vector2<f64>, config: &LocateConfig) -> Self {
         Self { level: at.level, loss: loss_db(&(place.push(config.target_up_m) - at.receiver)) }
     }
@@ -161,15 +176,9 @@ impl Law {
         Some(law)
     }
 
-    /// 1.4826 times the median of the absolute residuals: σ of a normal distribution.
+    /// [`spread`] of the residuals.
     pub(super) fn spread(&self, rows: &[Row]) -> f64 {
-        let mut sizes: Vec<f64> = rows.iter().map(|row| self.residual(row).abs()).collect();
-        let half = sizes.len() / 2;
-        if half >= sizes.len() {
-            return 0.0;
-        }
-        let (_, median, _) = sizes.select_nth_unstable_by(half, f64::total_cmp);
-        1.4826 * *median
+        spread(rows.iter().map(|row| self.residual(row)))
     }
 
     pub(super) fn fit<'a>(

@@ -10,9 +10,10 @@ use super::{
     law::{
         LEAST_TO_COMPARE, Law, LevelAt, MOST_TO_COMPARE, Row, best_place, gain, residuals, rows_at,
     },
-    motion,
+    motion, pair,
     paths::Hypotheses,
     residuals::{Measurand, Residual, one_sided, two_sided},
+    shadowing::Shadowed,
     shared::{APART, Name, has_law, spoken},
 };
 
@@ -110,7 +111,12 @@ fn examine_kept(
     let open = range_open(located, receptions, config, rows.len()).filter(|_| is_placed_by_levels);
     let of_path = match offset {
         Some(offset) => Some(offset.remark),
-        None => hypotheses.as_ref().and_then(motion::moves),
+        None => Shadowed::of(&levels, located, config).and_then(|shadowed| {
+            let moves = hypotheses.as_ref().and_then(|own| motion::moves(own, &shadowed));
+            let two = pair::two_transmitters(&shadowed, &levels, config);
+            let likelier = moves.into_iter().chain(two).max_by(|a, b| a.0.total_cmp(&b.0));
+            likelier.map(|(_, remark)| remark)
+        }),
     };
     Examined { remarks: of_path.into_iter().chain(of_row).chain(open).collect(), clock_offset }
 }
@@ -335,4 +341,89 @@ fn outlier(
             law.sigma_db
         ),
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use foxhunt_core::{Level, Pose, Reception};
+    use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
+    use rand_distr::StandardNormal;
+
+    use super::*;
+
+    /// Levels along seven lanes over a field of 240 m, at 5 m/s, with shadowing that neighbours
+    /// share. `level` is the level at a time and a place without it.
+    fn received(seed: u64, level: impl Fn(f64, Vector2<f64>) -> f64) -> Receptions {
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+        let mut shadow: f64 = 0.0;
+        let mut step = 0.0;
+        let mut receptions = Vec::new();
+        for lane in 0..7_u8 {
+            for along in 0..24_u8 {
+                let east = f64::from(if lane % 2 == 0 { along } else { 23 - along }) * 10.0;
+                let place = Vector2::new(east, f64::from(lane) * 40.0);
+                let [innovation, noise]: [f64; 2] =
+                    core::array::from_fn(|_| rng.sample(StandardNormal));
+                shadow = 0.7 * shadow + 1.2 * innovation;
+                let time = 2.0 * step;
+                step += 1.0;
+                let rss_dbm = level(time, place) + shadow + 1.5 * noise;
+                let heard = Some(Level { rss_dbm, sigma_db: 4.0 });
+                let receiver = Pose::at(place.x, place.y, 20.0);
+                receptions.push(Reception { time, receiver, level: heard, ..Reception::default() });
+            }
+        }
+        receptions.into_iter().collect()
+    }
+
+    /// Level of a transmitter at a place.
+    fn of(place: Vector2<f64>, power_dbm: f64, receiver: Vector2<f64>) -> f64 {
+        power_dbm - 25.0 * libm::log10(libm::hypot((receiver - place).norm(), 19.0))
+    }
+
+    /// Codes of the remarks on where one transmitter fits best.
+    fn codes(receptions: &Receptions) -> Vec<Cow<'static, str>> {
+        let config = LocateConfig { is_timed: true, ..LocateConfig::default() };
+        let levels: Vec<LevelAt> = LevelAt::of(receptions, 1).collect();
+        let scatter = |place: &Vector2<f64>| {
+            Law::of(&rows_at(&levels, place, &config), &config).map(|law| law.sigma_db)
+        };
+        let area = Area::about(receptions, 100.0);
+        let (place, _) = best_place(&area, &Vector2::new(120.0, 120.0), 12, scatter);
+        let located = Located::at(foxhunt_core::Estimate::isotropic(place, 20.0));
+        let remarks = examine(&located, receptions, &config, &|_| None).remarks;
+        remarks.into_iter().map(|remark| remark.code).collect()
+    }
+
+    #[test]
+    fn two_transmitters_are_told_from_one_and_from_one_that_moves() {
+        let mut counts = [[0; 2]; 3];
+        for seed in 0..12 {
+            let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed + 100);
+            let mut any =
+                || Vector2::new(rng.random_range(20.0..220.0), rng.random_range(20.0..100.0));
+            let south = any();
+            let north = Vector2::new(240.0, 240.0) - any();
+            let one = received(seed, |_, at| of(south, -40.0, at));
+            let two = received(seed, |_, at| of(south, -40.0, at).max(of(north, -43.0, at)));
+            // To the south while the receiver goes to the north.
+            let moving = received(seed, |time, at| {
+                let share = time / 334.0;
+                of(Vector2::new(40.0 + 160.0 * share, 200.0 - 160.0 * share), -40.0, at)
+            });
+            for (counts, receptions) in counts.iter_mut().zip([one, two, moving]) {
+                let codes = codes(&receptions);
+                for (count, code) in
+                    counts.iter_mut().zip(["two-transmitters", "transmitter-moves"])
+                {
+                    *count += u32::from(codes.iter().any(|own| own == code));
+                }
+            }
+        }
+        let [one, two, moving] = counts;
+        println!("one {one:?}, two {two:?}, moving {moving:?}");
+        assert_eq!(one, [0, 0], "one that stays");
+        assert!(two[0] >= 5 && two[1] <= 1, "two that stay: {two:?}");
+        assert!(moving[1] >= 9 && moving[0] <= 1, "one that moves: {moving:?}");
+    }
 }

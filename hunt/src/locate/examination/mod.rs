@@ -10,8 +10,10 @@ mod law;
 mod levels;
 mod motion;
 mod open;
+mod pair;
 mod paths;
 mod residuals;
+mod shadowing;
 mod shared;
 
 use std::collections::BTreeSet;
