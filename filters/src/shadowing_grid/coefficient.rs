@@ -22,17 +22,17 @@ const STUDENT_ROOM: f64 = 5.25;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Width {
     /// Readings alone.
-    OfLikelihood,
+    Likelihood,
     /// Readings and prior, with few degrees of freedom.
-    OfStudent,
+    Student,
     /// Readings and prior, with many.
-    OfGaussian,
+    Gaussian,
 }
 
 /// Nodes over which a coefficient is summed, given a place and a correlation.
 ///
-/// Where prior and readings agree, what both tell is nearly Gaussian: a few of the prior's nodes, or
-/// a few about its own peak, hold all of it. Elsewhere the prior's nodes suffice while the
+/// Where prior and readings agree, what both tell is nearly Gaussian: a few of the prior's nodes,
+/// or a few about its own peak, hold all of it. Elsewhere the prior's nodes suffice while the
 /// likelihood is wide: a sum over nodes two σ apart is the integral of a Gaussian to 1.5 %. Where
 /// it is narrower, whole nodes would decide on the place, and nodes about the likelihood's peak
 /// take theirs.
@@ -143,7 +143,7 @@ impl Coefficient {
         nodes: &'a mut Vec<(f64, f64)>,
     ) -> &'a [(f64, f64)] {
         let Some(density) = &self.density else { return &self.nodes };
-        if width == Width::OfLikelihood {
+        if width == Width::Likelihood {
             if !(sd > 0.0 && sd < NARROW * density.step) {
                 return &self.nodes;
             }
@@ -154,8 +154,8 @@ impl Coefficient {
         let centre = self.clamped(peak);
         let room = (centre - least).min(greatest - centre);
         let (spacing, reach) = match width {
-            Width::OfGaussian if room > GAUSSIAN_ROOM * sd => (WIDE, 2),
-            Width::OfStudent if room > STUDENT_ROOM * sd => (WIDE, 3),
+            Width::Gaussian if room > GAUSSIAN_ROOM * sd => (WIDE, 2),
+            Width::Student if room > STUDENT_ROOM * sd => (WIDE, 3),
             _ => (1.0, 4),
         };
         // Beyond a limit the likelihood falls from there as an exponential does.

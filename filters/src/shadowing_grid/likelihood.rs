@@ -528,7 +528,8 @@ impl Likelihood {
     }
 
     /// The products with the coefficients' priors as readings, where what is known of the
-    /// coefficients is nearly Gaussian then, or the readings' alone: silences, too, tell of them.
+    /// coefficients is nearly Gaussian then, or the readings' alone: silences, too, tell of them. At
+    /// a limit of one coefficient the other one's best value is approximate.
     fn believed(
         &self,
         gain: &Coefficient,
@@ -536,7 +537,7 @@ impl Likelihood {
         products: &Products,
     ) -> (Products, Width) {
         if !self.censored.is_empty() {
-            return (*products, Width::OfLikelihood);
+            return (*products, Width::Likelihood);
         }
         let square_at = |believed: &Products| {
             let [(b, _), (c, _)] = regression.best(believed);
@@ -551,11 +552,11 @@ impl Likelihood {
         let believed = with(square_at(&with(least)).0);
         let (square, tension) = square_at(&believed);
         if (square / least - 1.0) * self.freedom + tension > AGREED * self.freedom {
-            (*products, Width::OfLikelihood)
+            (*products, Width::Likelihood)
         } else if self.freedom < GAUSSIAN {
-            (believed, Width::OfStudent)
+            (believed, Width::Student)
         } else {
-            (believed, Width::OfGaussian)
+            (believed, Width::Gaussian)
         }
     }
 

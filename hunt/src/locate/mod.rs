@@ -68,8 +68,28 @@ pub use unknown_number::{Transmitter, Transmitters};
 use foxhunt_core::elementary;
 use nalgebra::Vector3;
 
+/// The cosine below which a dipole's null is filled, by the airframe's and the ground's
+/// reflections: 20 dB below the maximum.
+const NULL: f64 = 0.1;
+
+/// 10 log₁₀ x = 2 · this · ln x, and 10 log₁₀ d = this · ln d².
+const HALF_DB: f64 = 5.0 / std::f64::consts::LN_10;
+
+/// Square of the range in m² below which levels rise no more: that of a millimetre.
+const LEAST_SQUARE: f64 = 1e-6;
+
 /// Level in dB, `way` from a transmitter of 0 dBm at one metre, if the exponent is 1. Nearer than a
 /// metre the law has no meaning.
 fn loss_db(way: &Vector3<f64>) -> f64 {
-    -5.0 / std::f64::consts::LN_10 * elementary::ln(way.norm_squared().max(1.0))
+    -HALF_DB * elementary::ln(way.norm_squared().max(1.0))
+}
+
+/// Returns the level in dB of a transmitter of 0 dBm at one metre with an exponent of 1, and the
+/// gain of one vertical dipole, `way` away from a receiver whose place has the variance
+/// `own_square` in m².
+fn loss_and_dipole(way: &Vector3<f64>, own_square: f64) -> [f64; 2] {
+    // The mean of ln d² over the receiver's own error has no pole at the receiver.
+    let square = (way.norm_squared() + own_square).max(LEAST_SQUARE);
+    let cosine_square = way.xy().norm_squared() / square;
+    [-HALF_DB * elementary::ln(square), 2.0 * HALF_DB * elementary::ln(cosine_square + NULL * NULL)]
 }

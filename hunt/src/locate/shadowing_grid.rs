@@ -1,6 +1,6 @@
-use foxhunt_core::{Pose, Reception, ReceptionView, Receptions, elementary::ln};
+use foxhunt_core::{Pose, Reception, ReceptionView, Receptions};
 use foxhunt_filters::{Intercept, ShadowingGrid, ShadowingGridConfig, Slope};
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector2;
 
 #[cfg(feature = "batch")]
 use super::bearings::{bearing_grid, weighted_line};
@@ -9,6 +9,7 @@ use super::{
     area::extent_m,
     config::{Centroid, Height},
     located::{levels_and_silences, receiver_sigma_m},
+    loss_and_dipole,
     path::is_of_network,
     region::regions,
 };
@@ -20,16 +21,6 @@ use super::{
 /// of `filters::BearingGrid`, and need no power of the transmitter.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CorrelatedShadowing;
-
-/// The cosine below which a dipole's null is filled, by the airframe's and the ground's
-/// reflections: 20 dB below the maximum.
-const NULL: f64 = 0.1;
-
-/// 10 log₁₀ x = 2 · this · ln x, and 10 log₁₀ d = this · ln d².
-const HALF_DB: f64 = 5.0 / std::f64::consts::LN_10;
-
-/// Square of the range in m² below which levels rise no more: that of a millimetre.
-const LEAST_SQUARE: f64 = 1e-6;
 
 /// Number of readings that a calibration's σ counts for at most: σ differs from flight to flight
 /// by a third (4.5 to 8.1 dB over one site), as that of a sample of eight does.
@@ -75,16 +66,6 @@ fn prior_of(calibrated: &CalibratedPower) -> Result<(Intercept, Slope), LocateEr
     let step = step * exponent_sigma;
     let slope = Slope::gaussian(exponent, exponent_sigma, lower, exponent + reach, step)?;
     Ok((intercept, slope))
-}
-
-/// Returns the level in dB of a transmitter of 0 dBm at one metre with an exponent of 1, and the
-/// gain of one vertical dipole, `way` away from a receiver whose place has the variance
-/// `own_square` in m².
-pub(super) fn loss_and_dipole(way: &Vector3<f64>, own_square: f64) -> [f64; 2] {
-    // The mean of ln d² over the receiver's own error has no pole at the receiver.
-    let square = (way.norm_squared() + own_square).max(LEAST_SQUARE);
-    let cosine_square = way.xy().norm_squared() / square;
-    [-HALF_DB * ln(square), 2.0 * HALF_DB * ln(cosine_square + NULL * NULL)]
 }
 
 impl Locator for CorrelatedShadowing {

@@ -15,14 +15,11 @@ const MOVES: f64 = 15.0;
 /// Velocities of one axis at first, as shares of the extent of the receivers over the duration.
 const SHARES: [f64; 7] = [-1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0];
 
-/// First step about the place of a transmitter that stays, as a share of half the receivers' extent.
-const STEP: f64 = 0.06;
-
 /// Rounds about the best velocity, each twice as fine.
 const FINER: u32 = 3;
 
-/// Returns a remark with twice the logarithm of its likelihood ratio if the levels fit a transmitter
-/// that moves steadily far better than one that stays.
+/// Returns a remark with twice the logarithm of its likelihood ratio if the levels fit a
+/// transmitter that moves steadily far better than one that stays.
 pub(super) fn moves(hypotheses: &Hypotheses<'_>, shadowed: &Shadowed<'_>) -> Option<(f64, Remark)> {
     let (_, half_m) = hypotheses.area_without_margin.square();
     let most_mps = 2.0 * half_m / hypotheses.duration_s;
@@ -51,7 +48,7 @@ pub(super) fn moves(hypotheses: &Hypotheses<'_>, shadowed: &Shadowed<'_>) -> Opt
     if 2.0 * (likelihood - shadowed.of_one) < MOVES {
         return None;
     }
-    let ratio = 2.0 * (likelihood - shadowed.of_likeliest(STEP * half_m));
+    let ratio = 2.0 * (likelihood - shadowed.of_likeliest());
     let velocity = best.hypothesis;
     let compass = radians_to_compass_deg(libm::atan2(velocity.y, velocity.x));
     let text = format!(

@@ -28,7 +28,7 @@ const FINER: [u32; 2] = [6, 4];
 const ROUNDS: usize = 4;
 
 /// Fewer levels than this show no transmitter.
-const LEAST_OF_ONE: f64 = 8.0;
+const LEAST_OF_ONE: usize = 8;
 
 /// Levels of which each is the stronger transmitter's.
 struct Levels<'a> {
@@ -75,7 +75,7 @@ impl Levels<'_> {
                 let sums = &mut sums[usize::from(is_second)];
                 sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
             }
-            if sums.iter().any(|[count, ..]| *count < LEAST_OF_ONE) {
+            if sums.iter().any(|[count, ..]| *count <= 0.0) {
                 return None;
             }
             exponent = match self.power {
@@ -109,9 +109,10 @@ impl Levels<'_> {
             at.level - first.max(references_dbm[1] + exponent * second)
         };
         let of_second = is_second.iter().filter(|is_second| **is_second).count();
-        Some(Fit {
+        let counts = [is_second.len() - of_second, of_second];
+        (counts.iter().all(|count| *count >= LEAST_OF_ONE)).then(|| Fit {
             residuals: self.at.iter().zip(losses()).map(residual).collect(),
-            counts: [is_second.len() - of_second, of_second],
+            counts,
         })
     }
 
@@ -161,18 +162,20 @@ impl Levels<'_> {
     }
 }
 
+/// Returns true where two transmitters may be looked for: walls between the receivers of a network,
+/// antennas and terrain look like a second one.
+pub(super) fn may_be_two(receptions: &Receptions, config: &LocateConfig) -> bool {
+    let bends = config.pattern.is_some() || config.antenna.is_some() || config.terrain.is_some();
+    !bends && !is_of_network(receptions, extent_m(receptions))
+}
+
 /// Returns a remark with twice the logarithm of its likelihood ratio if the levels fit two
-/// transmitters far better than one, each level being that of the stronger one. Walls between the
-/// receivers of a network, antennas and terrain look like that, too, and are left out.
+/// transmitters far better than one, each level being that of the stronger one.
 pub(super) fn two_transmitters(
     shadowed: &Shadowed<'_>,
     receptions: &Receptions,
     config: &LocateConfig,
 ) -> Option<(f64, Remark)> {
-    let bends = config.pattern.is_some() || config.antenna.is_some() || config.terrain.is_some();
-    if bends || is_of_network(receptions, extent_m(receptions)) {
-        return None;
-    }
     let stride = receptions.len().div_ceil(MOST_PER_HYPOTHESIS);
     let few: Vec<LevelAt> = LevelAt::of(receptions, stride).collect();
     let levels_of = |at| Levels { at, shape: shadowed.shape, power: config.power };
@@ -195,7 +198,7 @@ pub(super) fn two_transmitters(
     if ratio(shadowed.of_one) < TWO {
         return None;
     }
-    let ratio = ratio(shadowed.of_likeliest(0.25 * step));
+    let ratio = ratio(shadowed.of_likeliest());
     let share = |count| 100 * count / levels.at.len().max(1);
     let [first, second] = fit.counts.map(share);
     let text = format!(

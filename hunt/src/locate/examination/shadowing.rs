@@ -1,3 +1,5 @@
+use std::cell::OnceCell;
+
 use foxhunt_core::{Pose, Receptions};
 use foxhunt_filters::{
     ShadowingGridConfig,
@@ -6,7 +8,7 @@ use foxhunt_filters::{
 use nalgebra::Vector2;
 
 use super::{
-    super::{Area, LocateConfig, Located, area::extent_m, shadowing_grid::loss_and_dipole},
+    super::{Area, LocateConfig, Located, area::extent_m, loss_and_dipole},
     law::{LEAST_TO_COMPARE, Law, LevelAt, MOST_TO_COMPARE, Row, best_place, residuals, rows_at},
 };
 
@@ -19,8 +21,12 @@ const OWN_SHARES: [f64; 3] = [0.1, 0.3, 0.6];
 /// Rounds in which a place is moved to where it is likelier, each with finer steps.
 const ROUNDS: u32 = 6;
 
-/// A step over the one before it.
+/// First of these steps, as a share of half the receivers' extent, and each over the one before it.
+const STEP: f64 = 0.06;
 const FINER: f64 = 0.6;
+
+/// σ of levels about a law is no less than this, in dB.
+const LEAST_SIGMA_DB: f64 = 1.0;
 
 /// How levels depend on the place of a transmitter, for an exponent of 1.
 #[derive(Clone, Copy)]
@@ -53,6 +59,10 @@ pub(super) struct Shadowed<'a> {
     pub of_one: f64,
     /// Where that one may be: the answer's place, and the one where levels scatter least.
     places: [Vector2<f64>; 2],
+    /// First step about these, in metres.
+    step: f64,
+    /// The largest log-likelihood about these, once it is asked for.
+    of_likeliest: OnceCell<f64>,
     whiteners: Vec<Whitener<NEIGHBOURS>>,
     config: &'a LocateConfig,
 }
@@ -86,6 +96,8 @@ impl<'a> Shadowed<'a> {
             shape: Shape { dipoles: dipoles.unwrap_or_default(), target_up_m: config.target_up_m },
             of_one: f64::NEG_INFINITY,
             places: [start, narrowest],
+            step: STEP * Area::about(levels, 0.0).square().1,
+            of_likeliest: OnceCell::new(),
             config,
         };
         shadowed.of_one = shadowed.one_at(&start).max(shadowed.one_at(&narrowest));
@@ -100,9 +112,10 @@ impl<'a> Shadowed<'a> {
     }
 
     /// Returns the log-likelihood of one transmitter where it is likeliest about its places.
-    pub(super) fn of_likeliest(&self, step: f64) -> f64 {
+    pub(super) fn of_likeliest(&self) -> f64 {
         let about = |place: &Vector2<f64>| {
-            let (mut best, mut step) = ((*place, self.one_at(place)), step);
+            let mut best = (*place, self.one_at(place));
+            let mut step = self.step;
             for _ in 0..ROUNDS {
                 let middle = best.0;
                 for (x, y) in (-2..=2).flat_map(|x| (-2..=2).map(move |y| (x, y))) {
@@ -116,7 +129,8 @@ impl<'a> Shadowed<'a> {
             }
             best.1
         };
-        self.places.iter().map(about).fold(self.of_one, f64::max)
+        let largest = || self.places.iter().map(about).fold(self.of_one, f64::max);
+        *self.of_likeliest.get_or_init(largest)
     }
 
     /// Returns the log-likelihood of one transmitter at a place, with or without its antennas.
@@ -155,6 +169,7 @@ fn log_likelihood(whitener: &Whitener<NEIGHBOURS>, residuals: &[f64]) -> f64 {
     let ones = sum(|[_, one]| one * one);
     let square = sum(|[residual, _]| residual * residual) - product * product / ones;
     let count = f64::from(u32::try_from(rows.len()).unwrap_or(u32::MAX));
-    let variance = square.max(f64::MIN_POSITIVE) / count;
-    -whitener.half_log_determinant() - 0.5 * count * libm::log(variance)
+    // Simulated levels without noise fit no place of a search to the digit.
+    let variance = (square / count).max(LEAST_SIGMA_DB * LEAST_SIGMA_DB);
+    -whitener.half_log_determinant() - 0.5 * (square / variance + count * libm::log(variance))
 }
