@@ -88,8 +88,7 @@ impl Levels<'_> {
                     self.power.exponent()
                 }
             };
-            // Not for NaN either.
-            if !(exponent > 0.0) {
+            if exponent.is_nan() || exponent <= 0.0 {
                 return None;
             }
             references_dbm = sums.map(|[count, loss, level, ..]| (level - exponent * loss) / count);
