@@ -55,6 +55,17 @@ pub(super) const LEAST_TO_COMPARE: usize = 40;
 /// Largest number of levels at which places are compared.
 pub(super) const MOST_TO_COMPARE: usize = 400;
 
+/// Returns the places of a square lattice, `reach` steps on each side of its middle.
+pub(super) fn square_about(middle: Vector2<f64>, step: f64, reach: i32) -> Vec<Vector2<f64>> {
+    let mut places = Vec::new();
+    for x in -reach..=reach {
+        for y in -reach..=reach {
+            places.push(middle + Vector2::new(f64::from(x), f64::from(y)) * step);
+        }
+    }
+    places
+}
+
 /// Returns the place of least cost about an area's centre, and that cost: of `reach` cells on each
 /// side of it, and of finer ones about the best. A place without a cost is skipped.
 pub(super) fn best_place(
@@ -67,9 +78,7 @@ pub(super) fn best_place(
     let (mut middle, half) = area.square();
     let mut step = half / f64::from(reach);
     for reach in [reach, 2, 2, 2] {
-        let cells = (-reach..=reach).flat_map(|x| (-reach..=reach).map(move |y| (x, y)));
-        for (x, y) in cells {
-            let place = middle + Vector2::new(f64::from(x), f64::from(y)) * step;
+        for place in square_about(middle, step, reach) {
             if let Some(cost) = cost(&place)
                 && cost < best.1
             {

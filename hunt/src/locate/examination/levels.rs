@@ -106,13 +106,15 @@ fn examine_kept(
         );
         return Examined { remarks: vec![remark], clock_offset: None };
     }
-    // Residuals from a place that is wrong are no outliers.
-    let of_row = elsewhere.or_else(|| outlier(receptions, &law, located, config, name));
     let open = range_open(located, receptions, config, rows.len()).filter(|_| is_placed_by_levels);
     let of_path = match offset {
         Some(offset) => Some(offset.remark),
         None => moving_or_two(located, &levels, hypotheses.as_ref(), config),
     };
+    // Residuals from a place that is wrong, or of a second transmitter, are no outliers.
+    let is_one = of_path.as_ref().is_none_or(|remark| remark.code != "two-transmitters");
+    let single = || outlier(receptions, &law, located, config, name).filter(|_| is_one);
+    let of_row = elsewhere.or_else(single);
     Examined { remarks: of_path.into_iter().chain(of_row).chain(open).collect(), clock_offset }
 }
 

@@ -3,7 +3,7 @@ use nalgebra::Vector2;
 
 use super::{
     super::{Area, LocateConfig, Power, area::extent_m, path::is_of_network},
-    law::{LevelAt, spread},
+    law::{LevelAt, spread, square_about},
     paths::MOST_PER_HYPOTHESIS,
     shadowing::{Shadowed, Shape},
     shared::spoken,
@@ -128,9 +128,7 @@ impl Levels<'_> {
             for moved in [0, 1] {
                 let centre = places[moved];
                 let other = self.losses(&places[1 - moved]);
-                let cells = (-2..=2).flat_map(|x| (-2..=2).map(move |y| (x, y)));
-                for (x, y) in cells {
-                    let place = centre + Vector2::new(f64::from(x), f64::from(y)) * step;
+                for place in square_about(centre, step, 2) {
                     let own = self.losses(&place);
                     let both = if moved == 0 { [&own[..], &other] } else { [&other[..], &own] };
                     let cost = self.fit(both).map_or(f64::INFINITY, |fit| cost(&fit));
@@ -146,18 +144,21 @@ impl Levels<'_> {
 
     /// Returns the pair of cells with the least squared residuals.
     fn best_of_cells(&self, middle: Vector2<f64>, step: f64) -> Option<[Vector2<f64>; 2]> {
-        let cells = (-REACH..=REACH).flat_map(|x| (-REACH..=REACH).map(move |y| (x, y)));
-        let cells: Vec<(Vector2<f64>, Vec<f64>)> = cells
-            .map(|(x, y)| middle + Vector2::new(f64::from(x), f64::from(y)) * step)
+        let cells: Vec<(Vector2<f64>, Vec<f64>)> = square_about(middle, step, REACH)
+            .into_iter()
             .map(|place| (place, self.losses(&place)))
             .collect();
-        let pairs = cells.iter().enumerate().flat_map(|(number, first)| {
-            cells.iter().skip(number + 1).map(move |second| [first, second])
-        });
-        let costs = pairs.filter_map(|[first, second]| {
-            Some((self.fit([&first.1, &second.1])?.square(), [first.0, second.0]))
-        });
-        costs.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, places)| places)
+        let mut best = (f64::INFINITY, None);
+        for (number, (first, of_first)) in cells.iter().enumerate() {
+            for (second, of_second) in cells.iter().skip(number + 1) {
+                let Some(fit) = self.fit([of_first, of_second]) else { continue };
+                let square = fit.square();
+                if square < best.0 {
+                    best = (square, Some([*first, *second]));
+                }
+            }
+        }
+        best.1
     }
 }
 

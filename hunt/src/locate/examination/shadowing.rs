@@ -9,7 +9,10 @@ use nalgebra::Vector2;
 
 use super::{
     super::{Area, LocateConfig, Located, area::extent_m, loss_and_dipole},
-    law::{LEAST_TO_COMPARE, Law, LevelAt, MOST_TO_COMPARE, Row, best_place, residuals, rows_at},
+    law::{
+        LEAST_TO_COMPARE, Law, LevelAt, MOST_TO_COMPARE, Row, best_place, residuals, rows_at,
+        square_about,
+    },
 };
 
 /// Earlier levels by which each is whitened.
@@ -118,8 +121,7 @@ impl<'a> Shadowed<'a> {
             let mut step = self.step;
             for _ in 0..ROUNDS {
                 let middle = best.0;
-                for (x, y) in (-2..=2).flat_map(|x| (-2..=2).map(move |y| (x, y))) {
-                    let place = middle + Vector2::new(f64::from(x), f64::from(y)) * step;
+                for place in square_about(middle, step, 2) {
                     let own = self.one_at(&place);
                     if own > best.1 {
                         best = (place, own);
