@@ -7,8 +7,8 @@ use super::{Marginal, Mixture, Slope};
 /// σ of a likelihood, in steps of the prior, below which it has nodes of its own.
 const NARROW: f64 = 0.5;
 
-/// Distance in σ of the nodes of a posterior that no limit cuts off: their sum is the integral of a
-/// Gaussian to 3 · 10⁻⁴. Near a limit, and of likelihoods, nodes one σ apart reach four σ.
+/// Distance in σ of the nodes of a posterior that no limit cuts off: their sum is the integral of
+/// a Gaussian to 3 · 10⁻⁴. Near a limit, and of likelihoods, nodes one σ apart reach four σ.
 const WIDE: f64 = 1.5;
 
 /// Number of σ that two such nodes on either side reach, with half a step more; of a Gaussian
@@ -18,7 +18,7 @@ const GAUSSIAN_ROOM: f64 = 3.75;
 /// Likewise of three nodes; of Student's t with six degrees of freedom 10⁻³ lie beyond.
 const STUDENT_ROOM: f64 = 5.25;
 
-/// What a peak and a standard deviation belong to.
+/// Density that a peak and a standard deviation belong to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Width {
     /// Readings alone.
@@ -31,8 +31,8 @@ pub(super) enum Width {
 
 /// Nodes over which a coefficient is summed, given a place and a correlation.
 ///
-/// Where prior and readings agree, what both tell is nearly Gaussian: a few of the prior's nodes,
-/// or a few about its own peak, hold all of it. Elsewhere the prior's nodes suffice while the
+/// Prior and readings that agree are nearly Gaussian together: a few of the prior's nodes, or a few
+/// about the common peak, hold all of it. Elsewhere the prior's nodes suffice while the
 /// likelihood is wide: a sum over nodes two σ apart is the integral of a Gaussian to 1.5 %. Where
 /// it is narrower, whole nodes would decide on the place, and nodes about the likelihood's peak
 /// take theirs.

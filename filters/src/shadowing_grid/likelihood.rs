@@ -528,8 +528,8 @@ impl Likelihood {
     }
 
     /// The products with the coefficients' priors as readings, where what is known of the
-    /// coefficients is nearly Gaussian then, or the readings' alone: silences, too, tell of them. At
-    /// a limit of one coefficient the other one's best value is approximate.
+    /// coefficients is nearly Gaussian then, or the readings' alone: silences, too, tell of them.
+    /// At a limit of one coefficient the other one's best value is approximate.
     fn believed(
         &self,
         gain: &Coefficient,

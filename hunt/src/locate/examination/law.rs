@@ -137,7 +137,7 @@ impl Row {
     }
 
     pub(super) fn new(at: &LevelAt, place: &Vector2<f64>, config: &LocateConfig) -> Self {
-        Self { level: at.level, loss: loss_db(&(place.push(config.target_up_m) - at.receiver)) }
+        Self::of(at, loss_db(&(place.push(config.target_up_m) - at.receiver)))
     }
 }
 

@@ -5,7 +5,7 @@ use super::{
     super::{Area, LocateConfig, Power, area::extent_m, path::is_of_network},
     law::{LevelAt, spread, square_about},
     paths::MOST_PER_HYPOTHESIS,
-    shadowing::{Shadowed, Shape},
+    shadowing::{FINER_STEP, Shadowed, Shape},
     shared::spoken,
 };
 
@@ -64,7 +64,8 @@ impl Levels<'_> {
     fn fit(&self, [first, second]: [&[f64]; 2]) -> Option<Fit> {
         let losses = || first.iter().zip(second);
         let mut is_second: Vec<bool> = losses().map(|(first, second)| second > first).collect();
-        let (mut references_dbm, mut exponent) = ([0.0; 2], 0.0);
+        let mut references_dbm = [0.0; 2];
+        let mut exponent = 0.0;
         for _ in 0..ROUNDS {
             // The count and the sums of loss, level, loss², and loss times level.
             let mut sums = [[0.0; 5]; 2];
@@ -138,7 +139,7 @@ impl Levels<'_> {
                     }
                 }
             }
-            step *= 0.6;
+            step *= FINER_STEP;
         }
     }
 

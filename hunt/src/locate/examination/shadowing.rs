@@ -24,14 +24,16 @@ const OWN_SHARES: [f64; 3] = [0.1, 0.3, 0.6];
 /// Rounds in which a place is moved to where it is likelier, each with finer steps.
 const ROUNDS: u32 = 6;
 
-/// First of these steps, as a share of half the receivers' extent, and each over the one before it.
+/// First of these steps, as a share of half the receivers' extent.
 const STEP: f64 = 0.06;
-const FINER: f64 = 0.6;
+
+/// Step of a round over that of the round before.
+pub(super) const FINER_STEP: f64 = 0.6;
 
 /// σ of levels about a law is no less than this, in dB.
 const LEAST_SIGMA_DB: f64 = 1.0;
 
-/// How levels depend on the place of a transmitter, for an exponent of 1.
+/// Law of levels by the place of a transmitter, for an exponent of 1.
 #[derive(Clone, Copy)]
 pub(super) struct Shape {
     /// Vertical dipoles on the way, by the exponent.
@@ -60,7 +62,7 @@ pub(super) struct Shadowed<'a> {
     pub shape: Shape,
     /// Log-likelihood of one transmitter that stays.
     pub of_one: f64,
-    /// Where that one may be: the answer's place, and the one where levels scatter least.
+    /// Places of that one: the answer's, and the one where levels scatter least.
     places: [Vector2<f64>; 2],
     /// First step about these, in metres.
     step: f64,
@@ -127,7 +129,7 @@ impl<'a> Shadowed<'a> {
                         best = (place, own);
                     }
                 }
-                step *= FINER;
+                step *= FINER_STEP;
             }
             best.1
         };
