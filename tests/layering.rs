@@ -18,7 +18,7 @@ use modules::Package;
 /// Each package's folder and the foxhunt packages that its dependencies may name. Tests may besides
 /// name the package itself, to have all of its features, and `foxhunt-core` with its laws; the
 /// tests of `archive` also `foxhunt-sim`, whose recordings they read back.
-const MAY_IMPORT: [(&str, &[&str]); 18] = [
+const MAY_IMPORT: [(&str, &[&str]); 20] = [
     ("core", &[]),
     // What judges the estimators shares no code with them: no mistake is made twice.
     ("drawn", &[]),
@@ -30,7 +30,22 @@ const MAY_IMPORT: [(&str, &[&str]); 18] = [
     ("wire", &["core"]),
     ("hardware", &["core", "signal", "wire"]),
     ("sim", &["core", "sensors", "wire"]),
-    ("hunt", &["core", "estimators", "filters", "formation", "sensors", "sim", "wire"]),
+    ("parts", &["core", "filters", "formation", "sensors"]),
+    ("locate", &["core", "estimators", "filters", "parts", "sensors", "sim", "wire"]),
+    (
+        "hunt",
+        &[
+            "core",
+            "estimators",
+            "filters",
+            "formation",
+            "locate",
+            "parts",
+            "sensors",
+            "sim",
+            "wire",
+        ],
+    ),
     ("lab", &["core", "filters", "formation", "hunt", "sensors", "sim", "wire"]),
     ("archive", &["core", "filters", "formation", "hunt", "sensors", "wire"]),
     ("field", &["core", "formation", "hardware", "hunt", "sensors", "sim", "wire"]),
@@ -165,7 +180,7 @@ fn clocks_and_output_stay_outside() {
                 forbidden(&PROGRAM_ONLY);
             }
             // The page's program has no random numbers, by which these begin.
-            if matches!(folder, "core" | "estimators" | "filters" | "hunt" | "sensors") {
+            if matches!(folder, "core" | "estimators" | "filters" | "hunt" | "locate" | "sensors") {
                 forbidden(&["HashMap", "HashSet"]);
             }
             if !matches!(

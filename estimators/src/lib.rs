@@ -6,8 +6,12 @@
 //! ([`ReceiversConfig`]), so that nothing above it compiles one again: it alone is worth optimising,
 //! and it alone takes long to build.
 
+mod dipole_grid;
 mod estimator;
 mod filter;
+mod into_dyn;
+mod pulses;
+mod recalled_grid;
 mod several;
 mod team;
 mod track;
@@ -16,10 +20,14 @@ use std::any::Any;
 
 use foxhunt_core::{Estimator, EstimatorError, Smooth};
 
+pub use dipole_grid::dipole_grid;
 pub use estimator::{EstimatorConfig, MovingConfig, ReceiverModel};
 pub use filter::{
     AnyModel, AnyMotion, FilterConfig, FilterOf, GateConfig, OutlierConfig, ParticleConfig, Prior,
 };
+pub use into_dyn::IntoDyn;
+pub use pulses::{PulseLevelConfig, PulseModel};
+pub use recalled_grid::RecalledGrid;
 pub use several::SeveralConfig;
 pub use team::{LearnedReceiver, MOST_RECEIVERS, ReceiversConfig};
 pub use track::{

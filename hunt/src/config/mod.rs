@@ -1,25 +1,21 @@
 //! Parts picked at run time: what stands in files and on the command line.
 
-mod extractor;
 mod model;
-mod planner;
-mod pulses;
-mod registry_error;
-mod shape;
 mod source;
 mod terrain;
 
-pub use extractor::{BoxedExtractor, ExtractorConfig, ExtractorConfigError, LobeConfig};
 pub use foxhunt_estimators::{
     AnyModel, AnyMotion, BoxedEstimator, CloneEstimator, EstimatorConfig, FilterConfig, FilterOf,
-    GateConfig, MovingConfig, OutlierConfig, ParticleConfig, Prior, ReceiverModel, ReceiversConfig,
-    SeveralConfig,
+    GateConfig, IntoDyn, MovingConfig, OutlierConfig, ParticleConfig, Prior, PulseLevelConfig,
+    PulseModel, ReceiverModel, ReceiversConfig, SeveralConfig,
 };
-pub(crate) use model::FREQUENCY_MHZ;
+pub(crate) use foxhunt_locate::FREQUENCY_MHZ;
+#[cfg(feature = "maps")]
+pub use foxhunt_parts::{BayesianOptimisation, BayesianOptimisationConfig};
+pub use foxhunt_parts::{
+    BoxedExtractor, BoxedShape, ExtractorConfig, ExtractorConfigError, LobeConfig, PlaceConfig,
+    PlannerConfig, PlannerConfigError, RegistryError, ShapeConfig,
+};
 pub use model::{ModelConfig, ModelError};
-pub use planner::{PlaceConfig, PlannerConfig, PlannerConfigError};
-pub use pulses::{PulseLevelConfig, PulseModel};
-pub use registry_error::RegistryError;
-pub use shape::{BoxedShape, ShapeConfig};
 pub use source::{Questions, SourceConfig};
 pub use terrain::ModelTerrain;

@@ -8,7 +8,7 @@ use foxhunt_sensors::{
 use foxhunt_sim::{ReliefConfig, ReliefError};
 use serde::{Deserialize, Serialize};
 
-use super::{ModelTerrain, PulseLevelConfig, PulseModel, ReceiverModel};
+use super::{FREQUENCY_MHZ, ModelTerrain, PulseLevelConfig, PulseModel, ReceiverModel};
 
 /// Law of propagation that an estimator assumes, P(d) = P₀ − 10 γ log₁₀ d, with the antenna's
 /// vertical pattern and the terrain.
@@ -38,9 +38,6 @@ pub struct ModelConfig {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub terrain: Option<ModelTerrain>,
 }
-
-/// Frequency for the loss over terrain where nothing else is known, in MHz.
-pub(crate) const FREQUENCY_MHZ: f64 = 2440.0;
 
 /// Reason why there is no such model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -1,13 +1,13 @@
 //! Estimators of what receptions hold besides level and bearing, and of several of it at once.
 
-use std::sync::Arc;
-
 use foxhunt_core::{
-    ConstantVelocity, Estimate, EstimatorError, Intake, MeasurementModel, Observation,
-    ObservationError, Pose, Quantity, Reception, Role,
+    ConstantVelocity, Estimate, Estimator, EstimatorError, Intake, Observation, ObservationError,
+    Pose, Quantity, Reception, Role,
 };
-use foxhunt_estimators::{AnyModel, FilterConfig, FilterOf, ParticleConfig, Prior};
-use foxhunt_filters::{DirectionalGrid, MomentGrid};
+use foxhunt_estimators::{
+    AnyModel, FilterConfig, FilterOf, IntoDyn, ParticleConfig, Prior, RecalledGrid, dipole_grid,
+};
+use foxhunt_filters::DirectionalGrid;
 use foxhunt_sensors::{
     BearingMixture, BearingOnly, DifferentialRss, MagneticDipole, RangeDifference, Stacked,
 };
@@ -15,7 +15,7 @@ use nalgebra::{Matrix1, Matrix2, Vector1, Vector2, Vector3, Vector4};
 use rand::{RngExt, rngs::Xoshiro256PlusPlus};
 use rand_distr::StandardNormal;
 
-use super::{EstimatorEntry, Need, Needs, TrackRequest, recalled_grid::RecalledGrid};
+use super::{EstimatorEntry, Need, Needs, TrackRequest};
 use crate::hunt::{Track, TrackConfig, WithoutBearing};
 
 /// The entries.
@@ -69,14 +69,7 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
             needs(Need::Unused, &MagneticDipole::QUANTITIES),
             |request| {
                 let model = MagneticDipole::new().with_target_up(target_up(request))?;
-                let filter = MomentGrid::new(
-                    request.search.prior,
-                    MOMENT_SIGMA_MA_M2,
-                    MagneticDipole::QUANTITIES,
-                    move |place: &Vector2<f64>, receiver: &Pose| {
-                        model.field_per_moment(place, receiver)
-                    },
-                )?;
+                let filter = dipole_grid(model, request.search.prior)?;
                 Ok(Track::new::<2, 3>(filter, TrackConfig::default()))
             },
         ),
@@ -107,14 +100,14 @@ const ISAACS_PARTICLES: usize = 2000;
 /// The document prints neither the intensity of the target's acceleration nor its speed: both are
 /// as in `particle-bearing-moving`.
 fn isaacs2014(request: &TrackRequest<'_>) -> Result<Track, EstimatorError> {
-    let motion = ConstantVelocity { spectral_density: SPECTRAL_DENSITY };
-    let model = BearingOnly::isaacs2014();
+    let motion = ConstantVelocity { spectral_density: SPECTRAL_DENSITY }.into_dyn();
+    let model = BearingOnly::isaacs2014().into_dyn();
     let filter = FilterConfig::Particle(ParticleConfig {
         every_step: true,
         ..ParticleConfig::of(ISAACS_PARTICLES)
     });
     let room = Room::new(&request.search.prior)?;
-    let filter = filter.build(Arc::new(motion), Arc::new(model), &room, request.seed)?;
+    let filter = filter.build(motion, model, &room, request.seed)?;
     let config = TrackConfig { without_bearing: WithoutBearing::Discard, ..TrackConfig::default() };
     Track::with_intake::<4, 1>(filter, MixtureIntake(BearingMixture::isaacs2014().sigma()), config)
 }
@@ -227,10 +220,6 @@ impl Intake<2> for PulseIntake {
     }
 }
 
-/// σ of each component of an avalanche beacon's moment: EN 300 718-1 demands 0.5 µA/m abeam 10 m
-/// off, 6.3 mA m², and allows some four times that.
-const MOMENT_SIGMA_MA_M2: f64 = 10.0;
-
 fn needs(bearing: Need, others: &[Quantity]) -> Needs {
     Needs {
         level: Need::Unused,
@@ -265,11 +254,13 @@ fn reference(request: &TrackRequest<'_>) -> Result<Vector3<f64>, EstimatorError>
 
 fn track<const M: usize>(
     request: &TrackRequest<'_>,
-    model: impl MeasurementModel<2, M> + 'static,
-) -> Result<Track, EstimatorError> {
+    model: impl IntoDyn<AnyModel<2, M>>,
+) -> Result<Track, EstimatorError>
+where
+    RecalledGrid<M>: IntoDyn<Box<dyn Estimator<2, M>>>,
+{
     // Each difference is a hyperbola or a circle, and two of them meet in two places: no Gaussian,
     // wherever it starts from, holds both.
-    let model: AnyModel<2, M> = Arc::new(model);
-    let filter = RecalledGrid::new(model, request.search.prior)?;
-    Ok(Track::new::<2, M>(filter, TrackConfig::default()))
+    let filter = RecalledGrid::new(model.into_dyn(), request.search.prior)?;
+    Ok(Track::new::<2, M>(filter.into_dyn(), TrackConfig::default()))
 }

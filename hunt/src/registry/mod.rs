@@ -10,7 +10,6 @@ mod extractors;
 mod locators;
 mod parts;
 mod planners;
-mod recalled_grid;
 mod stream;
 
 pub use crate::config::RegistryError;

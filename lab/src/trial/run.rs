@@ -1,11 +1,10 @@
 //! One run of a trial with one estimator, and the track that follows the target.
 
-use std::sync::Arc;
-
 use foxhunt_core::{BeaconId, ConstantVelocity, Estimate, EstimatorError, Quantity, RandomWalk};
 use foxhunt_hunt::{
     config::{
-        AnyMotion, EstimatorConfig, FilterConfig, FilterOf, GateConfig, OutlierConfig, Prior as _,
+        AnyModel, AnyMotion, EstimatorConfig, FilterConfig, FilterOf, GateConfig, IntoDyn,
+        OutlierConfig, Prior as _,
     },
     hunt::{Components, Search, TimeStep, Track, TrackConfig, TrackStep, WithoutBearing},
     registry::{EstimatorEntry, Need, TrackRequest, beacon_seed},
@@ -167,9 +166,9 @@ fn of_settings(
     }
     match trial.motion {
         TargetMotion::Still if settings.moving.is_some() => unsuited("a target that moves"),
-        TargetMotion::Still => build::<2>(trial, settings, Arc::new(still()), prior, seed),
+        TargetMotion::Still => build::<2>(trial, settings, still().into_dyn(), prior, seed),
         TargetMotion::ConstantVelocity { spectral_density } => {
-            let motion = Arc::new(ConstantVelocity { spectral_density });
+            let motion = ConstantVelocity { spectral_density }.into_dyn();
             build::<4>(trial, settings, motion, prior, seed)
         }
     }
@@ -183,12 +182,14 @@ fn build<const N: usize>(
     seed: u64,
 ) -> Result<Track, TrialError>
 where
+    BearingOnly: IntoDyn<AnyModel<N, 1>>,
     FilterConfig: FilterOf<N, 1>,
+    RangeDifference: IntoDyn<AnyModel<N, 1>>,
 {
     if let Some(differences) = &trial.differences {
         let model = RangeDifference::new(reference(differences))?;
         let filter = settings.filter.with_particles(trial.particles).with_gate(GateConfig::Open);
-        let estimator = filter.build(motion, Arc::new(model), &Leading(prior), seed)?;
+        let estimator = filter.build(motion, model.into_dyn(), &Leading(prior), seed)?;
         let config = TrackConfig { without_bearing: WithoutBearing::UseLevel, ..settings.track };
         return Ok(Track::new::<N, 1>(estimator, config));
     }
@@ -206,7 +207,7 @@ where
         filter = filter.with_gate(GateConfig::Open);
     }
     let estimator: Result<_, EstimatorError> =
-        filter.build(motion, Arc::new(model), &Leading(prior), seed);
+        filter.build(motion, model.into_dyn(), &Leading(prior), seed);
     Ok(Track::new::<N, 1>(estimator?, settings.track))
 }
 

@@ -145,8 +145,8 @@ fn along_ground(place: &Geodetic, model: &[Coefficients], years: f64) -> [f64; 2
     [field[0] * tilt_cosine - field[2] * tilt_sine, field[1]]
 }
 
-/// Associated Legendre functions of one degree, of each order, after those of the two degrees
-/// below, of the sine of a latitude; normalised after Schmidt.
+/// Associated Legendre functions of one degree, of each order, from the two degrees below, of the
+/// sine of a latitude; normalised after Schmidt.
 fn next_legendre(
     degree: usize,
     below: &[[f64; DEGREE + 1]; 2],

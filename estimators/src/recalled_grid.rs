@@ -1,12 +1,13 @@
-use std::f64::consts::TAU;
+use std::{f64::consts::TAU, fmt};
 
 use foxhunt_core::{
     Correction, Estimate, Estimator, EstimatorError, Observation, Quantity, Role, State,
     absorb_receiver_noise, columns,
 };
-use foxhunt_estimators::AnyModel;
 use foxhunt_filters::peaks;
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
+
+use crate::AnyModel;
 
 /// Grid over all observations so far, whatever their model, of the place of a target that stays.
 ///
@@ -17,10 +18,16 @@ use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 /// squared deviations from it: the mean of a skewed belief, or of one in two places, is a poor
 /// place. The prior's area is searched as a whole whenever there are twice as many observations.
 #[derive(Clone)]
-pub(super) struct RecalledGrid<const M: usize> {
+pub struct RecalledGrid<const M: usize> {
     model: AnyModel<2, M>,
     data: Vec<Observation<M>>,
     found: Found,
+}
+
+impl<const M: usize> fmt::Debug for RecalledGrid<M> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("RecalledGrid").field("found", &self.found).finish_non_exhaustive()
+    }
 }
 
 /// Belief over places, whatever the observations are: compiled once for all of them.
@@ -77,7 +84,7 @@ impl<const M: usize> RecalledGrid<M> {
     /// # Errors
     ///
     /// [`EstimatorError::NotPositiveDefinite`] for a prior whose covariance is not.
-    pub(super) fn new(model: AnyModel<2, M>, prior: Estimate<2>) -> Result<Self, EstimatorError> {
+    pub fn new(model: AnyModel<2, M>, prior: Estimate<2>) -> Result<Self, EstimatorError> {
         Ok(Self { model, data: Vec::new(), found: Found::new(prior)? })
     }
 

@@ -20,7 +20,7 @@ use super::{
 /// known one of the antennas on the way. Bearings, where there are any, weigh in by the likelihood
 /// of `filters::BearingGrid`, and need no power of the transmitter.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct CorrelatedShadowing;
+pub struct CorrelatedShadowing;
 
 /// Number of readings that a calibration's σ counts for at most: σ differs from flight to flight
 /// by a third (4.5 to 8.1 dB over one site), as that of a sample of eight does.

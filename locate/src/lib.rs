@@ -33,35 +33,35 @@ mod unknown_number;
 
 #[cfg(feature = "batch")]
 pub use absence::Absence;
-pub(crate) use area::{Area, FREE_POWER_SIGMA_DB, extent_m, reference_power};
+pub use area::{Area, FREE_POWER_SIGMA_DB, extent_m, reference_power};
 #[cfg(feature = "batch")]
-pub(crate) use batch::MultiStart;
+pub use batch::MultiStart;
 #[cfg(feature = "batch")]
-pub(crate) use bearings::{ClosedForm, Lenth, Posterior, RepeatedMedian};
+pub use bearings::{ClosedForm, Lenth, Posterior, RepeatedMedian};
 #[cfg(feature = "batch")]
 pub use bearings::{LearnedSigma, learn_bearing_sigma};
 pub use clocks::{ClockSearch, Clocks, ClocksUnknown, FoundOffset, HeardLevel};
-pub use config::{CalibratedPower, Height, Listener, LocateConfig, Power};
+pub use config::{CalibratedPower, Centroid, FREQUENCY_MHZ, Height, Listener, LocateConfig, Power};
 #[cfg(feature = "batch")]
-pub(crate) use differences::RangeDifferences;
+pub use differences::RangeDifferences;
 pub use error::LocateError;
 pub use examination::{Measurand, Residual};
-pub(crate) use examination::{Uses, examine, residuals};
+pub use examination::{Uses, examine, residuals};
 #[cfg(feature = "maps")]
-pub(crate) use field_map::HighestOnMap;
+pub use field_map::HighestOnMap;
 #[cfg(feature = "batch")]
-pub(crate) use least_absolute::LeastAbsolute;
-pub(crate) use located::receiver_sigma_m;
+pub use least_absolute::LeastAbsolute;
+pub use located::receiver_sigma_m;
 pub use located::{CommonErrors, Explanation, Located, Locator, RangeBias, Rival, StationError};
 #[cfg(feature = "batch")]
 pub use moving::{Tracked, TrackingConfig, left_out, track, track_watched};
-pub(crate) use path::{AtEnds, Paths};
+pub use path::{AtEnds, Paths};
 #[cfg(feature = "batch")]
-pub(crate) use ranges::Multilateration;
+pub use ranges::Multilateration;
 pub use region::Region;
 pub use searched::{NextPlace, RangeSearched, Searched};
-pub(crate) use shadowing_grid::CorrelatedShadowing;
-pub(crate) use strongest::{Strongest, WeightedCentroid};
+pub use shadowing_grid::CorrelatedShadowing;
+pub use strongest::{Strongest, WeightedCentroid};
 #[cfg(feature = "batch")]
 pub use unknown_number::{Transmitter, Transmitters};
 

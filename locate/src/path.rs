@@ -50,7 +50,7 @@ const LONGEST_GAP_S: f64 = 30.0;
 
 /// Receptions whose receiver was not on its path at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum AtEnds {
+pub enum AtEnds {
     /// At the end of the path.
     There,
     /// At the end of the path, without their level: nobody knows where it was measured.
@@ -59,7 +59,7 @@ pub(crate) enum AtEnds {
 
 /// Paths of the receivers through their receptions, each in the order of time.
 #[derive(Clone, Debug)]
-pub(crate) struct Paths<'a> {
+pub struct Paths<'a> {
     receptions: &'a Receptions,
     /// Index behind the last reception of each path.
     ends: Vec<usize>,
@@ -67,7 +67,7 @@ pub(crate) struct Paths<'a> {
 
 impl<'a> Paths<'a> {
     /// Cuts receptions, one receiver after the other, where time goes back or a receiver jumps.
-    pub(crate) fn new(receptions: &'a Receptions) -> Self {
+    pub fn new(receptions: &'a Receptions) -> Self {
         let pairs = receptions.views().zip(receptions.views().skip(1)).enumerate();
         let is_cut = |(before, after): &(ReceptionView<'_>, ReceptionView<'_>)| {
             let seconds = after.time - before.time;
@@ -101,7 +101,7 @@ impl<'a> Paths<'a> {
     }
 
     /// Returns one reception in `stride`, with its receiver where it was `offset_s` later.
-    pub(crate) fn shifted(&self, offset_s: f64, stride: usize, at_ends: AtEnds) -> Receptions {
+    pub fn shifted(&self, offset_s: f64, stride: usize, at_ends: AtEnds) -> Receptions {
         let stride = stride.max(1);
         let mut shifted = Receptions::with_capacity(self.receptions.len() / stride + 1);
         for [begin, end] in self.each() {

@@ -126,7 +126,7 @@ mod tests {
     use rand_distr::StandardNormal;
 
     use super::*;
-    use crate::locate::{Locator, Posterior};
+    use crate::{Locator, Posterior};
 
     /// 60 bearings of transmitters from a walk around them, each with σ of 4°, one in ten wrong;
     /// all are wrong if there is no transmitter.

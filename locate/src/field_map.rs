@@ -7,7 +7,7 @@ use super::{LocateConfig, LocateError, Located, Locator, located::levels};
 /// Place of the highest level on a map without any law of propagation (`filters::FieldMap`): a
 /// baseline, that cannot know of a transmitter outside of the receivers' area.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct HighestOnMap;
+pub struct HighestOnMap;
 
 impl Locator for HighestOnMap {
     fn locate(

@@ -17,7 +17,7 @@ use super::{
 /// The error of the reference's own arrival is in all differences alike. How much of each σ it is,
 /// nobody states: none of its square and half of it are averaged by their evidence.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct RangeDifferences;
+pub struct RangeDifferences;
 
 impl Locator for RangeDifferences {
     fn locate(

@@ -20,7 +20,7 @@ const WITHIN_SIGMA: f64 = 0.5;
 /// there. A level counts for as much of an independent one as the residuals of neighbours, and
 /// their spread, leave of it ([`independent_share`]); σ of bearings are inflated as they scatter.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct MultiStart;
+pub struct MultiStart;
 
 impl Locator for MultiStart {
     fn locate(

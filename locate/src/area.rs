@@ -8,7 +8,7 @@ use nalgebra::Vector2;
 use super::Power;
 
 /// σ of the reference power before the first reception, in dB: from a tag to a hand-held radio.
-pub(crate) const FREE_POWER_SIGMA_DB: f64 = 20.0;
+pub const FREE_POWER_SIGMA_DB: f64 = 20.0;
 
 /// Least σ of a calibrated reference power in dB: below it, covariances lose their digits.
 #[cfg(feature = "batch")]
@@ -19,7 +19,7 @@ const WELL_WITHIN: f64 = 0.95;
 
 /// The square that is searched: it holds every receiver and the margin about them.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Area {
+pub struct Area {
     centre: Vector2<f64>,
     half_side: f64,
 }
@@ -32,19 +32,20 @@ fn corners(receptions: &Receptions) -> (Vector2<f64>, Vector2<f64>) {
 }
 
 /// The diagonal of the box about all receivers, in metres.
-pub(crate) fn extent_m(receptions: &Receptions) -> f64 {
+pub fn extent_m(receptions: &Receptions) -> f64 {
     let (low, high) = corners(receptions);
     (high - low).norm()
 }
 
 impl Area {
-    pub(crate) fn about(receptions: &Receptions, margin: f64) -> Self {
+    /// The square about all receivers, with a margin in metres.
+    pub fn about(receptions: &Receptions, margin: f64) -> Self {
         let (low, high) = corners(receptions);
         Self { centre: (low + high) / 2.0, half_side: (high - low).max() / 2.0 + margin }
     }
 
     /// A Gaussian with the moments of a uniform density over the square.
-    pub(crate) fn prior(&self) -> Estimate<2> {
+    pub fn prior(&self) -> Estimate<2> {
         Estimate::isotropic(self.centre, self.half_side / 3.0_f64.sqrt())
     }
 
@@ -59,7 +60,7 @@ impl Area {
     }
 
     /// The length of a side in metres.
-    pub(crate) fn side(&self) -> f64 {
+    pub fn side(&self) -> f64 {
         2.0 * self.half_side
     }
 
@@ -101,7 +102,7 @@ pub(crate) fn free_power(
 }
 
 /// The reference power that the levels have on average if the transmitter is at a place.
-pub(crate) fn reference_power(
+pub fn reference_power(
     receptions: &Receptions,
     place: &Vector2<f64>,
     up: f64,

@@ -140,7 +140,7 @@ pub struct StationError {
 impl Located {
     /// Place of a belief: its moments; of one in several parts the mean of the densest, with the
     /// mean squared deviations of all from it, the other parts being rivals.
-    pub(crate) fn of_belief(belief: &dyn Belief) -> Self {
+    pub fn of_belief(belief: &dyn Belief) -> Self {
         let whole = belief.position();
         let parts = parts(belief);
         let [first, others @ ..] = &parts[..] else { return Self::at(whole) };
@@ -186,7 +186,7 @@ impl Located {
 
     /// Widens the place by an unknown error that the receivers' places share, N(0, `sigma_m`²) on
     /// each axis.
-    pub(crate) fn shifted(mut self, sigma_m: f64) -> Self {
+    pub fn shifted(mut self, sigma_m: f64) -> Self {
         self.estimate.covariance += Matrix2::identity() * (sigma_m * sigma_m);
         if let Some(ellipse) = &mut self.own_ellipse_95 {
             let shift_m = sigma_m * (-2.0 * libm::log(0.05_f64)).sqrt();
@@ -198,7 +198,7 @@ impl Located {
 
     /// The answer with an offset of the clocks that was taken off; without it the place was
     /// `before`.
-    pub(crate) fn with_clock(mut self, found: FoundOffset, before: &Vector2<f64>) -> Self {
+    pub fn with_clock(mut self, found: FoundOffset, before: &Vector2<f64>) -> Self {
         let text = format!(
             "{}: the clocks of levels and places are taken to differ by that, which moves the \
              place by {:.0} m; --clock-offset-s states another offset, 0 for none",
@@ -304,7 +304,7 @@ impl Located {
 ///
 /// ```
 /// use foxhunt_core::{Estimate, Reception, Receptions};
-/// use foxhunt_hunt::locate::{LocateConfig, LocateError, Located, Locator};
+/// use foxhunt_locate::{LocateConfig, LocateError, Located, Locator};
 ///
 /// /// Where the level was highest.
 /// struct Strongest;
@@ -355,7 +355,7 @@ pub trait Locator: Send + Sync {
 
 /// σ of the receivers' own positions on each horizontal axis in metres, the root of the mean
 /// variance; 0 where they are known.
-pub(crate) fn receiver_sigma_m(receptions: &Receptions) -> f64 {
+pub fn receiver_sigma_m(receptions: &Receptions) -> f64 {
     let variance = |r: Reception| r.receiver_sigma_m.map_or(0.0, |s| 0.5 * s.xy().norm_squared());
     let count = u32::try_from(receptions.len()).unwrap_or(u32::MAX).max(1);
     (receptions.iter().map(variance).sum::<f64>() / f64::from(count)).sqrt()

@@ -10,9 +10,12 @@ use super::{
 
 /// Receptions with measurements that an answer depends on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Uses {
+pub struct Uses {
+    /// Levels.
     pub levels: bool,
+    /// Bearings.
     pub bearings: bool,
+    /// Differences of ranges or of levels.
     pub differences: bool,
     /// The estimator searches a square about the receivers and does not report the probability on
     /// its border.

@@ -15,7 +15,7 @@ use super::{
 /// Locator by ranges: measured ranges, or ranges of levels by a known law of propagation
 /// (`filters::multilaterate`); a silence is farther away than its floor would be.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Multilateration;
+pub struct Multilateration;
 
 impl Locator for Multilateration {
     fn locate(

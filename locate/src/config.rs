@@ -1,4 +1,5 @@
 use foxhunt_core::{Pose, Receptions};
+use foxhunt_estimators::PulseLevelConfig;
 use foxhunt_sensors::{
     AntennaConfig, ElevationPattern, ParameterError, SharedTerrain, TerrainLoss,
     WithElevationPattern,
@@ -7,7 +8,8 @@ use foxhunt_sim::{ReliefConfig, ReliefError};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use crate::config::{FREQUENCY_MHZ, PulseLevelConfig};
+/// Frequency for the loss over terrain where nothing else is known, in MHz.
+pub const FREQUENCY_MHZ: f64 = 2440.0;
 
 /// Settings for locating a transmitter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -123,7 +125,7 @@ pub struct CalibratedPower {
 
 /// Law of the level at the centroid of a calibration, where its error is independent of γ's.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Centroid {
+pub struct Centroid {
     /// −10 log₁₀ of the distance in metres.
     pub loss: f64,
     /// Level there in dBm.
@@ -151,7 +153,7 @@ const KNOWN_EXPONENT: f64 = 0.01;
 
 impl CalibratedPower {
     /// Returns the law at the centroid of the calibration.
-    pub(crate) fn centroid(&self) -> Centroid {
+    pub fn centroid(&self) -> Centroid {
         let [[level, shared], [_, slope]] = self.covariance;
         let sigma = slope.max(0.0).sqrt();
         if sigma < KNOWN_EXPONENT {
@@ -181,7 +183,7 @@ impl Centroid {
 
     /// Largest σ in dB of the levels that the law predicts near a receiver and over a side of the
     /// area; farther away a transmitter would rarely be heard.
-    pub(crate) fn most_sigma_db(&self, side_m: f64) -> f64 {
+    pub fn most_sigma_db(&self, side_m: f64) -> f64 {
         self.sigma_db(NEAR_M).max(self.sigma_db(side_m))
     }
 
@@ -194,7 +196,7 @@ impl Centroid {
 
 impl LocateConfig {
     /// Returns the settings with the height either known or free.
-    pub(crate) fn decided(&self, can_estimate: bool, receptions: &Receptions) -> Self {
+    pub fn decided(&self, can_estimate: bool, receptions: &Receptions) -> Self {
         let mut places = receptions.places();
         let height = match self.height {
             Height::FreeInFlight if can_estimate && places.any(|place| place.z >= FLIGHT_M) => {
@@ -207,10 +209,7 @@ impl LocateConfig {
     }
 
     /// A model of level and bearing through the antennas on the way.
-    pub(crate) fn through_antennas<H>(
-        &self,
-        model: H,
-    ) -> Result<WithElevationPattern<H>, ParameterError> {
+    pub fn through_antennas<H>(&self, model: H) -> Result<WithElevationPattern<H>, ParameterError> {
         match &self.pattern {
             Some(pattern) => WithElevationPattern::new(model, pattern.clone()),
             None => model.into(),
@@ -219,14 +218,14 @@ impl LocateConfig {
     }
 
     /// Builds the loss that the terrain takes off the levels; `None` without terrain.
-    pub(crate) fn terrain_loss(&self) -> Result<Option<TerrainLoss<SharedTerrain>>, ReliefError> {
+    pub fn terrain_loss(&self) -> Result<Option<TerrainLoss<SharedTerrain>>, ReliefError> {
         self.terrain.as_ref().map(|terrain| terrain.build(FREQUENCY_MHZ)).transpose()
     }
 }
 
 impl Power {
     /// The exponent, for estimators that do not estimate it.
-    pub(crate) fn exponent(self) -> f64 {
+    pub fn exponent(self) -> f64 {
         match self {
             Self::Free => FREE_EXPONENT,
             Self::FreeReference { exponent } | Self::Known { exponent, .. } => exponent,
@@ -235,7 +234,7 @@ impl Power {
     }
 
     /// Returns P₀ in dBm and γ where they are known, if only to within an error.
-    pub(crate) fn law(self) -> Option<(f64, f64)> {
+    pub fn law(self) -> Option<(f64, f64)> {
         match self {
             Self::Free | Self::FreeReference { .. } => None,
             Self::Known { reference_dbm, exponent } => Some((reference_dbm, exponent)),
@@ -247,7 +246,7 @@ impl Power {
     }
 
     /// Returns a calibrated law at its centroid; `None` where nothing was calibrated.
-    pub(crate) fn centroid(self) -> Option<Centroid> {
+    pub fn centroid(self) -> Option<Centroid> {
         match self {
             Self::Calibrated(calibrated) => Some(calibrated.centroid()),
             Self::Free | Self::FreeReference { .. } | Self::Known { .. } => None,

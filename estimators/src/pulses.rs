@@ -70,17 +70,17 @@ impl PulseModel {
     }
 
     /// Sets the terrain whose loss comes off.
-    pub(crate) fn over_terrain(self, loss: TerrainLoss<SharedTerrain>) -> Self {
+    pub fn over_terrain(self, loss: TerrainLoss<SharedTerrain>) -> Self {
         Self { terrain: Some(loss), ..self }
     }
 
     /// σ of a pulse, in dB.
-    pub(crate) fn sigma_db(&self) -> f64 {
+    pub fn sigma_db(&self) -> f64 {
         self.config.sigma_db
     }
 
     /// Returns its settings for a grid.
-    pub(crate) fn grid_config(&self) -> DirectionalGridConfig {
+    pub fn grid_config(&self) -> DirectionalGridConfig {
         let PulseLevelConfig { site_sigma_db, site_sigma_deg, power_sigma_db, .. } = self.config;
         DirectionalGridConfig {
             power_sigma_db,
@@ -93,7 +93,7 @@ impl PulseModel {
     }
 
     /// The levels in dBm at a place, for some turns of the pattern in radians.
-    pub(crate) fn levels_dbm(
+    pub fn levels_dbm(
         &self,
         place: &Vector2<f64>,
         receiver: &Pose,

@@ -8,7 +8,7 @@ use super::{LocateConfig, LocateError, Located, Locator, located::levels_and_sil
 /// levels about it, silences counted with them. A baseline: it needs no law of propagation, and
 /// finds nothing beyond the flight.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Strongest;
+pub struct Strongest;
 
 impl Locator for Strongest {
     fn locate(&self, receptions: &Receptions, _: &LocateConfig) -> Result<Located, LocateError> {
@@ -37,7 +37,7 @@ impl Locator for Strongest {
 /// space makes one over the distance (Blumenthal et al. 2007); its covariance is that of a weighted
 /// mean. A baseline: it finds nothing beyond the receivers.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct WeightedCentroid;
+pub struct WeightedCentroid;
 
 impl Locator for WeightedCentroid {
     fn locate(&self, receptions: &Receptions, _: &LocateConfig) -> Result<Located, LocateError> {

@@ -14,7 +14,7 @@ use super::{
 /// flight are not. A silence has a residual where a level above its floor is expected (Powell
 /// 1984, "censored regression").
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LeastAbsolute;
+pub struct LeastAbsolute;
 
 /// The exponents that a law may have.
 const EXPONENTS: core::ops::RangeInclusive<f64> = 1.0..=5.0;

@@ -9,9 +9,9 @@ use foxhunt_formation::{
 use nalgebra::{Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::{BoxedShape, RegistryError, ShapeConfig};
 #[cfg(feature = "maps")]
-use crate::planners::{BayesianOptimisation, BayesianOptimisationConfig};
+use super::{BayesianOptimisation, BayesianOptimisationConfig};
+use super::{BoxedShape, RegistryError, ShapeConfig};
 
 /// A planner chosen at run time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -107,7 +107,7 @@ pub enum PlannerConfig {
         /// Planner for the virtual drones.
         planner: Box<PlannerConfig>,
     },
-    /// One that a [`Registry`](crate::registry::Registry) knows by a name.
+    /// One that a registry knows by a name.
     Registered {
         /// The name.
         name: String,

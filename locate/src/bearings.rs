@@ -15,7 +15,7 @@ use super::{
 /// Meeting point of the bearings, whose common σ is estimated from their scatter; their own σ are
 /// ignored (`filters::Lenth1981`).
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Lenth(pub BearingWeights);
+pub struct Lenth(pub BearingWeights);
 
 impl Locator for Lenth {
     fn locate(&self, receptions: &Receptions, _: &LocateConfig) -> Result<Located, LocateError> {
@@ -42,7 +42,7 @@ impl Locator for Lenth {
 /// Posterior of the place under bearings whose σ is known up to a common factor; bearings from one
 /// place may share an error (`filters::BearingGrid`).
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Posterior;
+pub struct Posterior;
 
 impl Locator for Posterior {
     fn locate(
@@ -188,7 +188,7 @@ impl Taught {
 
 /// Meeting point of the bearings by medians (`filters::repeated_median`).
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct RepeatedMedian;
+pub struct RepeatedMedian;
 
 impl Locator for RepeatedMedian {
     fn locate(&self, receptions: &Receptions, _: &LocateConfig) -> Result<Located, LocateError> {
@@ -203,9 +203,12 @@ type Solve = fn(&[(BearingLine, f64)]) -> Result<Estimate<2>, BatchError>;
 
 /// Meeting point of the bearings, each with its own σ, in closed form.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum ClosedForm {
+pub enum ClosedForm {
+    /// Linear least squares, each bearing by the distance of its line.
     Pseudolinear,
+    /// Stansfield 1947.
     Stansfield,
+    /// Instrumental variables, by which the pseudolinear bias is gone.
     InstrumentalVariables,
 }
 

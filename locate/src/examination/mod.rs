@@ -26,8 +26,9 @@ use self::fit::{Meeting, meeting};
 pub use self::residuals::{Measurand, Residual};
 #[cfg(feature = "batch")]
 pub(crate) use self::residuals::{of_nearest_mode, two_sided};
+pub(crate) use self::shared::Name;
+pub use self::shared::Uses;
 use self::shared::{APART, data, is_assumed, scale, spoken};
-pub(crate) use self::shared::{Name, Uses};
 use super::{Area, LocateConfig, Located};
 
 /// Misfits less probable than this make a remark.
@@ -49,7 +50,7 @@ const SCATTER: f64 = 1.5;
 
 /// Finds what casts doubt on an answer, and adds it to the answer's remarks. Returns the indices of
 /// the receptions whose bearing, range or difference the others contradict.
-pub(crate) fn examine(
+pub fn examine(
     located: &mut Located,
     receptions: &Receptions,
     config: &LocateConfig,
@@ -108,7 +109,7 @@ fn impossible(located: &Located, data: &[Datum], name: Name<'_>) -> impl Iterato
 
 /// Returns the residual of every measurement that an answer depends on, in the order of the
 /// receptions. Level differences have none.
-pub(crate) fn residuals(
+pub fn residuals(
     located: &Located,
     receptions: &Receptions,
     config: &LocateConfig,

@@ -1,10 +1,10 @@
 use foxhunt_core::{EstimatorError, Quantity, parameter::ParameterError};
+use foxhunt_estimators::TrackError;
 #[cfg(feature = "batch")]
 use foxhunt_filters::BatchError;
 use foxhunt_filters::ShadowingGridError;
+use foxhunt_parts::RegistryError;
 use foxhunt_sim::ReliefError;
-
-use crate::{config::RegistryError, hunt::TrackError};
 
 /// Error in locating a transmitter.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

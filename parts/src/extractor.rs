@@ -32,7 +32,7 @@ pub enum ExtractorConfig {
     MaximumLikelihoodReflection(MaximumLikelihoodConfig<AntennaConfig>),
     /// [`MaximumLikelihood`] with [`Residuals::Superposed`].
     MaximumLikelihoodSeveral(MaximumLikelihoodConfig<AntennaConfig>),
-    /// One that a [`Registry`](crate::registry::Registry) knows by a name.
+    /// One that a registry knows by a name.
     Registered {
         /// The name.
         name: String,
