@@ -180,7 +180,10 @@ fn clocks_and_output_stay_outside() {
                 forbidden(&PROGRAM_ONLY);
             }
             // The page's program has no random numbers, by which these begin.
-            if matches!(folder, "core" | "estimators" | "filters" | "hunt" | "locate" | "sensors") {
+            if matches!(
+                folder,
+                "core" | "estimators" | "filters" | "hunt" | "locate" | "parts" | "sensors"
+            ) {
                 forbidden(&["HashMap", "HashSet"]);
             }
             if !matches!(

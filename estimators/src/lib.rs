@@ -3,8 +3,9 @@
 //! A filter is generic over the sizes of its state and its measurement, and its code is compiled
 //! wherever it is used. This package uses every filter once for each of the five sizes that hunts
 //! and trials have ([`FilterOf`]), and a grid for receivers of different makes
-//! ([`ReceiversConfig`]), so that nothing above it compiles one again: it alone is worth optimising,
-//! and it alone takes long to build.
+//! ([`ReceiversConfig`]), so that nothing above it compiles one again. Models and motions of which
+//! only a pointer is needed get it here, too ([`IntoDyn`]). Of all packages it takes longest to
+//! build.
 
 mod dipole_grid;
 mod estimator;

@@ -208,7 +208,7 @@ pub enum ClosedForm {
     Pseudolinear,
     /// Stansfield 1947.
     Stansfield,
-    /// Instrumental variables, by which the pseudolinear bias is gone.
+    /// Instrumental variables, against the bias of the pseudolinear form.
     InstrumentalVariables,
 }
 

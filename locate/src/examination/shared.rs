@@ -15,7 +15,7 @@ pub struct Uses {
     pub levels: bool,
     /// Bearings.
     pub bearings: bool,
-    /// Differences of ranges or of levels.
+    /// Differences of ranges.
     pub differences: bool,
     /// The estimator searches a square about the receivers and does not report the probability on
     /// its border.
