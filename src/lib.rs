@@ -82,12 +82,12 @@ pub use foxhunt_lab::{
 #[cfg(feature = "store")]
 pub use foxhunt_lab::store;
 
-#[cfg(feature = "pictures")]
-pub use foxhunt_archive::picture;
 #[cfg(feature = "archive")]
-pub use foxhunt_archive::{
-    bag, export, movebank, overview, page, raster, recorded, recording, relocation, replay, struck,
-};
+pub use foxhunt_archive::{bag, movebank, recorded, recording, replay, struck};
+#[cfg(feature = "pictures")]
+pub use foxhunt_show::picture;
+#[cfg(feature = "archive")]
+pub use foxhunt_show::{export, overview, page, raster, relocation};
 #[cfg(feature = "archive")]
 pub use foxhunt_wire::geodesy;
 

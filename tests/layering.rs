@@ -17,8 +17,8 @@ use modules::Package;
 
 /// Each package's folder and the foxhunt packages that its dependencies may name. Tests may besides
 /// name the package itself, to have all of its features, and `foxhunt-core` with its laws; the
-/// tests of `archive` also `foxhunt-sim`, whose recordings they read back.
-const MAY_IMPORT: [(&str, &[&str]); 20] = [
+/// tests of `show` also `foxhunt-sim`, whose courses of beacons they draw.
+const MAY_IMPORT: [(&str, &[&str]); 21] = [
     ("core", &[]),
     // What judges the estimators shares no code with them: no mistake is made twice.
     ("drawn", &[]),
@@ -47,7 +47,8 @@ const MAY_IMPORT: [(&str, &[&str]); 20] = [
         ],
     ),
     ("lab", &["core", "filters", "formation", "hunt", "sensors", "sim", "wire"]),
-    ("archive", &["core", "filters", "formation", "hunt", "sensors", "wire"]),
+    ("archive", &["core", "filters", "hunt", "sensors", "wire"]),
+    ("show", &["archive", "core", "filters", "formation", "hunt", "sensors", "wire"]),
     ("field", &["core", "formation", "hardware", "hunt", "sensors", "sim", "wire"]),
     (
         "",
@@ -62,6 +63,7 @@ const MAY_IMPORT: [(&str, &[&str]); 20] = [
             "hunt",
             "lab",
             "sensors",
+            "show",
             "signal",
             "sim",
             "wire",
@@ -69,7 +71,7 @@ const MAY_IMPORT: [(&str, &[&str]); 20] = [
     ),
     ("cli", &[""]),
     ("instructions", &["", "core", "filters", "sensors"]),
-    ("replayer", &["archive", "hunt"]),
+    ("replayer", &["archive", "hunt", "show"]),
 ];
 
 /// The name of the package in a folder.
@@ -111,7 +113,7 @@ fn no_new_edges() {
             let mut may: BTreeSet<String> = allowed.iter().map(|folder| package(folder)).collect();
             if section == "dev-dependencies" {
                 may.extend([package(folder), package("core")]);
-                if folder == "archive" {
+                if folder == "show" {
                     may.insert(package("sim"));
                 }
             }

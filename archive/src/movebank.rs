@@ -6,7 +6,7 @@ use foxhunt_core::Ellipse;
 use foxhunt_wire::geodesy::{Geodetic, LocalFrame, radians_to_compass_deg};
 use nalgebra::{Vector2, Vector3};
 
-use crate::recording::{RecordingError, utc::utc};
+use crate::recording::{RecordingError, utc};
 
 /// The attributes of a fix, by their names in the Movebank Attribute Dictionary
 /// (vocab.nerc.ac.uk/collection/MVB). Only Argos has axes of ellipses there, so the ellipse is

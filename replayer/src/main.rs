@@ -1,7 +1,7 @@
 //! Replays the log of a hunt, or locates again from recordings, without the receptions that were
 //! struck out.
 //!
-//! Standard input holds the lines of the log or of the receptions (`foxhunt_archive::relocation`),
+//! Standard input holds the lines of the log or of the receptions (`foxhunt_show::relocation`),
 //! an empty line, and the list of struck receptions (`foxhunt_archive::struck`); standard output
 //! then holds what the report page shows, as one JSON value. As WebAssembly (`wasm32-wasip1`) it is
 //! part of every page whose bearings can be struck out, so that the page runs the program's own
@@ -14,15 +14,17 @@ use std::{
 };
 
 use foxhunt_archive::{
-    overview::Overview,
-    page,
-    relocation::{Relocation, RelocationError},
     replay::ReplayError,
     struck::{Struck, StruckError, StruckRows},
 };
 use foxhunt_hunt::{
     log::{Log, LogError},
     registry::{Registry, RegistryError},
+};
+use foxhunt_show::{
+    overview::Overview,
+    page,
+    relocation::{Relocation, RelocationError},
 };
 
 fn main() -> ExitCode {

@@ -2,7 +2,7 @@
 //!
 //! [`geodesy`] turns WGS84 and compass degrees into East-North-Up metres and radians, and the
 //! feature `declination` knows where compasses point to, and `geoid` the height of the sea;
-//! `terrain` reads tiles of elevation models.
+//! `terrain` reads tiles of elevation models. [`packed`] makes numbers short enough for a page.
 //! The codecs turn the bytes of devices into values and back, and do no I/O; [`ByteStream`] carries
 //! bytes, and never blocks. The drivers of `foxhunt-hardware` and the emulated devices of `foxhunt-sim` are made of the same codecs; what
 //! keeps both honest are vectors and programs of others.
@@ -24,6 +24,7 @@ pub mod motion_capture;
 pub mod nmea;
 #[cfg(feature = "corrections")]
 pub mod ntrip;
+pub mod packed;
 #[cfg(feature = "receivers")]
 pub mod receivers;
 #[cfg(feature = "corrections")]

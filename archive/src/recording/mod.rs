@@ -34,7 +34,7 @@ mod row;
 mod source;
 mod sweep;
 mod table;
-pub(crate) mod utc;
+mod utc;
 mod utm;
 
 pub use clock_offset::{ClockOffset, ClockOffsetError};
@@ -49,7 +49,7 @@ pub use poses::{PoseLog, TimedLevel};
 pub use rover::Rover;
 pub use source::{North, Source, Value};
 pub use sweep::{RecordedSource, RecordedSweep, RecordingEnded, SweepWriter};
-pub use utc::utc_seconds;
+pub use utc::{utc, utc_seconds};
 pub use utm::UtmZone;
 
 use std::{ops::Deref, sync::Arc};

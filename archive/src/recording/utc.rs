@@ -2,7 +2,8 @@ use chrono::{DateTime, NaiveDateTime};
 
 /// Seconds since 1970 as `YYYY-MM-DD HH:MM:SS.fff`, without a fraction of zero; empty if there is
 /// no such date.
-pub(crate) fn utc(seconds: f64) -> String {
+#[must_use]
+pub fn utc(seconds: f64) -> String {
     #[expect(clippy::cast_possible_truncation, reason = "casts saturate, to no date")]
     let date = DateTime::from_timestamp_millis((seconds * 1e3).round() as i64);
     date.map_or_else(String::new, |date| date.naive_utc().to_string())

@@ -1,4 +1,4 @@
-//! The archive through its public interface: recordings, receptions, locating, replay.
+//! The archive through its public interface: recordings, receptions, locating.
 
 mod calibrated;
 mod clocks;
@@ -6,7 +6,6 @@ mod differences;
 mod height;
 mod levels;
 mod locate;
-mod pictures;
 mod recordings {
     mod believed;
     mod errors;
@@ -30,7 +29,6 @@ mod pulses;
 mod ranges;
 mod receiver_place;
 mod remarks;
-mod replay;
 mod silences;
 mod station;
 mod support;

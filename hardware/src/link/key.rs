@@ -5,8 +5,7 @@ use std::{
     path::Path,
 };
 
-use hmac::{Hmac, KeyInit, Mac};
-use sha2::Sha256;
+use hmac_sha256::HMAC;
 
 /// Number of bytes of a key: as many as the digest, which is as strong as HMAC gets (RFC 2104).
 const BYTES: usize = 32;
@@ -98,9 +97,8 @@ impl TeamKey {
         write().map_err(|source| KeyError::File { file: path.display().to_string(), source })
     }
 
-    fn digest(&self, parts: &[&[u8]]) -> Hmac<Sha256> {
-        let mut digest =
-            Hmac::<Sha256>::new_from_slice(&self.0).expect("HMAC takes keys of any length");
+    fn digest(&self, parts: &[&[u8]]) -> HMAC {
+        let mut digest = HMAC::new(self.0);
         for part in parts {
             digest.update(part);
         }
@@ -109,7 +107,7 @@ impl TeamKey {
 
     /// The HMAC-SHA-256 (RFC 2104, FIPS 180-4) of bytes, as 64 hexadecimal digits.
     pub(super) fn sign(&self, parts: &[&[u8]]) -> String {
-        hexadecimal(&self.digest(parts).finalize().into_bytes())
+        hexadecimal(&self.digest(parts).finalize())
     }
 
     /// Returns true if these digits are the signature of the bytes; it takes as long whatever they
@@ -120,7 +118,9 @@ impl TeamKey {
         let bytes: Option<Vec<u8>> =
             pairs.map(|pair| Some(digit(pair[0])? << 4 | digit(pair[1])?)).collect();
         digits.len() == 64
-            && bytes.is_some_and(|bytes| self.digest(parts).verify_slice(&bytes).is_ok())
+            && bytes
+                .and_then(|bytes| bytes.try_into().ok())
+                .is_some_and(|bytes| self.digest(parts).finalize_verify(&bytes))
     }
 }
 

@@ -35,7 +35,6 @@ use foxhunt_hunt::{
 };
 use rusqlite::{Connection, OpenFlags, OptionalExtension, params};
 use serde::Serialize;
-use sha2::{Digest, Sha256};
 
 /// The mark of a file that is a store: "fxh1".
 const APPLICATION: i64 = 0x6678_6831;
@@ -430,8 +429,8 @@ fn unopened(path: &Path, source: rusqlite::Error) -> StoreError {
 
 /// The SHA-256 of texts one after the other, in hexadecimal digits.
 fn digest(texts: &[&str]) -> String {
-    let mut hash = Sha256::new();
-    texts.iter().for_each(|text| hash.update(text.as_bytes()));
+    let mut hash = hmac_sha256::Hash::new();
+    texts.iter().for_each(|text| hash.update(text));
     hash.finalize().iter().fold(String::new(), |mut digits, byte| {
         // Writing to a string does not fail.
         let _ = write!(digits, "{byte:02x}");

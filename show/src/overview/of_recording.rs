@@ -3,7 +3,7 @@ use std::collections::HashMap;
 use foxhunt_core::BearingModes;
 
 use super::{KnownAntenna, Overview, Received, Turn};
-use crate::{
+use foxhunt_archive::{
     recorded::{BearingReading, RecordedReception, RecordedReceptions},
     recording::Recording,
     struck::{ReceptionKey, RowId},

@@ -3,18 +3,18 @@
 use std::{collections::BTreeMap, fmt::Write as _, fs, path::Path};
 
 use flate2::Crc;
-use foxhunt_archive::{
+use foxhunt_archive::struck::Struck;
+use foxhunt_core::{MeasuredList, Pose, Sample, Sweep};
+use foxhunt_hunt::{log::Log, registry::Registry};
+use foxhunt_sensors::{Antenna, PatternTable};
+use foxhunt_show::{
     overview::{KnownAntenna, Overview, Turn},
     picture::{
         Distribution, NamedSearch, Ratios, antenna_svg, axes_over_steps, clouds_svg,
         distributions_svg, error_over_steps, graph_svg, hunt_svg, nees_over_steps, ratios_svg,
         turn_svg,
     },
-    struck::Struck,
 };
-use foxhunt_core::{MeasuredList, Pose, Sample, Sweep};
-use foxhunt_hunt::{log::Log, registry::Registry};
-use foxhunt_sensors::{Antenna, PatternTable};
 
 /// The checksums of the pictures that were looked at: name, CRC-32, bytes.
 const LOOKED_AT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/pictures.txt");
@@ -40,11 +40,14 @@ fn turn() -> Turn {
 fn pictures() -> BTreeMap<String, String> {
     let mut pictures = BTreeMap::new();
     let mut keep = |name: String, svg: Result<String, _>| {
-        let svg: Result<String, foxhunt_archive::picture::PictureError> = svg;
+        let svg: Result<String, foxhunt_show::picture::PictureError> = svg;
         pictures.insert(name, svg.expect("it can be drawn"));
     };
     for name in ["default", "particle", "ukf-pritzl2018"] {
-        let path = format!("{}/tests/data/logs/version-5-{name}.jsonl", env!("CARGO_MANIFEST_DIR"));
+        let path = format!(
+            "{}/../archive/tests/data/logs/version-5-{name}.jsonl",
+            env!("CARGO_MANIFEST_DIR")
+        );
         let log = Log::read(Path::new(&path)).expect("a committed log");
         keep(format!("{name}: hunt"), hunt_svg(&log.header, &log.events));
         let registry = Registry::builtin();

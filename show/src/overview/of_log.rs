@@ -14,7 +14,7 @@ use super::{
     Believed, Health, Knot, KnownAntenna, Overview, Received, Receiver, SearchOverview, Turn,
     notice,
 };
-use crate::{
+use foxhunt_archive::{
     replay::{Moment, Replay, ReplayError, ReplayedFix, Replayer},
     struck::{ReceptionId, ReceptionKey, Struck},
 };
@@ -40,7 +40,7 @@ impl Overview {
     ///
     /// # Errors
     ///
-    /// [`ReplayError`] as of [`replay`](crate::replay::replay).
+    /// [`ReplayError`] as of [`replay`](foxhunt_archive::replay::replay).
     pub fn of_log(
         log: &Log,
         registry: &Registry,
@@ -68,7 +68,7 @@ impl Overview {
     ///
     /// # Errors
     ///
-    /// [`ReplayError`] as of [`replay`](crate::replay::replay);
+    /// [`ReplayError`] as of [`replay`](foxhunt_archive::replay::replay);
     /// [`ReplayError::Smoothing`] when an estimator has no smoother.
     pub fn of_log_smoothed(
         log: &Log,

@@ -12,10 +12,10 @@ use foxhunt_hunt::{
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
+use crate::overview::SearchOverview;
 #[cfg(feature = "batch")]
-use crate::recorded::truth_at;
-use crate::{
-    overview::SearchOverview,
+use foxhunt_archive::recorded::truth_at;
+use foxhunt_archive::{
     recorded::{RowResidual, row_name},
     struck::{RowId, StruckRows},
 };

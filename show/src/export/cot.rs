@@ -10,10 +10,8 @@ use super::{
     feature::{Feature, Kind, LonLat, Shape, features, lon_lat},
     xml::{Xml, printable},
 };
-use crate::{
-    overview::{Overview, SearchOverview},
-    recording::utc::utc,
-};
+use crate::overview::{Overview, SearchOverview};
+use foxhunt_archive::recording::utc;
 
 /// Value of a height or an error that is not known.
 const UNKNOWN: &str = "9999999.0";

@@ -11,10 +11,8 @@ use super::points::{Cells, Points};
 use crate::{
     overview::{Believed, Health, Knot, Notice, Overview, Received, SearchOverview, Turn},
     raster::{self, Raster},
-    recorded::RowResidual,
-    replay::Replay,
-    struck::ReceptionKey,
 };
+use foxhunt_archive::{recorded::RowResidual, replay::Replay, struck::ReceptionKey};
 
 /// Maximum number of bearings, path points or notices per page; longer series are decimated.
 const MOST: usize = 5000;
@@ -507,7 +505,9 @@ fn rounded_nis(received: &Received) -> Option<(f64, usize)> {
 
 impl PackedTurn {
     fn of(turn: &Turn) -> Self {
-        let pack = |points: &[[f64; 2]]| Points::new(points.iter().copied());
+        let pack = |points: &[[f64; 2]]| {
+            Points::new(&points.iter().copied().map(Vector2::from).collect::<Vec<_>>())
+        };
         Self {
             samples: pack(&turn.samples),
             smoothed: pack(&turn.smoothed),
@@ -588,7 +588,7 @@ impl Belief {
                 [metres(semi_major), metres(semi_minor), radians(orientation)]
             }),
             error: believed.error_m.map(metres),
-            cloud: cloud.map(|cloud| Points::new(cloud.iter().map(|place| [place.x, place.y]))),
+            cloud: cloud.map(|cloud| Points::new(cloud)),
         }
     }
 }

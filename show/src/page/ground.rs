@@ -1,10 +1,12 @@
 use std::{collections::BTreeMap, ops::RangeInclusive};
 
-use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
+use foxhunt_wire::{
+    geodesy::{Geodetic, LocalFrame},
+    packed::base64,
+};
 use nalgebra::{Vector2, Vector3};
 use serde::Serialize;
 
-use super::points::base64;
 use crate::overview::Overview;
 
 /// Number of tiles of the finest level that a page brings along.

@@ -19,10 +19,8 @@ pub use strikable::{NotStrikable, PageLog, page_line};
 
 use foxhunt_hunt::document;
 
-use crate::{
-    overview::{Overview, SearchOverview},
-    replay::Replay,
-};
+use crate::overview::{Overview, SearchOverview};
+use foxhunt_archive::replay::Replay;
 
 const HTML: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");

@@ -25,7 +25,7 @@ use foxhunt_hunt::{
 use foxhunt_wire::geodesy::LocalFrame;
 use nalgebra::{Vector2, Vector3};
 
-use crate::{
+use foxhunt_archive::{
     recorded::RowResidual,
     struck::{ReceptionKey, StruckRows},
 };

@@ -4,7 +4,6 @@ use approx::{abs_diff_eq, assert_abs_diff_eq};
 use std::path::Path;
 
 use foxhunt_archive::{
-    overview::{KeptTurn, Overview},
     replay::{ReplayError, replay, replay_with},
     struck::Struck,
 };
@@ -20,6 +19,7 @@ use foxhunt_hunt::{
     registry::{EstimatorEntry, Need, Needs, Registry, TrackRequest, beacon_seed},
 };
 use foxhunt_sensors::Pritzl2018;
+use foxhunt_show::overview::{KeptTurn, Overview};
 use nalgebra::{Vector2, Vector3};
 use serde_json::Value;
 
@@ -259,7 +259,7 @@ fn logs_of_older_versions_replay_to_the_bit() {
 fn logs_of_the_program_before_version_6_lead_to_the_same_fixes() {
     let registry = Registry::builtin();
     for (name, within_sigma) in [("ukf-pritzl2018", 1e-6), ("particle", 1.0), ("default", 1e-6)] {
-        let file = format!("tests/data/logs/version-5-{name}.jsonl");
+        let file = format!("../archive/tests/data/logs/version-5-{name}.jsonl");
         let log = Log::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).expect("a log");
         assert_eq!(log.header.foxhunt_log, 5);
         let replayed = replay(&log, &registry, None).expect("its own settings");
@@ -276,7 +276,7 @@ fn logs_of_the_program_before_version_6_lead_to_the_same_fixes() {
 #[test]
 fn replays_and_overviews_have_the_remarks_of_the_examination() {
     let registry = Registry::builtin();
-    let file = "tests/data/logs/version-5-default.jsonl";
+    let file = "../archive/tests/data/logs/version-5-default.jsonl";
     let mut log = Log::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).expect("a log");
     let codes = |log: &Log| -> Vec<String> {
         let (overview, replayed) =

@@ -90,7 +90,7 @@ pub(super) fn lon_lat(frame: &LocalFrame, place: &Vector2<f64>) -> LonLat {
 
 /// UTC of a time of the overview, as in `2021-03-21T16:51:48.250Z`.
 pub(super) fn utc(overview: &Overview, time: f64) -> Option<String> {
-    let date = crate::recording::utc::utc(overview.epoch_unix_s? + time);
+    let date = foxhunt_archive::recording::utc(overview.epoch_unix_s? + time);
     (!date.is_empty()).then(|| date.replacen(' ', "T", 1) + "Z")
 }
 

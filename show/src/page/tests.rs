@@ -7,10 +7,8 @@ use nalgebra::{Vector2, Vector3};
 use serde_json::Value;
 
 use super::*;
-use crate::{
-    overview::{Believed, Health, Notice, Received, SearchOverview, Turn},
-    recorded::RowResidual,
-};
+use crate::overview::{Believed, Health, Notice, Received, SearchOverview, Turn};
+use foxhunt_archive::recorded::RowResidual;
 
 /// The data of a page, as a browser reads them.
 fn data_in(page: &str) -> Value {

@@ -1,0 +1,4 @@
+//! What is shown, through its public interface: replays, overviews, pictures.
+
+mod pictures;
+mod replay;
