@@ -1,9 +1,10 @@
 """Strikes receptions out in report pages, and holds the fixes against `foxhunt replay --ignore` and
 `foxhunt locate --ignore`.
 
-usage: report_strike.py CHROMIUM FOXHUNT FOLDER...
+usage: report_strike.py CHROMIUM FOXHUNT REPLAYER FOLDER...
 
-Each folder holds hunt.jsonl and report.html of a hunt.
+REPLAYER is the replayer as it is now, compressed and as text: it takes the place of the committed one, whose
+numbers may be older (.ci/replayer holds those). Each folder holds hunt.jsonl and report.html of a hunt.
 """
 
 import json
@@ -32,15 +33,27 @@ def replayed(foxhunt, log, struck, *more):
     return json.loads(subprocess.run(run, check=True, capture_output=True, text=True).stdout)
 
 
-def check(browser, foxhunt, folder):
+def opened(page, path, replayer):
+    """Opens a report with the replayer of now."""
+    with open("show/src/page/replayer.wasm.gz.base64", encoding="ascii") as file:
+        committed = file.read().strip()
+    with open(path, encoding="utf-8") as file:
+        report = file.read()
+    assert report.count(committed) == 1, f"{path}: where is its replayer?"
+    with open(path, "w", encoding="utf-8") as file:
+        file.write(report.replace(committed, replayer))
+    page.goto("file://" + os.path.abspath(path))
+    page.wait_for_function("window.foxhunt !== undefined")
+
+
+def check(browser, foxhunt, replayer, folder):
     log, struck = os.path.join(folder, "hunt.jsonl"), os.path.join(folder, "struck.jsonl")
     context = browser.new_context(viewport={"width": 1280, "height": 800}, accept_downloads=True, offline=True)
     page = context.new_page()
     wrong = []
     page.on("console", lambda message: wrong.append(message.text))
     page.on("pageerror", lambda error: wrong.append(str(error)))
-    page.goto("file://" + os.path.abspath(os.path.join(folder, "report.html")))
-    page.wait_for_function("window.foxhunt !== undefined")
+    opened(page, os.path.join(folder, "report.html"), replayer)
     status = page.locator("#strike-status")
 
     def wait_for(text):
@@ -110,8 +123,7 @@ def check(browser, foxhunt, folder):
     # A page that was written without them shows them struck, and has the same table.
     written = os.path.join(folder, "without.html")
     replayed(foxhunt, log, struck, "--report", written)
-    page.goto("file://" + os.path.abspath(written))
-    page.wait_for_function("window.foxhunt !== undefined")
+    opened(page, written, replayer)
     assert page.evaluate("foxhunt.received.filter((one) => one.struck).length") == 5
     assert page.locator("#fixes").text_content() == after
     page.locator("#strike-none").click()
@@ -157,7 +169,7 @@ def located(foxhunt, *arguments):
     return found if isinstance(found, list) else [found]
 
 
-def check_recording(browser, foxhunt, folder, arguments, strikes):
+def check_recording(browser, foxhunt, replayer, folder, arguments, strikes):
     """The page of `locate`: what is struck out in it, and what the program makes of its list."""
     written, struck = os.path.join(folder, "located.html"), os.path.join(folder, "rows.jsonl")
     located(foxhunt, *arguments, "--report", written)
@@ -167,11 +179,7 @@ def check_recording(browser, foxhunt, folder, arguments, strikes):
     page.on("console", lambda message: wrong.append(message.text))
     page.on("pageerror", lambda error: wrong.append(str(error)))
 
-    def open_page(path):
-        page.goto("file://" + os.path.abspath(path))
-        page.wait_for_function("window.foxhunt !== undefined")
-
-    open_page(written)
+    opened(page, written, replayer)
     before = page.locator("#fixes").text_content()
     for index in strikes:
         page.evaluate(f"foxhunt.select({index})")
@@ -203,7 +211,7 @@ def check_recording(browser, foxhunt, folder, arguments, strikes):
     page.locator("#strike-list:not(:has(li))").wait_for(state="attached")
     settle(page)
     assert page.locator("#fixes").text_content() == before
-    open_page(os.path.join(folder, "without.html"))
+    opened(page, os.path.join(folder, "without.html"), replayer)
     assert page.evaluate("foxhunt.received.filter((one) => one.struck).length") == len(strikes)
     assert page.locator("#fixes").text_content() == after
     page.locator("#strike-none").click()
@@ -225,11 +233,13 @@ def check_recording(browser, foxhunt, folder, arguments, strikes):
 
 
 def main():
-    chromium, foxhunt, *folders = sys.argv[1:]
+    chromium, foxhunt, replayer, *folders = sys.argv[1:]
+    with open(replayer, encoding="ascii") as file:
+        replayer = file.read().strip()
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
         for folder in folders:
-            worst = check(browser, foxhunt, folder)
+            worst = check(browser, foxhunt, replayer, folder)
             print(f"{os.path.basename(folder)}: the page's fix is at most {worst:.1e} m or m² off")
         folder = folders[0]
         one, several = os.path.join(folder, "one.csv"), os.path.join(folder, "several.csv")
@@ -245,7 +255,7 @@ def main():
             (["docs/walk.csv", "--receiver-antenna", "dipole"], [0, 17, 60]),
             ([track, "--track"], [31, 58]),
         ):
-            worst = check_recording(browser, foxhunt, folder, arguments, strikes)
+            worst = check_recording(browser, foxhunt, replayer, folder, arguments, strikes)
             print(f"locate {' '.join(arguments)}: the page's fix is at most {worst:.1e} m or m² off")
         browser.close()
 

@@ -1,4 +1,4 @@
-//! What foxhunt found, to be looked at: in a browser, as pictures, in other programs.
+//! Pages, pictures, rasters and exports of what foxhunt found.
 //!
 //! [`overview`] puts together what there is to look at, of a log or of recordings; [`page`] shows it
 //! in a browser, [`picture`] draws it, [`raster`] lays it on a grid, [`export`] writes it for other

@@ -1,4 +1,4 @@
-//! What is shown, through its public interface: replays, overviews, pictures.
+//! Replays, overviews and pictures, through the public interface.
 
 mod pictures;
 mod replay;
