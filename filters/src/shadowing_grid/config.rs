@@ -373,10 +373,10 @@ pub enum ShadowingGridError {
         /// Index of the reading, from 0.
         index: usize,
     },
-    /// Too few places: below three, levels tell nothing of the target's.
+    /// Too few places: below three, levels and silences tell nothing of the target's.
     #[error("levels were received at too few places, {segments}: levels from 3 are needed")]
     TooFew {
-        /// The number of segments that the readings made.
+        /// The number of segments that the readings made; 0 without a level.
         segments: usize,
     },
     /// All readings were taken above one place; their values hold nothing about another.

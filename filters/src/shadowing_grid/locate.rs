@@ -161,9 +161,9 @@ impl ShadowingGrid {
     ///
     /// # Errors
     ///
-    /// Names the first reading that is not finite; and when fewer than three segments remain,
-    /// when all of them are above one place, when the correlation has no factor (a nugget of 0
-    /// and coinciding places), or when no cell has a finite likelihood.
+    /// Names the first reading that is not finite; and when fewer than three segments remain, or
+    /// none with a value, when all of them are above one place, when the correlation has no factor
+    /// (a nugget of 0 and coinciding places), or when no cell has a finite likelihood.
     pub fn locate<R, F>(
         &self,
         readings: R,
@@ -238,7 +238,7 @@ impl ShadowingGrid {
             (Summary::Quantile(config.quantile), FADING_STRETCH * config.segment_m, 0.0)
         };
         let segments = path.segments(|_| segment_m, most, summary);
-        several_places(path, &segments)?;
+        several_places(path, &segments, config.sigma_prior)?;
         let places = path.places().chain(others.iter().map(|other| other.position));
         let (low, high) = bounds(places.map(|place| place.xy()));
         let mut stretch = segments.stretch;
@@ -337,12 +337,19 @@ impl ShadowingGrid {
     }
 }
 
-/// Refuses readings of a single place, and of fewer places than levels have unknowns.
-fn several_places(path: &Path, segments: &Segments) -> Result<(), ShadowingGridError> {
+/// Refuses readings of a single place, and of fewer places than levels have unknowns. A silence
+/// tells of a place where σ has a prior: one level shows none.
+fn several_places(
+    path: &Path,
+    segments: &Segments,
+    (prior_readings, prior_sigma): (f64, f64),
+) -> Result<(), ShadowingGridError> {
     if let Some(place) = path.only_place() {
         return Err(ShadowingGridError::OnePlace { east: place.x, north: place.y });
     }
-    let segments = segments.receivers.len();
+    let received = segments.receivers.len();
+    let silences_tell = received > 0 && prior_readings * prior_sigma > 0.0;
+    let segments = received + if silences_tell { segments.censored.len() } else { 0 };
     if segments < LEAST_SEGMENTS { Err(ShadowingGridError::TooFew { segments }) } else { Ok(()) }
 }
 
@@ -360,8 +367,8 @@ const FAR: f64 = 0.3;
 /// within one tell what a single one does, and a quantile needs several fades.
 const FADING_STRETCH: f64 = 1.4;
 
-/// Number of places from which levels tell something of the target's: of two, the intercept and
-/// the prior's slope explain any.
+/// Number of places from which levels and silences tell something of the target's: of two, the
+/// intercept and the prior's slope explain any.
 const LEAST_SEGMENTS: usize = 3;
 
 /// The corners of the receivers' bounding box.

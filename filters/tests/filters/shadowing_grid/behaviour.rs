@@ -5,10 +5,11 @@ use core::f64::consts::FRAC_PI_6;
 
 use foxhunt_core::{Belief, Pose};
 use foxhunt_filters::{
-    Intercept, PlacePrior, ShadowingFix, ShadowingGrid, ShadowingGridConfig, Slope,
+    Censoring, Intercept, PlacePrior, ShadowedReading, ShadowingFix, ShadowingGrid,
+    ShadowingGridConfig, ShadowingGridError, Slope,
 };
 use nalgebra::{Matrix2, Rotation2, Vector2};
-use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
+use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 
 use super::world::{Truth, lawn_mower, level, readings, simple};
 
@@ -234,4 +235,63 @@ fn a_place_where_the_regressor_is_not_finite_is_impossible() {
     }));
     assert_abs_diff_eq!(fix.map.mass().iter().sum::<f64>(), 1.0, epsilon = 1e-12);
     assert!(fix.position.mean.y > 60.0 && fix.position.nees(&TRUTH.place).is_some());
+}
+
+/// Levels of twelve stations over 2 km, of which one or two receive a target among them. All others
+/// are at their floor, and tell where the target is not.
+#[test]
+fn one_level_among_silences_is_a_place() {
+    const RUNS: u32 = 30;
+    const FLOOR: f64 = -100.0;
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(11);
+    let gain = Slope::Known(0.0);
+    let of_network = ShadowingGridConfig::of_network(2000.0);
+    let config = ShadowingGridConfig { gain, max_cells: 1000, ..of_network };
+    let grid = ShadowingGrid::new(config).expect("in range");
+    let [mut inside, mut single] = [0, 0];
+    let [mut squares, mut of_middle] = [0.0, 0.0];
+    for _ in 0..RUNS {
+        let (readings, place) = loop {
+            let mut side = || 2000.0 * rng.random::<f64>();
+            let stations: Vec<Pose> = (0..12).map(|_| Pose::at(side(), side(), 10.0)).collect();
+            let place = Vector2::new(side(), side());
+            let intercept = -60.0 + 60.0 * rng.random::<f64>();
+            let truth = Truth { place, intercept, slope: 3.0, sigma: 5.0, ..TRUTH };
+            let readings = readings(&stations, &truth, &mut rng);
+            let received = readings.iter().filter(|reading| reading.1 > FLOOR).count();
+            if received == 1 || received == 2 {
+                single += u32::from(received == 1);
+                break (readings, place);
+            }
+        };
+        let middle = readings.iter().map(|(pose, _)| pose.position.xy()).sum::<Vector2<f64>>();
+        of_middle += (middle / 12.0 - place).norm_squared();
+        let limited = readings.into_iter().map(|(receiver, value)| {
+            let is_below = value <= FLOOR;
+            let censoring = if is_below { Censoring::Below } else { Censoring::None };
+            ShadowedReading { receiver, value: value.max(FLOOR), censoring }
+        });
+        let fix = grid.locate(limited, level).expect("a posterior");
+        let off = place - fix.position.mean;
+        squares += off.norm_squared();
+        let nees = fix.position.covariance.cholesky().expect("positive definite").solve(&off);
+        inside += u32::from(off.dot(&nees) < 5.991);
+        assert!(fix.sigma.mean.is_finite() && fix.sigma.sd.is_finite(), "{:?}", fix.sigma);
+    }
+    let one = (Pose::at(0.0, 0.0, 10.0), -90.0);
+    let few = |silences| {
+        let silent = (0..silences).map(|i| Pose::at(900.0, 900.0 * f64::from(i), 10.0));
+        let below =
+            |receiver| ShadowedReading { receiver, value: FLOOR, censoring: Censoring::Below };
+        let readings = core::iter::once(one.into()).chain(silent.map(below));
+        grid.locate(readings.collect::<Vec<ShadowedReading>>(), level)
+    };
+    assert_eq!(few(1_u8), Err(ShadowingGridError::TooFew { segments: 2 }));
+    assert!(few(2).is_ok());
+    let share = (squares / of_middle).sqrt();
+    println!("{inside} of {RUNS} ellipses hold, {single} of one level; {share:.2} of the middle");
+    assert!((5..=25).contains(&single), "{single} of one level");
+    // 95 % of 30 within 3.3 σ of chance.
+    assert!(inside >= 25, "{inside} of {RUNS}");
+    assert!(share < 0.6, "{share}");
 }
