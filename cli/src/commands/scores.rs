@@ -5,7 +5,7 @@ use foxhunt::{
     calibration::{ConformalFactors, Deviation},
     core::{Remark, nalgebra::Vector2},
     filters::consistency::Coverage,
-    locate::Located,
+    locate::{FoundOffset, Located},
 };
 use serde::Serialize;
 
@@ -34,6 +34,9 @@ pub struct Answer {
     /// Deviation of the truth in units of the ellipse.
     #[serde(skip)]
     pub deviation: Option<Deviation>,
+    /// Offset between the clocks of levels and path, where it was found and taken off.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clock_offset: Option<FoundOffset>,
     /// Doubts about the place.
     pub remarks: Vec<Remark>,
     pub failure: Option<String>,
@@ -100,6 +103,7 @@ impl Answer {
             in_conformal_ellipse_95: None,
             in_conformal_circle_95: None,
             deviation: truth.and_then(|truth| Deviation::new(located, truth)),
+            clock_offset: located.clock_offset,
             remarks: located.remarks.clone(),
             failure: None,
         }
@@ -127,6 +131,7 @@ impl Answer {
             in_conformal_ellipse_95: None,
             in_conformal_circle_95: None,
             deviation: None,
+            clock_offset: None,
             remarks: Vec::new(),
             failure: Some(reason),
         }
