@@ -374,7 +374,7 @@ pub enum ShadowingGridError {
         index: usize,
     },
     /// Too few places: below three, levels and silences tell nothing of the target's.
-    #[error("levels were received at too few places, {segments}: levels from 3 are needed")]
+    #[error("levels and silences of too few places, {segments}: 3 are needed, and one level")]
     TooFew {
         /// The number of segments that the readings made; 0 without a level.
         segments: usize,
