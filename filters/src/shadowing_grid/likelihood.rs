@@ -148,7 +148,7 @@ impl Likelihood {
         let censored = Censored::new(&censored, received, &values, correlated);
         let (prior_readings, prior_sigma) = config.sigma_prior;
         let freedom = prior_readings + if intercept_is_flat { n - 1.0 } else { n };
-        // Of less, σ has no mean.
+        // With fewer degrees of freedom σ has no mean.
         let half = 0.5 * freedom.max(2.0);
         let ratio = libm::lgamma(half - 0.5) - libm::lgamma(half);
         let sigma_ratio = libm::exp(ratio) * core::f64::consts::FRAC_1_SQRT_2;
@@ -168,8 +168,8 @@ impl Likelihood {
     }
 
     /// Returns the mean of σ², which is inverse gamma, for a sum of squares. It has none for two
-    /// degrees of freedom or fewer: the sum stands for it, and four times the sum for that of a
-    /// single segment with a value, whose regions hold the target then.
+    /// degrees of freedom or fewer: the sum stands for it, or four times the sum for fewer, of a
+    /// single segment with a value. With less, regions of drawn networks are too small.
     fn mean_variance(&self, square: f64) -> f64 {
         let divisor = if self.freedom < 2.0 { 0.25 } else { (self.freedom - 2.0).max(1.0) };
         square / divisor
@@ -483,7 +483,7 @@ impl Likelihood {
             }
             slope.add_sums(weight, by_slope);
             of_gain.add_sums(weight, by_gain);
-            // The shape is ν/2 and the scale SSR/2; a is Student's t about â.
+            // σ² is inverse gamma, of shape ν/2 and scale SSR/2; a is Student's t about â.
             let variance = self.mean_variance(square / weight);
             let mean = self.sigma_ratio * root / weight;
             given.sigma.add(weight, mean, (variance - mean * mean).max(0.0));

@@ -272,10 +272,9 @@ fn one_level_among_silences_is_a_place() {
             ShadowedReading { receiver, value: value.max(FLOOR), censoring }
         });
         let fix = grid.locate(limited, level).expect("a posterior");
-        let off = place - fix.position.mean;
-        squares += off.norm_squared();
-        let nees = fix.position.covariance.cholesky().expect("positive definite").solve(&off);
-        inside += u32::from(off.dot(&nees) < 5.991);
+        squares += (place - fix.position.mean).norm_squared();
+        let nees = fix.position.nees(&place).expect("positive definite");
+        inside += u32::from(nees < 5.991);
         assert!(fix.sigma.mean.is_finite() && fix.sigma.sd.is_finite(), "{:?}", fix.sigma);
     }
     let one = (Pose::at(0.0, 0.0, 10.0), -90.0);
